@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.optimize import linprog, root
 
 import jointplay as jp
-from jointplay.contact import rolling
+from jointplay.contact import elastic, rolling
 from jointplay.core.files import temporary
 from jointplay.core.tables import columns
 from jointplay.simulation.run import Run
@@ -221,10 +221,9 @@ def energies(cases):
             state = bearing._state(centre, axes, cage)
             if state.energy == 0.0:
                 continue
-            numbers, out = np.array(bearing.rolling), np.zeros((1, rolling.ANSWERS))
             pose = np.concatenate([centre, axes.ravel()])[None]
-            rolling.element_forces(numbers, pose, np.array([cage]), out)
-            taken = numbers[rolling.RATIO] * out[0, rolling.CAGE_SLOPE]
+            out = elastic.answers(bearing.law, bearing.rolling, pose, cage)[0]
+            taken = bearing.rolling[rolling.RATIO] * out[rolling.CAGE_SLOPE]
             wrench = state.wrench.copy()
             wrench[3:] += taken * axes[:, 2]  # the cage stands
             scale = np.array([1.0] * 3 + [2.0 / bearing.d_pitch] * 3)

@@ -28,15 +28,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 
-from jointplay.contact.compiled import compiled_function
 from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
-from jointplay.core import compiler
-from jointplay.core.compiler import njit, stamp
+from jointplay.core.compiler import njit
 from jointplay.core.schema import quantity
 
 (
@@ -261,38 +257,6 @@ def find_element_forces(d, pose, out, mode):
                 out[TANGENT + 6 * i + j] = lower[i][j]
 
 
-_forces = part(find_element_forces)
-
-
-@njit(cache=True, error_model="numpy")
-def element_forces(numbers, pose, cage, out):
-    """`find_element_forces` at many poses, all exact: for Python.
-
-    Args:
-        numbers: of the bearing, from `bearing_numbers`.
-        pose: (n, 12) of the inner ring in the outer one: centre [m], orientation row by row.
-        cage: azimuth of the first element, (n,) [rad].
-        out: (n, `ANSWERS`).
-    """
-    own = numbers.copy()
-    for i in range(pose.shape[0]):
-        own[CAGE] = cage[i]
-        _forces(own, pose[i], out[i], EXACT)
-
-
-stamp(element_forces, (Path(__file__), Path(compiler.__file__)))
-
-
-@cache
-def address() -> int:
-    """Machine address of `find_element_forces`, for the time loop."""
-    from numba import types
-
-    array = types.CPointer(types.float64)
-    signature = types.void(array, array, array, types.int64)
-    return int(compiled_function(find_element_forces, signature).address)
-
-
 @dataclass(frozen=True)
 class ElementContact(NormalForceLaw):
     """Load of one rolling element, K delta^n, for what asks of a joint how stiff a contact is."""
@@ -303,8 +267,8 @@ class ElementContact(NormalForceLaw):
 
     exponent: float = quantity("", default=BALL_EXPONENT, above=0.0)
     """n."""
-    rated_load: float = quantity("N", default=math.inf, above=0.0, finite=False)
-    """Load of an element at the bearing's static rating [N]."""
+    rated_load: float | None = quantity("N", default=None, above=0.0)
+    """Load of an element at the bearing's static rating [N]; None: nothing is rated."""
 
     @staticmethod
     def function(
@@ -320,7 +284,7 @@ class ElementContact(NormalForceLaw):
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
         """Beyond the static rating raceways keep dents."""
         load = contact.stiffness * max_depth**self.exponent
-        if load <= self.rated_load:
+        if self.rated_load is None or load <= self.rated_load:
             return []
         return [
             f"an element bore {load:.3g} N, and at the bearing's static rating it bears "

@@ -19,6 +19,7 @@ from jointplay.joints.base import (
     SlidingClearance,
 )
 from jointplay.joints.bearings import BallBearing, CrossedRollerBearing, RollingBearing
+from jointplay.joints.compliance import CompliantJoint, Elasticity
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
@@ -28,7 +29,7 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
     for kind in (
         *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
-        *(BallBearing, CrossedRollerBearing),
+        *(BallBearing, CrossedRollerBearing, CompliantJoint),
     )
 }
 
@@ -69,9 +70,11 @@ __all__ = [
     "VIRTUAL_LINK",
     "BallBearing",
     "Clearance",
+    "CompliantJoint",
     "Coordinate",
     "CrossedRollerBearing",
     "CylindricalClearance",
+    "Elasticity",
     "Material",
     "Outline",
     "PrismaticClearance",

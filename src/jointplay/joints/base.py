@@ -24,6 +24,7 @@ from jointplay.contact import (
     FrictionLaw,
     LankaraniNikravesh,
     NormalForceLaw,
+    elastic,
 )
 from jointplay.contact.compiled import compiled_touch, parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
@@ -260,8 +261,13 @@ class Clearance(Described, ABC):
 
     @property
     def rolling(self) -> tuple[float, ...] | None:
-        """Numbers of its rolling elements (`contact.rolling`); None where surfaces slide."""
+        """Numbers of its rolling elements or springs; None where surfaces slide (`law`)."""
         return None
+
+    @property
+    def law(self) -> int:
+        """Which law of `contact.elastic` goes by the numbers of `rolling`."""
+        return elastic.ELEMENTS
 
     @property
     def rooms(self) -> tuple[float, ...]:

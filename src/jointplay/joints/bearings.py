@@ -24,13 +24,14 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from jointplay.contact import rolling
+from jointplay.contact import elastic, rolling
 from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.schema import check_fields, choice, quantity
 from jointplay.core.units import readable
 from jointplay.geometry import Shape
 from jointplay.joints.base import SAMPLES, Clearance, Hinge, Material, Outline
+from jointplay.joints.compliance import Elasticity
 from jointplay.joints.element_play import ElementPlay
 from jointplay.joints.materials import material
 from jointplay.joints.play import Play
@@ -169,6 +170,8 @@ class RollingBearing(Clearance):
     """Damping over stiffness of the loaded elements [s]."""
     cage_angle: float = quantity("rad", default=0.0)
     """Azimuth of the first element at the start, from the outer ring's x axis [rad]."""
+    seat: Elasticity | None = None
+    """How the bearing's outer ring gives way in its seat, in series; None: not at all."""
     ring_material: Material = field(default_factory=lambda: material("bearing-steel"))
     """Of rings and elements."""
 
@@ -384,7 +387,7 @@ class RollingBearing(Clearance):
     @cached_property
     def rolling(self) -> tuple[float, ...]:
         """Numbers by which compiled code knows the bearing."""
-        return rolling.bearing_numbers(
+        numbers = rolling.bearing_numbers(
             rollers=self.roller_elements,
             count=self.count,
             stiffness=self.stiffness_of_element,
@@ -395,6 +398,12 @@ class RollingBearing(Clearance):
             cage=self.cage_angle,
             **self._numbers,
         )
+        return numbers if self.seat is None else (*numbers, *self.seat.numbers)
+
+    @property
+    def law(self) -> int:
+        """Of its elements, in their seat if that gives way."""
+        return elastic.ELEMENTS if self.seat is None else elastic.SEATED
 
     def load(
         self, displacement: Sequence[float] | np.ndarray, cage: float | None = None
@@ -470,18 +479,12 @@ class RollingBearing(Clearance):
         )
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
-        numbers = np.array(self.rolling)
-        out = np.zeros((1, rolling.ANSWERS))
         pose = np.concatenate([centre, axes.ravel()])[None]
-        rolling.element_forces(numbers, pose, np.array([cage]), out)
-        loads, angles = self._element_loads(centre, axes[:, 2], cage)
-        return BearingState(
-            out[0, :6].copy(),
-            float(out[0, rolling.ENERGY]),
-            loads,
-            angles,
-            out[0, rolling.TANGENT :].reshape(6, 6).copy(),
-        )
+        out = elastic.answers(self.law, self.rolling, pose, cage)[0]
+        u, axis = out[elastic.SEAT :], axes[:, 2]
+        loads, angles = self._element_loads(centre - u[:3], axis - [u[3], u[4], 0.0], cage)
+        stiffness = out[rolling.TANGENT : rolling.ANSWERS].reshape(6, 6).copy()
+        return BearingState(out[:6].copy(), float(out[rolling.ENERGY]), loads, angles, stiffness)
 
     def _element_loads(
         self, centre: np.ndarray, axis: np.ndarray, cage: float
@@ -520,10 +523,9 @@ class RollingBearing(Clearance):
                 move = way * np.eye(6)[k]
                 turned = _rotation(move[3:]) @ axes
                 poses.append(np.concatenate([centre + move[:3], turned.ravel()]))
-        out = np.zeros((12, rolling.ANSWERS))
-        rolling.element_forces(np.array(self.rolling), np.array(poses), np.full(12, cage), out)
-        ends: np.ndarray = out[:, :6]
-        return ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
+        ends = elastic.answers(self.law, self.rolling, np.array(poses), cage)[:, :6]
+        fall: np.ndarray = ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
+        return fall
 
     # Life.
 

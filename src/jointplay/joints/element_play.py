@@ -311,3 +311,9 @@ class ElementPlay(Play):
         return Pressed(
             (0,) * k, forces, normal, across, touching, np.zeros((n, k)), (0, 1, 2, 3, 4)
         )
+
+
+NO_PLAY = ElementPlay(
+    rows=((0.0, 0.0),), count=2, cage=0.0, radius=1.0, across=0.0, distance=0.0, rollers=True
+)
+"""The point zero."""

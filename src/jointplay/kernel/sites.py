@@ -25,6 +25,8 @@ class JointSite:
     """Of the normal-force law, for each contact, shape (contacts, `layout.MAX_PARAMETERS`)."""
     dimensions: tuple[float, ...]
     """See `geometry.touch`."""
+    holds: bool = False
+    """Whether springs, not surfaces, connect its bodies."""
     carriers: Carriers | None = None
     """Pinocchio joint that carries the bearing, and the bearing's placement in it; the same of the
     journal. None where the coordinates of a virtual link, from `first` on, move the journal."""

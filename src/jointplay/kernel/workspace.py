@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.rolling import ANSWERS
+from jointplay.contact.elastic import SEAT_ANSWERS
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
 from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS
@@ -295,6 +295,8 @@ class Workspace(PointerRecord):
         self.joints[j] = site.record[0]
         joint = self.joints[j]
         self.contacts["parameters"][j, : len(site.parameters)] = site.parameters
+        if site.holds:
+            self.contacts["steps"][j] = 1.0  # it never begins
         self.sliding_work.append(np.zeros((joint["wearing"], AZIMUTHS)))
         if site.carriers is None:
             support, signs = joint["first"] + np.arange(6), np.ones(6, np.int64)
@@ -308,7 +310,7 @@ class Workspace(PointerRecord):
             "signs": signs,
             "jacobian": np.zeros((6, len(support))),
             "sliding_work": self.sliding_work[j],
-            "elements": np.zeros(ANSWERS if joint["rolling"] else 1),
+            "elements": np.zeros(SEAT_ANSWERS if joint["rolling"] else 1),
         }
         self._set_row_pointers(joint, arrays, "{}." + str(j))
         self._addresses["joints"] |= {*arrays, "normal_law", "friction_law"}

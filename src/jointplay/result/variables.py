@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import rolling
+from jointplay.contact import elastic, rolling
 from jointplay.geometry import Mode, classify_many
-from jointplay.joints import VIRTUAL_LINK, Clearance, Coordinate
+from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.kernel import POWERS
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
@@ -306,18 +306,6 @@ def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray
     return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 
 
-def elements_of(joint: Clearance, poses: np.ndarray, cage: np.ndarray) -> np.ndarray:
-    """What the elements of a rolling bearing answer at poses (n, 12) and cage angles (n,) [rad].
-
-    Returns:
-        (n, `rolling.ANSWERS`), see `rolling.find_element_forces`.
-    """
-    found = np.zeros((len(poses), rolling.ANSWERS))
-    numbers = np.array(joint.rolling)
-    rolling.element_forces(numbers, np.ascontiguousarray(poses), np.ascontiguousarray(cage), found)
-    return found
-
-
 def contact_variables(
     mechanism: Mechanism, records: Records, body: dict[str, Any]
 ) -> tuple[dict[str, Any], np.ndarray]:
@@ -334,7 +322,7 @@ def contact_variables(
         name: (records.recorded(name).reshape(n, nj, width), np.full_like(gap, np.nan))
         for name in ("gap_min", "normal", "normal_peak", "tangential")
     }
-    elastic = np.zeros(n)
+    stored = np.zeros(n)
     rolls = any(joint.rolling is not None for joint in mechanism.clearance.values())
     moment, loaded = np.full((n, nj, 3), np.nan), np.full((n, nj), np.nan)
     cage = np.full((n, nj), np.nan)
@@ -350,12 +338,12 @@ def contact_variables(
             )
         else:
             cage[:, j] = records.recorded("cage")[:, j]
-            found = elements_of(joint, poses, cage[:, j])
+            found = elastic.answers(joint.law, joint.rolling, poses, cage[:, j])
             gap[:, j, at[0]], loaded[:, j] = -found[:, rolling.DEEPEST], found[:, rolling.LOADED]
             mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
             form[:, j] = -1
             moment[:, j] = np.einsum("nik,nk->ni", bearing, found[:, 3:6])
-            elastic += found[:, rolling.ENERGY]
+            stored += found[:, rolling.ENERGY]
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
         for values in (force, peak, film):
@@ -365,7 +353,7 @@ def contact_variables(
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
         for contact, members in groups.items():
             parameters = joint.normal.parameters(contact)
-            elastic += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
+            stored += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
 
     each = ("time", "joint", "contact")
     vector = ("time", "joint", "axis")
@@ -396,7 +384,7 @@ def contact_variables(
         variables["cage_angle"] = (("time", "joint"), cage, "rad", "azimuth of the first element")
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
-    return variables, elastic
+    return variables, stored
 
 
 def applied_effort(

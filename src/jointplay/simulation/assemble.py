@@ -6,11 +6,10 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
-from jointplay.contact import rolling
+from jointplay.contact import elastic, rolling
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
-from jointplay.joints import RollingBearing
 from jointplay.kernel import layout
 from jointplay.kernel.sites import JointSite
 from jointplay.mechanism.impact import (
@@ -67,7 +66,7 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     record["bristles"] = joint.friction.bristles
     record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
     if joint.rolling is not None:
-        record["rolling"], record["element_law"] = 1, rolling.address()
+        record["rolling"], record["element_law"] = 1, elastic.address(joint.law)
         record["cage"] = joint.rolling[rolling.CAGE]
     record["wearing"] = len(joint.wear.widths) if joint.wear else 0
     record["limit"] = -joint.depth_limit
@@ -83,12 +82,13 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
         record["thinnest"] = law.thickest(properties.clearance)
         record["transition"] = law.transition
         record["lag_mass"] = FILM_LAG * mass
+    holds = joint.law == elastic.SPRINGS
     if mechanism.has_virtual_link(name):
         record["first"] = mechanism.virtual_link(name)
-        return JointSite(record, parameters, joint.dimensions)
+        return JointSite(record, parameters, joint.dimensions, holds)
     record["first"] = layout.NO_VIRTUAL_LINK
     carriers = mechanism.bearing_frame(name), mechanism.journal_frame(name)
-    return JointSite(record, parameters, joint.dimensions, carriers, mechanism.signs(name))
+    return JointSite(record, parameters, joint.dimensions, holds, carriers, mechanism.signs(name))
 
 
 def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
@@ -115,18 +115,20 @@ def _link_masses(mechanism: Mechanism, name: str) -> str:
 
 
 def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndarray) -> None:
-    """Refuse a step [s] too large for the swing on a preloaded bearing."""
-    bearing = mechanism.clearance[name]
-    assert isinstance(bearing, RollingBearing)
+    """Refuse a step [s] too large for the swing on springs or on a preloaded bearing."""
+    joint = mechanism.clearance[name]
+    assert joint.rolling is not None
+    centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    found = elastic.answers(joint.law, joint.rolling, centred[None])[0]
+    stiffness = found[rolling.TANGENT : rolling.ANSWERS].reshape(6, 6)
     jacobian = mechanism.relative_jacobian(name, q)
     inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
     inverse = inverse + np.triu(inverse, 1).T
-    stiff = bearing.load(np.zeros(6)).stiffness
-    squares = np.linalg.eigvals(jacobian @ inverse @ jacobian.T @ stiff).real
+    squares = np.linalg.eigvals(jacobian @ inverse @ jacobian.T @ stiffness).real
     frequency = float(np.sqrt(max(squares.max(), 0.0)))
     if frequency * step > LARGEST_TURN:
         raise JointplayError(
-            f"step {step:g} s is too large for the preloaded bearing at {name!r}: what it carries "
+            f"step {step:g} s is too large for the stiffness of {name!r}: what it carries "
             f"would swing at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
             f"{LARGEST_TURN / frequency:.2g} s, or a tolerance",
             where=("step",),
@@ -148,10 +150,13 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
             )
         if step is None:
             continue
+        joint = mechanism.clearance[name]
+        if joint.rolling is not None:
+            _check_step_follows(mechanism, name, step, q)
+        if joint.law == elastic.SPRINGS:  # nothing hits
+            continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
-        if mechanism.clearance[name].rolling is not None:
-            _check_step_follows(mechanism, name, step, q)
     for name in mechanism.gears:
         if step is None:
             continue

@@ -13,7 +13,7 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import rolling
+from jointplay.contact import elastic, rolling
 from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address
 from jointplay.core.compiler import njit, pointer
@@ -27,7 +27,6 @@ from jointplay.loads.tables import gear_rows
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.result.variables import elements_of
 
 # Downhill in a few coordinates: where a potential with corners is lowest.
 
@@ -236,11 +235,13 @@ class _ElasticElements(ElasticJoint):
     """The elements of a rolling bearing, its cage where it starts."""
 
     def __init__(self, joint: Clearance) -> None:
-        self._joint, self._cage = joint, np.array(joint.rolling)[rolling.CAGE]
+        assert joint.rolling is not None
+        self._law, self._numbers = joint.law, joint.rolling
+        self._cage = joint.rolling[rolling.CAGE]
         self.reach = float(np.linalg.norm(joint.outline.size))
 
     def _look(self, poses: np.ndarray) -> np.ndarray:
-        return elements_of(self._joint, poses, np.full(len(poses), self._cage))
+        return elastic.answers(self._law, self._numbers, poses, self._cage)
 
     def energy(self, pose: np.ndarray) -> float:
         """See `ElasticJoint.energy`."""
