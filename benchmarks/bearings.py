@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.optimize import linprog, root
 
 import jointplay as jp
-from jointplay.contact import elastic, rolling
+from jointplay.contact import resultant
 from jointplay.core.files import temporary
 from jointplay.core.tables import columns
 from jointplay.simulation.run import Run
@@ -137,7 +137,7 @@ def distributions(cases):
     cases.add("balls: Q Z / F", loads.max() * 300 / 50.0, 4.37, 1e-3, NSK)
     # NSK's 4.08 is rounded; Sjovall's integral for 10/9 is what it rounds.
     phi = np.linspace(-np.pi / 2, np.pi / 2, 200_001)
-    mean = np.trapezoid(np.cos(phi) ** (1.0 + rolling.ROLLER_EXPONENT), phi) / (2.0 * np.pi)
+    mean = np.trapezoid(np.cos(phi) ** (1.0 + resultant.ROLLER_EXPONENT), phi) / (2.0 * np.pi)
     rollers = jp.CrossedRollerBearing(
         **size, width=0.05, elements=300, element_diameter=4e-3, radial_clearance=0.0
     )
@@ -222,8 +222,8 @@ def energies(cases):
             if state.energy == 0.0:
                 continue
             pose = np.concatenate([centre, axes.ravel()])[None]
-            out = elastic.answers(bearing.law, bearing.rolling, pose, cage)[0]
-            taken = bearing.rolling[rolling.RATIO] * out[rolling.CAGE_SLOPE]
+            out = resultant.answers(bearing.law, bearing.rolling, pose, cage)[0]
+            taken = bearing.rolling[resultant.RATIO] * out[resultant.CAGE_SLOPE]
             wrench = state.wrench.copy()
             wrench[3:] += taken * axes[:, 2]  # the cage stands
             scale = np.array([1.0] * 3 + [2.0 / bearing.d_pitch] * 3)

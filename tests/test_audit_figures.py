@@ -54,6 +54,7 @@ def bearing(*rooms, film=None, kinds=("rim", "rim")):
         rooms=rooms,
         normal=Law(),
         film=film,
+        rolling=None,
         contact_properties=lambda k: kinds[k],
     )
 

@@ -14,69 +14,38 @@ mass of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from jointplay.contact import rolling
-from jointplay.contact.compiled import compiled_function
-from jointplay.contact.rolling import (
+from jointplay.contact import resultant, rolling
+from jointplay.contact.resultant import (
     ANSWERS,
     CAGE,
     COUNT,
+    CURVE,
     DEEPEST,
     ENERGY,
     EXACT,
     FORCES,
     LARGEST,
     LOADED,
+    NODES,
+    SEAT,
+    SEATED,
+    SPRINGS,
     SUM,
     TABLE,
     TANGENT,
-    find_element_forces,
-    part,
+    WAYS,
 )
+from jointplay.contact.rolling import find_element_forces, part
 from jointplay.core import compiler
 from jointplay.core.compiler import njit, stamp
-
-WAYS = 5
-"""Numbers of xi."""
-
-SEAT = ANSWERS
-"""Where a bearing in a seat keeps the displacement u of its outer ring."""
-
-SEAT_ANSWERS = ANSWERS + WAYS
-
-NODES = 12
-"""Most points of a curve."""
-
-CURVE = 1 + 2 * NODES
-"""Numbers of a curve: how many points, their displacements, their forces."""
-
-SPRINGS = WAYS * WAYS + WAYS * CURVE
-"""Numbers of `spring_numbers`."""
 
 _MOST, _ENOUGH, _LEAST_PART = 60, 1e-12, 1e-6
 
 _elements = part(find_element_forces)
-
-
-def spring_numbers(
-    matrix: np.ndarray, curves: Sequence[Sequence[tuple[float, float]]] = ((),) * WAYS
-) -> tuple[float, ...]:
-    """Numbers of springs: their matrix K (5, 5) [N/m, N, N m], and a curve in each direction.
-
-    A curve has points (displacement, force) beyond zero, the same with opposite signs on the other
-    side; it goes on as it ends.
-    """
-    numbers = list(np.asarray(matrix, float).ravel())
-    for curve in curves:
-        places, forces = ([row[k] for row in curve] for k in (0, 1))
-        room = [0.0] * (NODES - len(curve))
-        numbers += [float(len(curve)), *places, *room, *forces, *room]
-    return tuple(numbers)
 
 
 @part
@@ -256,14 +225,12 @@ def _gradient(out, pose, push, bend):
 _springs_alone, _seated = part(find_spring_forces), part(find_seated_forces)
 
 
-ELEMENTS, SEATED, SPRINGS = range(3)
-"""Laws that answer alike: a bearing's elements, the same in a seat, springs alone."""
-
-_FUNCTIONS = (find_element_forces, find_seated_forces, find_spring_forces)
+FUNCTIONS = (find_element_forces, find_seated_forces, find_spring_forces)
+"""By law."""
 
 
 @njit(cache=True, error_model="numpy")
-def _forces_at(law, numbers, poses, cage, out):
+def forces_at(law, numbers, poses, cage, out):
     """Answers of a law at many poses."""
     own = numbers.copy()
     for i in range(poses.shape[0]):
@@ -276,34 +243,5 @@ def _forces_at(law, numbers, poses, cage, out):
             _elements(own, poses[i], out[i], EXACT)
 
 
-stamp(_forces_at, (Path(__file__), Path(rolling.__file__), Path(compiler.__file__)))
-
-
-def answers(
-    law: int, numbers: Sequence[float], poses: np.ndarray, cage: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """What a law answers at many poses, all exact.
-
-    Args:
-        law: `ELEMENTS`, `SEATED` or `SPRINGS`.
-        numbers: of the joint.
-        poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
-        cage: azimuth of the first element, (n,) [rad].
-
-    Returns:
-        (n, `SEAT_ANSWERS`), see `rolling.find_element_forces`.
-    """
-    found = np.zeros((len(poses), SEAT_ANSWERS))
-    turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()
-    _forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, found)
-    return found
-
-
-@cache
-def address(law: int) -> int:
-    """Machine address of a law, for the time loop."""
-    from numba import types
-
-    array = types.CPointer(types.float64)
-    signature = types.void(array, array, array, types.int64)
-    return int(compiled_function(_FUNCTIONS[law], signature).address)
+_SOURCES = (__file__, resultant.__file__, rolling.__file__, compiler.__file__)
+stamp(forces_at, map(Path, _SOURCES))

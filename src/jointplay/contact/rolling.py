@@ -27,84 +27,45 @@ is -ratio dU/d(cage). Centrifugal and gyroscopic forces of the elements are left
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
+from jointplay.contact.resultant import (
+    ACROSS,
+    ALONG,
+    ANSWERS,
+    BALL_EXPONENT,
+    BOUNDED,
+    CAGE,
+    CAGE_SLOPE,
+    COSINE,
+    COUNT,
+    DEEPEST,
+    DISTANCE,
+    ENERGY,
+    FORCES,
+    LARGEST,
+    LOADED,
+    PLACE,
+    RADIUS,
+    RATIO,
+    REACH,
+    ROLLER_EXPONENT,
+    ROLLERS,
+    ROW_NUMBERS,
+    ROW_PLACES,
+    ROWS,
+    SINE,
+    STIFFNESS,
+    SUM,
+    TABLE,
+    TANGENT,
+)
 from jointplay.core.compiler import njit
-from jointplay.core.schema import quantity
-
-(
-    CAGE, ROLLERS, ROWS, COUNT, STIFFNESS, RADIUS, REACH, DISTANCE, RATIO,
-    DRAG, FRICTION, DAMPING, ROW_PLACES,
-) = range(13)  # fmt: skip
-"""Places of the numbers of a bearing; see `bearing_numbers`."""
-
-ROW_NUMBERS = 2
-"""Numbers of each row from `ROW_PLACES` on: its place h along the axis and y_0 [m]."""
-
-MOST_ROWS = 2
-
-TABLE = ROW_PLACES + ROW_NUMBERS * MOST_ROWS
-"""From here on cosine and sine of each element's azimuth in the cage."""
-
-(
-    WRENCH, ENERGY, SUM, LARGEST, LOADED, DEEPEST, COSINE, SINE, PLACE, ACROSS, ALONG,
-    CAGE_SLOPE, TANGENT,
-) = (0, *range(6, 18))  # fmt: skip
-"""Places of what `find_element_forces` answers, see there."""
-
-ANSWERS = TANGENT + 36
-"""How many numbers that is."""
-
-BOUNDED, EXACT, FORCES = range(3)
-"""How `find_element_forces` looks at the elements."""
-
-BALL_EXPONENT, ROLLER_EXPONENT = 1.5, 10.0 / 9.0
 
 _HALF = math.sqrt(0.5)
 
 part = njit(error_model="numpy")
-
-
-def bearing_numbers(
-    *,
-    rollers: bool,
-    count: int,
-    stiffness: float,
-    radius: float,
-    reach: float,
-    distance: float,
-    ratio: float,
-    rows: tuple[tuple[float, float], ...],
-    drag: float = 0.0,
-    friction: float = 0.0,
-    damping: float = 0.0,
-    cage: float = 0.0,
-) -> tuple[float, ...]:
-    """Numbers by which compiled code knows a bearing.
-
-    Args:
-        rollers: crossed rollers, else balls.
-        count: elements of a row, even for rollers.
-        stiffness: K of an element [N/m^n].
-        radius: r_i of balls, half of the pitch diameter of rollers [m].
-        reach: r_i - r_o of balls, the radial clearance C_r of rollers [m].
-        distance: A of balls [m].
-        ratio: of the cage's turn to the ring's.
-        rows: place along the axis and y_0 of each, at most `MOST_ROWS` [m].
-        drag: friction torque without load [N m].
-        friction: the same over the sum of all element loads [m].
-        damping: over the stiffness [s].
-        cage: azimuth of the first element [rad].
-    """
-    places = [number for row in rows for number in row]
-    places += [0.0] * (ROW_NUMBERS * MOST_ROWS - len(places))
-    angles = 2.0 * np.pi * np.arange(count) / count
-    table = np.column_stack([np.cos(angles), np.sin(angles)]).ravel()
-    head = (cage, float(rollers), len(rows), count, stiffness, radius, reach, distance, ratio)
-    return (*head, drag, friction, damping, *places, *table.tolist())
 
 
 @part
@@ -255,50 +216,3 @@ def find_element_forces(d, pose, out, mode):
         for i in range(6):
             for j in range(6):
                 out[TANGENT + 6 * i + j] = lower[i][j]
-
-
-@dataclass(frozen=True)
-class ElementContact(NormalForceLaw):
-    """Load of one rolling element, K delta^n, for what asks of a joint how stiff a contact is."""
-
-    name = "rolling-element"
-    formula = r"Q = K \delta^n"
-    reference = "H. Hertz (1881) for balls; ISO/TS 16281 for rollers"
-
-    exponent: float = quantity("", default=BALL_EXPONENT, above=0.0)
-    """n."""
-    rated_load: float | None = quantity("N", default=None, above=0.0)
-    """Load of an element at the bearing's static rating [N]; None: nothing is rated."""
-
-    @staticmethod
-    def function(
-        delta: float, ddelta: float, ddelta0: float, stiffness: float, exponent: float
-    ) -> float:
-        """Evaluate the law."""
-        return stiffness * delta**exponent
-
-    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """K [N/m^n] and n."""
-        return contact.stiffness, self.exponent
-
-    def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
-        """Beyond the static rating raceways keep dents."""
-        load = contact.stiffness * max_depth**self.exponent
-        if self.rated_load is None or load <= self.rated_load:
-            return []
-        return [
-            f"an element bore {load:.3g} N, and at the bearing's static rating it bears "
-            f"{self.rated_load:.3g} N: raceways keep dents"
-        ]
-
-
-@dataclass(frozen=True)
-class NoFriction(FrictionLaw):
-    """No sliding friction: elements roll, and their torque is the bearing's (`BallBearing`)."""
-
-    name = "none"
-
-    @staticmethod
-    def function(speed: float) -> float:
-        """Nothing."""
-        return 0.0

@@ -24,7 +24,7 @@ from jointplay.contact import (
     FrictionLaw,
     LankaraniNikravesh,
     NormalForceLaw,
-    elastic,
+    resultant,
 )
 from jointplay.contact.compiled import compiled_touch, parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
@@ -266,8 +266,8 @@ class Clearance(Described, ABC):
 
     @property
     def law(self) -> int:
-        """Which law of `contact.elastic` goes by the numbers of `rolling`."""
-        return elastic.ELEMENTS
+        """Which law of `contact.resultant` goes by the numbers of `rolling`."""
+        return resultant.ELEMENTS
 
     @property
     def rooms(self) -> tuple[float, ...]:

@@ -24,7 +24,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from jointplay.contact import elastic, rolling
+from jointplay.contact import resultant
 from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.schema import check_fields, choice, quantity
@@ -368,7 +368,7 @@ class RollingBearing(Clearance):
     @property
     @abstractmethod
     def _numbers(self) -> dict[str, Any]:
-        """What `contact.rolling.bearing_numbers` asks for of the kind alone."""
+        """What `contact.resultant.bearing_numbers` asks for of the kind alone."""
 
     @property
     def drag(self) -> float:
@@ -387,7 +387,7 @@ class RollingBearing(Clearance):
     @cached_property
     def rolling(self) -> tuple[float, ...]:
         """Numbers by which compiled code knows the bearing."""
-        numbers = rolling.bearing_numbers(
+        numbers = resultant.bearing_numbers(
             rollers=self.roller_elements,
             count=self.count,
             stiffness=self.stiffness_of_element,
@@ -403,7 +403,7 @@ class RollingBearing(Clearance):
     @property
     def law(self) -> int:
         """Of its elements, in their seat if that gives way."""
-        return elastic.ELEMENTS if self.seat is None else elastic.SEATED
+        return resultant.ELEMENTS if self.seat is None else resultant.SEATED
 
     def load(
         self, displacement: Sequence[float] | np.ndarray, cage: float | None = None
@@ -480,11 +480,11 @@ class RollingBearing(Clearance):
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
         pose = np.concatenate([centre, axes.ravel()])[None]
-        out = elastic.answers(self.law, self.rolling, pose, cage)[0]
-        u, axis = out[elastic.SEAT :], axes[:, 2]
+        out = resultant.answers(self.law, self.rolling, pose, cage)[0]
+        u, axis = out[resultant.SEAT :], axes[:, 2]
         loads, angles = self._element_loads(centre - u[:3], axis - [u[3], u[4], 0.0], cage)
-        stiffness = out[rolling.TANGENT : rolling.ANSWERS].reshape(6, 6).copy()
-        return BearingState(out[:6].copy(), float(out[rolling.ENERGY]), loads, angles, stiffness)
+        stiffness = out[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6).copy()
+        return BearingState(out[:6].copy(), float(out[resultant.ENERGY]), loads, angles, stiffness)
 
     def _element_loads(
         self, centre: np.ndarray, axis: np.ndarray, cage: float
@@ -499,12 +499,12 @@ class RollingBearing(Clearance):
             if self.roller_elements:
                 way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
                 delta = across - d["reach"] + way * (y + centre[2] - d["radius"] * lie)
-                delta, exponent = np.sqrt(0.5) * delta, rolling.ROLLER_EXPONENT
+                delta, exponent = np.sqrt(0.5) * delta, resultant.ROLLER_EXPONENT
                 angles.append(way * np.pi / 4.0)
             else:
                 x = d["reach"] + across + (h - 0.5 * d["radius"] * lie) * lie
                 up = y + centre[2] + h * (axis[2] - 1.0) - d["radius"] * lie
-                delta, exponent = np.hypot(x, up) - d["distance"], rolling.BALL_EXPONENT
+                delta, exponent = np.hypot(x, up) - d["distance"], resultant.BALL_EXPONENT
                 angles.append(np.arctan2(up, x))
             loads.append(self.stiffness_of_element * np.maximum(delta, 0.0) ** exponent)
         return np.concatenate(loads), np.concatenate(angles)
@@ -523,7 +523,7 @@ class RollingBearing(Clearance):
                 move = way * np.eye(6)[k]
                 turned = _rotation(move[3:]) @ axes
                 poses.append(np.concatenate([centre + move[:3], turned.ravel()]))
-        ends = elastic.answers(self.law, self.rolling, np.array(poses), cage)[:, :6]
+        ends = resultant.answers(self.law, self.rolling, np.array(poses), cage)[:, :6]
         fall: np.ndarray = ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
         return fall
 
@@ -572,12 +572,12 @@ class RollingBearing(Clearance):
     @property
     def exponent(self) -> float:
         """n of the load of an element."""
-        return rolling.ROLLER_EXPONENT if self.roller_elements else rolling.BALL_EXPONENT
+        return resultant.ROLLER_EXPONENT if self.roller_elements else resultant.BALL_EXPONENT
 
     @property
     def normal(self) -> NormalForceLaw:
         """Of one element."""
-        return rolling.ElementContact(self.exponent, self.rated_load)
+        return resultant.ElementContact(self.exponent, self.rated_load)
 
     @property
     def rated_load(self) -> float:
@@ -592,7 +592,7 @@ class RollingBearing(Clearance):
     @property
     def friction(self) -> FrictionLaw:
         """None at the elements: `drag` and `friction_lever` are of the bearing as a whole."""
-        return rolling.NoFriction()
+        return resultant.NoFriction()
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Of one element between both rings."""

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jointplay.contact import elastic, rolling
+from jointplay.contact import resultant
 from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
 from jointplay.core.errors import JointplayError, require_numbers
 from jointplay.core.schema import Described, check_fields, quantity
@@ -64,7 +64,7 @@ class Elasticity(Described):
                 object.__setattr__(self, name, _checked_curve(name, getattr(self, name)))
         if self.matrix is not None:
             given = require_numbers("the stiffness matrix", self.matrix)
-            if given.shape not in ((elastic.WAYS,) * 2, (6, 6)) or not np.isfinite(given).all():
+            if given.shape not in ((resultant.WAYS,) * 2, (6, 6)) or not np.isfinite(given).all():
                 raise JointplayError(
                     f"the stiffness matrix must be finite and (5, 5), got {given.shape}",
                     where=("matrix",),
@@ -75,7 +75,7 @@ class Elasticity(Described):
                     "must be zero (torsion is the gear's: gears.NAME.stiffness)",
                     where=("matrix",),
                 )
-            given = given[: elastic.WAYS, : elastic.WAYS]
+            given = given[: resultant.WAYS, : resultant.WAYS]
             if np.abs(given - given.T).max() > 1e-9 * np.abs(given).max():
                 raise JointplayError("the stiffness matrix must be symmetric", where=("matrix",))
             if {self.radial, self.axial, self.tilt} != {None}:
@@ -118,7 +118,7 @@ class Elasticity(Described):
     @cached_property
     def numbers(self) -> tuple[float, ...]:
         """By which compiled code knows them; rotations there are the axis's parts across."""
-        turn = np.zeros((elastic.WAYS, elastic.WAYS))
+        turn = np.zeros((resultant.WAYS, resultant.WAYS))
         turn[:3, :3] = np.eye(3)
         turn[3, 4], turn[4, 3] = -1.0, 1.0  # about x: -a_y, about y: a_x
         linear = self.stiffness.copy()
@@ -126,7 +126,7 @@ class Elasticity(Described):
             if curve:
                 linear[k, k] -= curve[0][1] / curve[0][0]
         across, _, along, tilt, _ = self._curves
-        return elastic.spring_numbers(turn.T @ linear @ turn, (across, across, along, tilt, tilt))
+        return resultant.spring_numbers(turn.T @ linear @ turn, (across, across, along, tilt, tilt))
 
     @property
     def words(self) -> str:
@@ -138,9 +138,9 @@ class Elasticity(Described):
 def _checked_curve(name: str, given: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
     rows = require_numbers(f"the {name.replace('_', ' ')}", given)
     where = (name,)
-    if rows.ndim != 2 or rows.shape[1] != 2 or not 1 <= len(rows) <= elastic.NODES:
+    if rows.ndim != 2 or rows.shape[1] != 2 or not 1 <= len(rows) <= resultant.NODES:
         raise JointplayError(
-            f"a stiffness curve has 1 to {elastic.NODES} points (displacement, force), got the "
+            f"a stiffness curve has 1 to {resultant.NODES} points (displacement, force), got the "
             f"shape {rows.shape}",
             where=where,
         )
@@ -188,7 +188,7 @@ class CompliantJoint(Clearance):
     @cached_property
     def rolling(self) -> tuple[float, ...]:
         """Numbers by which compiled code knows the springs; see `contact.elastic`."""
-        head = rolling.bearing_numbers(
+        head = resultant.bearing_numbers(
             rollers=False, count=0, stiffness=0.0, radius=0.0, reach=0.0, distance=0.0, ratio=0.0,
             rows=(), damping=self.elasticity.damping_time,
         )  # fmt: skip
@@ -197,17 +197,17 @@ class CompliantJoint(Clearance):
     @property
     def law(self) -> int:
         """Springs alone."""
-        return elastic.SPRINGS
+        return resultant.SPRINGS
 
     @property
     def normal(self) -> NormalForceLaw:
         """A linear spring across."""
-        return rolling.ElementContact(1.0)
+        return resultant.ElementContact(1.0)
 
     @property
     def friction(self) -> FrictionLaw:
         """None."""
-        return rolling.NoFriction()
+        return resultant.NoFriction()
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """The stiffest direction."""

@@ -573,10 +573,13 @@ def start_half_step(run):
     loaded = floats(run.load_forces, nv)
     for i in range(nv):
         tau[i] += loaded[i]
+    pushed = floats(run.pushed, nv)  # from which the first solve starts
     for i in range(nv):
-        a[i] = free[i]
+        a[i], pushed[i] = free[i], 0.0
         for k in range(nv):
-            a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + forces[k])
+            compliance = minv[i, k] if i <= k else minv[k, i]
+            a[i] += compliance * (tau[k] + forces[k])
+            pushed[i] += compliance * forces[k]
         half[i] = v[i] - 0.5 * run.dt * a[i]
     begin(run)
     run.fresh = 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from jointplay.contact.calls import call_elements
-from jointplay.contact.rolling import (
+from jointplay.contact.resultant import (
     ACROSS,
     ALONG,
     BOUNDED,

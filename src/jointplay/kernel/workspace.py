@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.elastic import SEAT_ANSWERS
+from jointplay.contact.resultant import SEAT_ANSWERS
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
 from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import elastic, rolling
+from jointplay.contact import resultant
 from jointplay.geometry import Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.kernel import POWERS
@@ -338,12 +338,15 @@ def contact_variables(
             )
         else:
             cage[:, j] = records.recorded("cage")[:, j]
-            found = elastic.answers(joint.law, joint.rolling, poses, cage[:, j])
-            gap[:, j, at[0]], loaded[:, j] = -found[:, rolling.DEEPEST], found[:, rolling.LOADED]
+            found = resultant.answers(joint.law, joint.rolling, poses, cage[:, j])
+            gap[:, j, at[0]], loaded[:, j] = (
+                -found[:, resultant.DEEPEST],
+                found[:, resultant.LOADED],
+            )
             mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
             form[:, j] = -1
             moment[:, j] = np.einsum("nik,nk->ni", bearing, found[:, 3:6])
-            stored += found[:, rolling.ENERGY]
+            stored += found[:, resultant.ENERGY]
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
         for values in (force, peak, film):

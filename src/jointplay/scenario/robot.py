@@ -143,7 +143,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
         The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
         one will do.
     """
-    from jointplay.contact.elastic import SPRINGS
+    from jointplay.contact.resultant import SPRINGS
     from jointplay.kernel import WELL_RESOLVED_STEPS
     from jointplay.mechanism.impact import contact_duration
     from jointplay.simulation.assemble import MIN_CONTACT_STEPS

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
-from jointplay.contact import elastic, rolling
+from jointplay.contact import resultant
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
@@ -66,8 +66,8 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     record["bristles"] = joint.friction.bristles
     record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
     if joint.rolling is not None:
-        record["rolling"], record["element_law"] = 1, elastic.address(joint.law)
-        record["cage"] = joint.rolling[rolling.CAGE]
+        record["rolling"], record["element_law"] = 1, resultant.address(joint.law)
+        record["cage"] = joint.rolling[resultant.CAGE]
     record["wearing"] = len(joint.wear.widths) if joint.wear else 0
     record["limit"] = -joint.depth_limit
     record["rest_mass"] = mass / REST_SPEED**2
@@ -82,7 +82,7 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
         record["thinnest"] = law.thickest(properties.clearance)
         record["transition"] = law.transition
         record["lag_mass"] = FILM_LAG * mass
-    holds = joint.law == elastic.SPRINGS
+    holds = joint.law == resultant.SPRINGS
     if mechanism.has_virtual_link(name):
         record["first"] = mechanism.virtual_link(name)
         return JointSite(record, parameters, joint.dimensions, holds)
@@ -119,8 +119,8 @@ def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndar
     joint = mechanism.clearance[name]
     assert joint.rolling is not None
     centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
-    found = elastic.answers(joint.law, joint.rolling, centred[None])[0]
-    stiffness = found[rolling.TANGENT : rolling.ANSWERS].reshape(6, 6)
+    found = resultant.answers(joint.law, joint.rolling, centred[None])[0]
+    stiffness = found[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
     jacobian = mechanism.relative_jacobian(name, q)
     inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
     inverse = inverse + np.triu(inverse, 1).T
@@ -153,7 +153,7 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
         joint = mechanism.clearance[name]
         if joint.rolling is not None:
             _check_step_follows(mechanism, name, step, q)
-        if joint.law == elastic.SPRINGS:  # nothing hits
+        if joint.law == resultant.SPRINGS:  # nothing hits
             continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)

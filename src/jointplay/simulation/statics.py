@@ -13,7 +13,7 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import elastic, rolling
+from jointplay.contact import resultant
 from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address
 from jointplay.core.compiler import njit, pointer
@@ -237,19 +237,19 @@ class _ElasticElements(ElasticJoint):
     def __init__(self, joint: Clearance) -> None:
         assert joint.rolling is not None
         self._law, self._numbers = joint.law, joint.rolling
-        self._cage = joint.rolling[rolling.CAGE]
+        self._cage = joint.rolling[resultant.CAGE]
         self.reach = float(np.linalg.norm(joint.outline.size))
 
     def _look(self, poses: np.ndarray) -> np.ndarray:
-        return elastic.answers(self._law, self._numbers, poses, self._cage)
+        return resultant.answers(self._law, self._numbers, poses, self._cage)
 
     def energy(self, pose: np.ndarray) -> float:
         """See `ElasticJoint.energy`."""
-        return float(self._look(pose[None])[0, rolling.ENERGY])
+        return float(self._look(pose[None])[0, resultant.ENERGY])
 
     def smallest_gap(self, pose: np.ndarray) -> float:
         """See `ElasticJoint.smallest_gap`."""
-        return -float(self._look(pose[None])[0, rolling.DEEPEST])
+        return -float(self._look(pose[None])[0, resultant.DEEPEST])
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
         """See `ElasticJoint.wrench`; no moment about the axis, where the cage is free to go."""
@@ -261,7 +261,7 @@ class _ElasticElements(ElasticJoint):
 
     def inner_load(self, pose: np.ndarray) -> float:
         """See `ElasticJoint.inner_load`: the sum of all element loads."""
-        return float(self._look(pose[None])[0, rolling.SUM])
+        return float(self._look(pose[None])[0, resultant.SUM])
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """See `ElasticJoint.stiffness`."""
