@@ -227,7 +227,7 @@ def sources(
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
         for j, name in enumerate(joints):
             if name not in mechanism.loops:
-                moves[j, i], loads[j, i] = _lever(mechanism, name, tool.translation, push)
+                moves[j, i], loads[j, i] = lever(mechanism, name, tool.translation, push)
         if closing is not None:
             ties.append(_follow(closing, q, i, joints, push, moves, loads))
     most = max((one.shape[1] for one in ties), default=0)
@@ -325,7 +325,7 @@ def tool_place(mechanism: Mechanism, q: np.ndarray) -> pin.SE3:
     return mechanism.data.oMf[mechanism.tool_frame].copy()
 
 
-def _lever(
+def lever(
     mechanism: Mechanism, name: str, tool: np.ndarray, push: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tool's displacement per displacement of the child at a joint (6, 6), and the joint's load.

@@ -260,7 +260,7 @@ class Standing:
                 if unpressed[name]:
                     continue
                 if len(found[j]):
-                    errors[name] = (found[j] + _compliance_shift(joint, contacts)) @ move[j].T
+                    errors[name] = (found[j] + compliance_shift(joint, contacts)) @ move[j].T
                 else:  # no friction, and one place of rest only
                     own = self.rest(pose)[0][j : j + 1, :3]
                     if not np.isnan(own).any():
@@ -437,7 +437,7 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
     return np.asarray(chosen)
 
 
-def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
+def compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
     """How far journals go on because their contacts give way, (m, 6)."""
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):
