@@ -13,7 +13,7 @@ import numpy as np
 
 from jointplay.contact.compiled import MAX_PARAMETERS
 from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
-from jointplay.kernel.words import POWERS
+from jointplay.kernel.words import GEAR_BENDS, GEAR_ORDERS, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""
@@ -302,7 +302,38 @@ DRIVE_ROW = _record(
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )
-GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
+GEAR_ROW = _record(
+    motor=_INT,
+    link=_INT,
+    half_play=_FLOAT,
+    stiffness=_FLOAT,  # steepest of its curve
+    damping=_FLOAT,
+    refined=_INT,  # whether it has any of what follows; see `kernel.gear`
+    slopes=(_FLOAT, (GEAR_BENDS + 1,)),  # of the elastic curve beyond the play
+    bend_twists=(_FLOAT, (GEAR_BENDS,)),  # at which its slope changes, infinite for none
+    bend_torques=(_FLOAT, (GEAR_BENDS,)),
+    grip=_FLOAT,  # largest torque of its bristles
+    presliding=_FLOAT,  # angle in which they let go
+    orders=_INT,  # of its kinematic error, in cycles per turn of the joint
+    order=(_FLOAT, (GEAR_ORDERS,)),
+    amplitude=(_FLOAT, (GEAR_ORDERS,)),
+    phase=(_FLOAT, (GEAR_ORDERS,)),
+    running_torque=_FLOAT,  # friction on the motor without load
+    viscous=_FLOAT,
+    driving_loss=_FLOAT,  # friction per torque held where the motor drives, and where it is driven
+    driven_loss=_FLOAT,
+    # Now.
+    twist=_FLOAT,
+    lever=_FLOAT,  # turn of the joint per turn of the motor at constant twist
+    elastic=_FLOAT,  # torque, without sign
+    hysteresis=_FLOAT,
+    torque=_FLOAT,  # transmitted to the joint
+    # At the last state of the trajectory.
+    last_twist=_FLOAT,
+    last_hysteresis=_FLOAT,
+)
+"""One gear."""
+
 BODY = _record(
     parent=_INT,  # place among the bodies; 0 is the ground
     coordinate=_INT,

@@ -28,6 +28,7 @@ from jointplay.kernel.drive import (
     prescribe_motion,
 )
 from jointplay.kernel.film import add_film_losses
+from jointplay.kernel.gear import add_gear_losses, commit_gears
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
@@ -359,7 +360,8 @@ def _powers(run, q, v):
         run.power[i] = 0.0
     complete_drives(run, v)
     add_drive_power(run, v)
-    add_joint_losses(run, q, v)
+    add_joint_losses(run, v)
+    add_gear_losses(run, q, v)
     if run.nl > 0:
         find_load_powers(run, v)
     for j in range(run.nj):
@@ -449,8 +451,9 @@ def add_work(run, duration):
 
 
 @internal
-def commit_all_contacts(run, duration):
-    """Accept all contacts as evaluated; their forces act for `duration` [s]."""
+def commit_memories(run, duration):
+    """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
+    commit_gears(run)
     for j in range(run.nj):
         commit_contacts(run, j, joints(run)[j], duration)
 
@@ -460,7 +463,7 @@ def _commit_state(run, dt, recorded):
     """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     add_work(run, before)
-    commit_all_contacts(run, before + 0.5 * dt)
+    commit_memories(run, before + 0.5 * dt)
     if recorded:
         write_record(run)
     add_work(run, 0.5 * dt)

@@ -10,6 +10,7 @@ from jointplay.core.compiler import internal
 from jointplay.kernel.access import contacts, floats, joints, loads, matrix
 from jointplay.kernel.drive import add_prescribed_power
 from jointplay.kernel.frames import dot, get_vector, set_vector
+from jointplay.kernel.gear import record_gears
 from jointplay.kernel.load import complete_load_work, record_loads
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.words import POWERS
@@ -79,7 +80,7 @@ def fill_row(run, row):
             row[c] = row[c + 2 * width * nj] = normal
             row[c + width * nj] = tangential
             row[c + 3 * width * nj] = contact.gap
-    record_loads(run, row, at + 9 * nj + 4 * width * nj)
+    record_loads(run, row, record_gears(run, row, at + 9 * nj + 4 * width * nj))
 
 
 @internal
@@ -160,9 +161,9 @@ def write_interpolated(run, time, elapsed, h):
 
 
 def record_columns(
-    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
+    nv: int, nj: int, width: int, loads: Sequence[LoadSite], refined: int = 0
 ) -> tuple[dict[str, slice], int]:
-    """Columns of a record by name, and their number."""
+    """Columns of a record by name, and their number; `refined` is how many gears are so."""
     widths = {
         "time": 1,
         "q": nv,
@@ -176,6 +177,7 @@ def record_columns(
         "tangential": width * nj,
         "normal_peak": width * nj,
         "gap_min": width * nj,
+        "gear": 2 * refined,
         "load_force": sum(load.size for load in loads),
         "load_work": len(loads),
     }

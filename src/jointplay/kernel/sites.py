@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -125,10 +126,27 @@ def friction_row(
 
 
 def gear_row(
-    motor: int, link: int, half_play: float, stiffness: float, damping: float
+    motor: int, link: int, half_play: float, stiffness: float, damping: float, **refined: Any
 ) -> np.ndarray:
-    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping."""
-    return np.array([(motor, link, half_play, stiffness, damping)], layout.GEAR_ROW)
+    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping.
+
+    Args:
+        motor, link: coordinates.
+        half_play: [rad].
+        stiffness: the steepest [N m/rad].
+        damping: [N m s/rad].
+        refined: fields of what else it has, see `layout.GEAR_ROW`; lists shorter than theirs.
+    """
+    row = np.zeros(1, layout.GEAR_ROW)
+    given = {"motor": motor, "link": link, "half_play": half_play, "stiffness": stiffness}
+    row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
+    for name, value in (given | {"damping": damping} | refined).items():
+        if np.ndim(value):
+            row[name][0, : len(value)] = value
+        else:
+            row[name] = value
+    row["refined"] = int(bool(refined))
+    return row
 
 
 def stacked(rows: Sequence[np.ndarray], kind: np.dtype) -> np.ndarray:

@@ -178,7 +178,8 @@ class Workspace(PointerRecord):
         super().__init__(layout.RUN, ("joints", "loads"))
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
-        self.fields, columns = record_columns(nv, len(sites), width, loads)
+        refined = int(np.count_nonzero(tables.gears["refined"]))
+        self.fields, columns = record_columns(nv, len(sites), width, loads, refined)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
@@ -268,6 +269,8 @@ class Workspace(PointerRecord):
         weights[self.drives["coordinate"][prescribed]] = 0.0
         self.frictions = self._set_pointer("frictions", tables.frictions)
         self.gears = self._set_pointer("gears", tables.gears)
+        if self.gears["refined"].any():
+            self._changing.append(self.gears)
         self.reference = self._set_pointer(
             "reference", np.ascontiguousarray(tables.reference, float)
         )

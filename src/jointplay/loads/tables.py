@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.kernel import layout
-from jointplay.kernel.sites import CoordinateTables, drive_row, friction_row, gear_row, stacked
+from jointplay.kernel.sites import CoordinateTables, drive_row, friction_row, stacked
 from jointplay.loads.drive import (
     PRESCRIBED_ARMATURE,
     ComputedTorque,
@@ -260,13 +260,7 @@ def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) 
 def gear_rows(mechanism: Mechanism) -> np.ndarray:
     """Records of the gears."""
     rows = [
-        gear_row(
-            mechanism.motor(name),
-            mechanism.coordinate(name),
-            gear.play / 2.0,
-            gear.stiffness,
-            gear.damping,
-        )
+        gear.row(mechanism.motor(name), mechanism.coordinate(name))
         for name, gear in mechanism.gears.items()
     ]
     return stacked(rows, layout.GEAR_ROW)

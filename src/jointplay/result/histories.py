@@ -28,7 +28,7 @@ from jointplay.result.variables import (
     applied_effort,
     contact_names,
     contact_variables,
-    gear_energy,
+    gear_variables,
     kinematics,
     loop_drift,
     motion_variables,
@@ -117,14 +117,15 @@ class HistoryBuilder:
             drift = np.stack(gaps, axis=1)
             variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
         variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
-        if mechanism.gears:
-            stored, text = gear_energy(mechanism, q), "stored in the gears"
-            variables["gear_elastic_energy"] = (("time",), stored, "J", text)
-            elastic = elastic + stored
         coordinates: dict[str, Any] = {}
+        if mechanism.gears:
+            geared, coordinates, stored = gear_variables(mechanism, records, q)
+            variables |= geared
+            elastic = elastic + stored
         if acting.loads:
-            loads, coordinates = acting.histories(q, body, records)
+            loads, of_loads = acting.histories(q, body, records)
             variables |= loads
+            coordinates |= of_loads
             elastic = elastic + loads["load_energy"][1].sum(axis=1)
             work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:

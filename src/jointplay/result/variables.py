@@ -252,13 +252,26 @@ def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[i
     return [(begin, end, phase) for begin, end, phase in stretches if begin < end]
 
 
-def gear_energy(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Energy stored in the teeth and shafts of all gears, shape (n,) [J]."""
+def gear_variables(
+    mechanism: Mechanism, records: Records, q: np.ndarray
+) -> tuple[Variables, dict[str, Any], np.ndarray]:
+    """Histories of the gears, their coordinates, and the energy stored in all of them (n,) [J]."""
+    refined = [name for name, gear in mechanism.gears.items() if gear.refined]
+    torque, hysteresis = np.moveaxis(records.recorded("gear").reshape(len(q), -1, 2), 2, 0)
     energy = np.zeros(len(q))
     for name, gear in mechanism.gears.items():
-        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
-        energy += 0.5 * gear.stiffness * np.maximum(twist - gear.play / 2.0, 0.0) ** 2
-    return energy
+        twist = gear.twist(q[:, mechanism.motor(name)], q[:, mechanism.coordinate(name)])
+        bent = hysteresis[:, refined.index(name)] if gear.refined else 0.0
+        energy += gear.stored_energy(twist, bent)
+    stored = "stored in the gears"
+    variables: Variables = {"gear_elastic_energy": (("time",), energy, "J", stored)}
+    if not refined:
+        return variables, {}, energy
+    text = "torque that the gear transmits to the joint"
+    variables["gear_torque"] = (("time", "gear"), torque, "N m", text)
+    text = "part of it that hysteresis holds"
+    variables["gear_hysteresis"] = (("time", "gear"), hysteresis, "N m", text)
+    return variables, {"gear": refined}, energy
 
 
 def kinematics(

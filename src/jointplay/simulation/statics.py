@@ -22,7 +22,6 @@ from jointplay.kernel.sites import Carriers, LoadSite
 from jointplay.kernel.sources import stamp
 from jointplay.loads.base import Load, compiled_law
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.loads.tables import gear_rows
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
@@ -398,6 +397,9 @@ MOST_ROUNDS = 10
 TOWARDS_MIDDLE = 1e-5
 """Stiffness towards the start in the first search, relative to the weight per clearance."""
 
+_ERROR_ROUNDS = 12
+"""How often a motor is moved for its gear's kinematic error, whose slope is far below one."""
+
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
 
@@ -495,8 +497,13 @@ class StaticEquilibrium:
         self._signs = {name: mechanism.signs(name) for name in mechanism.clearance}
         self._springs, self._constant = np.zeros(nv), np.zeros(nv)
         self._rest = self._start.copy()
-        self._gears = list(gear_rows(mechanism))
+        self._gears = [
+            (mechanism.motor(name), mechanism.coordinate(name), gear)
+            for name, gear in mechanism.gears.items()
+        ]
         self._trailing: dict[int, int] = {}  # motors whose encoder sees the link
+        self._through: dict[int, tuple[float, float, float]] = {}
+        """Spring, torque and lever with which such a motor's drive acts on the link now."""
         self._pull = 0.0
         sprung = self._drives(rows, reference, drives)
         for name, losses in friction.items():
@@ -528,9 +535,12 @@ class StaticEquilibrium:
                 self._trailing[at] = encoder
             u = int(row["column"])
             ahead = row["kd"] * (reference[nu + u] - self._speed[encoder])
+            torque = float(reference[2 * nu + u] + ahead)
             self._springs[encoder] += row["kp"]
             self._rest[encoder] = reference[u]
-            self._constant[encoder] += reference[2 * nu + u] + ahead
+            self._constant[encoder] += torque
+            if encoder != at:
+                self._through[at] = float(row["kp"]), torque, 1.0
             sprung |= {encoder, mechanism.coordinate(followed[at])}
         geared = {mechanism.motor(name) for name in mechanism.gears}
         # Links hang on the teeth of prescribed motors too.
@@ -594,12 +604,24 @@ class StaticEquilibrium:
             with np.errstate(divide="ignore"):
                 scale = np.minimum(scale, joint.radial_room / way)
         rooms = [joint.radial_room for joint in joints.values()]
-        plays = [float(row["half_play"]) for row in self._gears]
+        plays = [gear.play / 2.0 for _, _, gear in self._gears]
         room = min(rooms, default=min(plays, default=1e-4) or 1e-4)
         return np.where(np.isfinite(scale), scale, room), room
 
     def refresh(self, q: np.ndarray) -> None:
-        """Reckon inertia forces of a moving start and given loads anew, in configuration q."""
+        """Reckon anew, in configuration q, what is no potential.
+
+        That is inertia forces of a moving start, given loads, and what kinematic errors make of the
+        torques of motors that trail behind their teeth.
+        """
+        for m, k, gear in self._gears:
+            if m in self._through and gear.error_terms:
+                spring, torque, lever = self._through[m]
+                now = 1.0 + float(gear.kinematic_error(self.align_motors(q)[m])[1])
+                change = 1.0 / now - 1.0 / lever
+                self._springs[k] += change * spring
+                self._constant[k] += change * torque
+                self._through[m] = spring, torque, now
         if self._speed.any() or self._acceleration.any():
             whole = pin.rnea(self._model, self._data, q, self._speed, self._acceleration)
             weight = pin.computeGeneralizedGravity(self._model, self._data, q)
@@ -622,10 +644,9 @@ class StaticEquilibrium:
         total += float((self._inertia - self._given) @ away) + self._loads.energy(self._data, q)
         for name in names:
             total += self._elastic[name].energy(self._pose(name))
-        for row in self._gears:
-            if int(row["motor"]) not in self._trailing:
-                depth = abs(q[row["motor"]] - q[row["link"]]) - row["half_play"]
-                total += 0.5 * row["stiffness"] * max(depth, 0.0) ** 2
+        for m, k, gear in self._gears:
+            if m not in self._trailing:
+                total += gear.first_load(float(gear.twist(q[m], q[k])))[0]
         if self._pull > 0.0:
             total += 0.5 * self._pull * float(np.sum((away @ self.basis / self.scale) ** 2))
         return float(total) if np.isfinite(total) else np.inf
@@ -646,16 +667,16 @@ class StaticEquilibrium:
             gradient -= moves.T @ wrench
             curvature += moves.T @ one.stiffness(pose) @ moves
             load = max(load, float(np.linalg.norm(wrench[:3])))
-        for row in self._gears:
-            m, k = int(row["motor"]), int(row["link"])
-            twist = q[m] - q[k]
-            depth = abs(twist) - row["half_play"]
-            if depth > 0.0 and m not in self._trailing:
-                torque = np.sign(twist) * row["stiffness"] * depth
-                gradient[m] += torque
-                gradient[k] -= torque
-                curvature[[m, k], [m, k]] += row["stiffness"]
-                curvature[[m, k], [k, m]] -= row["stiffness"]
+        for m, k, gear in self._gears:
+            if m in self._trailing:
+                continue
+            _, torque, stiffness = gear.first_load(float(gear.twist(q[m], q[k])))
+            _, rise, bend = gear.kinematic_error(float(q[m]))
+            ways = np.zeros(len(q))
+            ways[m], ways[k] = 1.0 + rise, -1.0
+            gradient += torque * ways
+            curvature += stiffness * np.outer(ways, ways)
+            curvature[m, m] += torque * bend
         if self._pull > 0.0:
             parts = self.basis / self.scale
             gradient += self._pull * (parts @ ((q - self._start) @ parts))
@@ -680,12 +701,12 @@ class StaticEquilibrium:
     def align_motors(self, q: np.ndarray) -> np.ndarray:
         """q with those motors behind their teeth whose encoders see the link."""
         q = q.copy()
-        for row in self._gears:
-            m, k = int(row["motor"]), int(row["link"])
+        for m, k, gear in self._gears:
             if m in self._trailing:
                 torque = self._springs[k] * (self._rest[k] - q[k]) + self._constant[k]
-                side = np.sign(torque)
-                q[m] = q[k] + side * (row["half_play"] + abs(torque) / row["stiffness"])
+                q[m] = q[k] + gear.first_twist(float(torque))
+                for _ in range(_ERROR_ROUNDS):
+                    q[m] -= gear.twist(q[m], q[k]) - gear.first_twist(float(torque))
         return q
 
     def weight(self) -> float:
