@@ -17,7 +17,7 @@ from jointplay.kernel.layout import (
     RUN,
 )
 
-_CONTACT_SIZE = CONTACT.itemsize
+_CONTACT_SIZE, _GEAR_SIZE = CONTACT.itemsize, GEAR_ROW.itemsize
 
 
 _whole = pointer_to(types.int64)
@@ -71,8 +71,14 @@ def frictions(run):
 
 @internal
 def gears(run):
-    """Records of the gears."""
+    """Records of the gears that have only play, a spring and a damper."""
     return carray(_gear(run.gears), (run.ng,))
+
+
+@internal
+def refined_gears(run):
+    """Records of all others, which follow them."""
+    return carray(_gear(run.gears + _GEAR_SIZE * run.ng), (run.refined,))
 
 
 @internal

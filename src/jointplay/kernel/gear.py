@@ -12,8 +12,7 @@ its own. Bristles follow Dahl's law, which knows no time:
     dz/d(twist) = z_max/b (1 - z/z_max sgn(d(twist)))
 
 so that z after a turn follows exactly from z before it. They store b z^2/(2 z_max) and lose
-z^2/z_max per angle. A gear that has no more than play, a spring and a damper (`refined` is 0) takes
-the short way.
+z^2/z_max per angle. Gears that have no more than play, a spring and a damper are in `drive`.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal, njit
-from jointplay.kernel.access import gears, integers, matrix
+from jointplay.kernel.access import integers, matrix, refined_gears
 from jointplay.kernel.layout import GEAR
 from jointplay.kernel.words import GEAR_BENDS, JOINT_FRICTION_SPEED
 
@@ -65,10 +64,8 @@ def _commit_gear(gear):
 
 @internal
 def place_gears(run, q):
-    """Find all of refined gears that depends on the coordinates alone."""
-    for gear in gears(run):
-        if gear.refined == 0:
-            continue
+    """Find all that depends on the coordinates alone."""
+    for gear in refined_gears(run):
         motor = q[gear.motor]
         error, lever = 0.0, 1.0
         for k in range(gear.orders):
@@ -82,50 +79,39 @@ def place_gears(run, q):
 @internal
 def commit_gears(run):
     """Accept the state of the gears as one of the trajectory."""
-    for gear in gears(run):
-        if gear.refined != 0:
-            _commit_gear(gear)
+    for gear in refined_gears(run):
+        _commit_gear(gear)
 
 
 @internal
-def mark_gears(run, q, marks):
-    """Mark the coordinates on which gears act; what depends on these alone is found."""
-    place_gears(run, q)
-    for gear in gears(run):
-        if gear.refined != 0 or abs(q[gear.motor] - q[gear.link]) > gear.half_play:
-            marks[gear.motor] = marks[gear.link] = 1.0
-
-
-@internal
-def _tooth_torque(gear, q, v):
-    """Torque that teeth transmit, its elastic part, the side in contact, and the teeth's rate."""
-    if gear.refined != 0:
-        if gear.elastic <= 0.0:
-            return 0.0, 0.0, 0.0, 0.0
-        side = math.copysign(1.0, gear.twist)
-        rate = side * (gear.lever * v[gear.motor] - v[gear.link])
-        return max(gear.elastic + gear.damping * rate, 0.0), gear.elastic, side, rate
-    twist = q[gear.motor] - q[gear.link]
-    depth = abs(twist) - gear.half_play
-    if depth <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    side = math.copysign(1.0, twist)
-    rate = side * (v[gear.motor] - v[gear.link])
-    elastic = gear.stiffness * depth
-    return max(elastic + gear.damping * rate, 0.0), elastic, side, rate  # teeth never pull
+def mark_gears(run, marks):
+    """Mark the coordinates on which gears act."""
+    for gear in refined_gears(run):
+        marks[gear.motor] = marks[gear.link] = 1.0
 
 
 @internal
 def _held_torque(gear):
+    """Torque that teeth and bristles hold at rest."""
     return math.copysign(gear.elastic, gear.twist) + gear.hysteresis
+
+
+@internal
+def _tooth_torque(gear, v):
+    """Torque that teeth transmit, the side in contact, and the teeth's rate."""
+    if gear.elastic <= 0.0:
+        return 0.0, 0.0, 0.0
+    side = math.copysign(1.0, gear.twist)
+    rate = side * (gear.lever * v[gear.motor] - v[gear.link])
+    return max(gear.elastic + gear.damping * rate, 0.0), side, rate  # teeth never pull
 
 
 @internal
 def _gear_friction(gear, speed):
     """Friction on the motor at its speed, and its slope.
 
-    It grows with the torque that teeth and bristles hold: by one part where the motor drives, by
-    another where it is driven.
+    It grows with the torque that the gear holds: by one part where the motor drives, by another
+    where it is driven.
     """
     held = _held_torque(gear)
     part = gear.driving_loss if held * speed > 0.0 else gear.driven_loss
@@ -136,62 +122,51 @@ def _gear_friction(gear, speed):
 
 
 @internal
-def apply_gears(run, q, v, tau):
-    """Add the torques of all gears; of refined ones after `place_gears`."""
-    for gear in gears(run):
-        torque, _, side, _ = _tooth_torque(gear, q, v)
-        if gear.refined != 0:
-            torque = side * torque + gear.hysteresis
-            gear.torque = torque
-            friction, _ = _gear_friction(gear, v[gear.motor])
-            tau[gear.motor] -= gear.lever * torque + friction
-            tau[gear.link] += torque
-        else:
-            tau[gear.motor] -= side * torque
-            tau[gear.link] += side * torque
+def apply_refined_gears(run, v, tau):
+    """Add the torques at the velocities v, after `place_gears`."""
+    for gear in refined_gears(run):
+        torque, side, _ = _tooth_torque(gear, v)
+        gear.torque = side * torque + gear.hysteresis
+        friction, _ = _gear_friction(gear, v[gear.motor])
+        tau[gear.motor] -= gear.lever * gear.torque + friction
+        tau[gear.link] += gear.torque
 
 
 @internal
-def add_gear_slopes(run, q, v):
-    """Add the derivatives of the gears' torques by velocity to the slope."""
+def add_gear_slopes(run, v):
+    """Add the derivatives of the torques by velocity to the slope."""
     slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
-    for gear in gears(run):
+    for gear in refined_gears(run):
         m, k = place[gear.motor], place[gear.link]
-        lever = 1.0
-        if gear.refined != 0:
-            lever = gear.lever
-            _, rise = _gear_friction(gear, v[gear.motor])
-            slope[m, m] -= rise
-        torque, _, _, _ = _tooth_torque(gear, q, v)
+        _, rise = _gear_friction(gear, v[gear.motor])
+        slope[m, m] -= rise
+        torque, _, _ = _tooth_torque(gear, v)
         if torque > 0.0:
-            slope[m, m] -= lever * lever * gear.damping
+            slope[m, m] -= gear.lever * gear.lever * gear.damping
             slope[k, k] -= gear.damping
-            slope[m, k] += lever * gear.damping
-            slope[k, m] += lever * gear.damping
+            slope[m, k] += gear.lever * gear.damping
+            slope[k, m] += gear.lever * gear.damping
 
 
 @internal
-def add_gear_losses(run, q, v):
-    """Add the power dissipated in the gears at state (q, v)."""
-    for gear in gears(run):
-        torque, elastic, _, rate = _tooth_torque(gear, q, v)
-        run.power[GEAR] += (torque - elastic) * rate
-        if gear.refined != 0:
-            friction, _ = _gear_friction(gear, v[gear.motor])
-            run.power[GEAR] += friction * v[gear.motor]
-            if gear.grip > 0.0:
-                slip = abs(gear.lever * v[gear.motor] - v[gear.link])
-                run.power[GEAR] += gear.hysteresis * gear.hysteresis / gear.grip * slip
+def add_gear_losses(run, v):
+    """Add the power dissipated at the velocities v."""
+    for gear in refined_gears(run):
+        torque, _, rate = _tooth_torque(gear, v)
+        friction, _ = _gear_friction(gear, v[gear.motor])
+        run.power[GEAR] += (torque - gear.elastic) * rate + friction * v[gear.motor]
+        if gear.grip > 0.0:
+            slip = abs(gear.lever * v[gear.motor] - v[gear.link])
+            run.power[GEAR] += gear.hysteresis * gear.hysteresis / gear.grip * slip
 
 
 @internal
 def record_gears(run, row, at):
-    """Write torque and hysteresis of refined gears into a row from `at` on; returns its end."""
-    for gear in gears(run):
-        if gear.refined != 0:
-            row[at] = gear.torque
-            row[at + 1] = gear.hysteresis
-            at += 2
+    """Write torque and hysteresis of each gear into a row from `at` on; returns its end."""
+    for gear in refined_gears(run):
+        row[at] = gear.torque
+        row[at + 1] = gear.hysteresis
+        at += 2
     return at
 
 

@@ -360,8 +360,9 @@ def _powers(run, q, v):
         run.power[i] = 0.0
     complete_drives(run, v)
     add_drive_power(run, v)
-    add_joint_losses(run, v)
-    add_gear_losses(run, q, v)
+    add_joint_losses(run, q, v)
+    if run.refined > 0:
+        add_gear_losses(run, v)
     if run.nl > 0:
         find_load_powers(run, v)
     for j in range(run.nj):
@@ -453,7 +454,8 @@ def add_work(run, duration):
 @internal
 def commit_memories(run, duration):
     """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
-    commit_gears(run)
+    if run.refined > 0:
+        commit_gears(run)
     for j in range(run.nj):
         commit_contacts(run, j, joints(run)[j], duration)
 

@@ -80,7 +80,10 @@ def fill_row(run, row):
             row[c] = row[c + 2 * width * nj] = normal
             row[c + width * nj] = tangential
             row[c + 3 * width * nj] = contact.gap
-    record_loads(run, row, record_gears(run, row, at + 9 * nj + 4 * width * nj))
+    at += 9 * nj + 4 * width * nj
+    if run.refined > 0:
+        at = record_gears(run, row, at)
+    record_loads(run, row, at)
 
 
 @internal

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import drives, floats, frictions, integers, joints, matrix
+from jointplay.kernel.access import drives, floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import (
     add_contact_forces,
@@ -31,6 +31,7 @@ from jointplay.kernel.contact import (
 from jointplay.kernel.drive import (
     add_joint_slopes,
     apply_drive_damping,
+    apply_gears,
     apply_joint_friction,
 )
 from jointplay.kernel.film import add_film_forces, add_film_slope
@@ -42,7 +43,12 @@ from jointplay.kernel.frames import (
     project_slope,
     project_wrench,
 )
-from jointplay.kernel.gear import add_gear_slopes, apply_gears, mark_gears
+from jointplay.kernel.gear import (
+    add_gear_slopes,
+    apply_refined_gears,
+    mark_gears,
+    place_gears,
+)
 from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
@@ -115,7 +121,12 @@ def find_velocity_forces(run, q, half):
     for one in drives(run):
         if one.implicit != 0:
             marks[one.coordinate] = marks[one.encoder] = 1.0
-    mark_gears(run, q, marks)
+    for gear in gears(run):
+        if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
+            marks[gear.motor] = marks[gear.link] = 1.0
+    if run.refined > 0:
+        place_gears(run, q)
+        mark_gears(run, marks)
     if run.nl > 0:
         evaluate_loads(run, q, floats(run.v, nv), marks)
     n = 0
@@ -150,6 +161,8 @@ def evaluate_velocity_forces(run, q, v):
         project_wrench(joint, tau)
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
+    if run.refined > 0:
+        apply_refined_gears(run, v, tau)
     apply_drive_damping(run, v, tau)
     if run.nl > 0:
         apply_velocity_loads(run, v, tau)
@@ -172,8 +185,9 @@ def _evaluate_slopes(run, q, v):
             add_film_slope(run, joint)
         add_contact_slope(run, j, joint)
         project_slope(run, joint)
-    add_joint_slopes(run, v)
-    add_gear_slopes(run, q, v)
+    add_joint_slopes(run, q, v)
+    if run.refined > 0:
+        add_gear_slopes(run, v)
     if run.nl > 0:
         add_load_slopes(run)
 

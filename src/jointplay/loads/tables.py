@@ -258,9 +258,10 @@ def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) 
 
 
 def gear_rows(mechanism: Mechanism) -> np.ndarray:
-    """Records of the gears."""
+    """Records of the gears, refined ones last."""
     rows = [
         gear.row(mechanism.motor(name), mechanism.coordinate(name))
         for name, gear in mechanism.gears.items()
     ]
+    rows.sort(key=lambda row: bool(row["refined"][0]))
     return stacked(rows, layout.GEAR_ROW)

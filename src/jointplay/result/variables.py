@@ -257,7 +257,8 @@ def gear_variables(
 ) -> tuple[Variables, dict[str, Any], np.ndarray]:
     """Histories of the gears, their coordinates, and the energy stored in all of them (n,) [J]."""
     refined = [name for name, gear in mechanism.gears.items() if gear.refined]
-    torque, hysteresis = np.moveaxis(records.recorded("gear").reshape(len(q), len(refined), 2), 2, 0)
+    recorded = records.recorded("gear").reshape(len(q), len(refined), 2)
+    torque, hysteresis = np.moveaxis(recorded, 2, 0)
     energy = np.zeros(len(q))
     for name, gear in mechanism.gears.items():
         twist = gear.twist(q[:, mechanism.motor(name)], q[:, mechanism.coordinate(name)])
