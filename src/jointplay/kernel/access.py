@@ -14,16 +14,18 @@ from jointplay.kernel.layout import (
     HOLD,
     JOINT,
     LOAD,
+    REFINED_GEAR,
     RUN,
 )
 
-_CONTACT_SIZE, _GEAR_SIZE = CONTACT.itemsize, GEAR_ROW.itemsize
+_CONTACT_SIZE = CONTACT.itemsize
 
 
 _whole = pointer_to(types.int64)
 _joint, _contact = pointer_to(from_dtype(JOINT)), pointer_to(from_dtype(CONTACT))
 _drive, _friction = pointer_to(from_dtype(DRIVE_ROW)), pointer_to(from_dtype(FRICTION_ROW))
 _gear, _load = pointer_to(from_dtype(GEAR_ROW)), pointer_to(from_dtype(LOAD))
+_refined = pointer_to(from_dtype(REFINED_GEAR))
 _body, _hold = pointer_to(from_dtype(BODY)), pointer_to(from_dtype(HOLD))
 
 
@@ -77,8 +79,8 @@ def gears(run):
 
 @internal
 def refined_gears(run):
-    """Records of all others, which follow them."""
-    return carray(_gear(run.gears + _GEAR_SIZE * run.ng), (run.refined,))
+    """Records of all others."""
+    return carray(_refined(run.refined_gears), (run.nr,))
 
 
 @internal

@@ -177,7 +177,7 @@ def turn_slowly(row, torques, twists):
     Where several twists bear a torque the gear goes no farther than to the first.
 
     Args:
-        row: of `layout.GEAR_ROW`, shape (1,); it keeps where the gear ends.
+        row: of `layout.REFINED_GEAR`, shape (1,); it keeps where the gear ends.
         torques: (n,) [N m].
         twists: result, (n,) [rad].
     """

@@ -100,6 +100,7 @@ RUN = _record(
     drives=_INT,
     frictions=_INT,
     gears=_INT,
+    refined_gears=_INT,
     loads=_INT,
     bodies=_INT,
     holds=_INT,
@@ -111,7 +112,7 @@ RUN = _record(
     nd=_INT,
     nf=_INT,
     ng=_INT,
-    refined=_INT,  # gears that follow those, see `kernel.gear`
+    nr=_INT,
     nl=_INT,
     nb=_INT,  # bodies, the ground among them; 0 if none need be placed
     nh=_INT,
@@ -303,13 +304,12 @@ DRIVE_ROW = _record(
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )
-GEAR_ROW = _record(
+GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
+REFINED_GEAR = _record(
     motor=_INT,
     link=_INT,
     half_play=_FLOAT,
-    stiffness=_FLOAT,  # steepest of its curve
     damping=_FLOAT,
-    refined=_INT,  # whether it has any of what follows; then it stands behind those that do not
     slopes=(_FLOAT, (GEAR_BENDS + 1,)),  # of the elastic curve beyond the play
     bend_twists=(_FLOAT, (GEAR_BENDS,)),  # at which its slope changes, infinite for none
     bend_torques=(_FLOAT, (GEAR_BENDS,)),
@@ -333,7 +333,7 @@ GEAR_ROW = _record(
     last_twist=_FLOAT,
     last_hysteresis=_FLOAT,
 )
-"""One gear."""
+"""One gear that is more than play, a spring and a damper; see `kernel.gear`."""
 
 BODY = _record(
     parent=_INT,  # place among the bodies; 0 is the ground

@@ -361,7 +361,7 @@ def _powers(run, q, v):
     complete_drives(run, v)
     add_drive_power(run, v)
     add_joint_losses(run, q, v)
-    if run.refined > 0:
+    if run.nr > 0:
         add_gear_losses(run, v)
     if run.nl > 0:
         find_load_powers(run, v)
@@ -454,7 +454,7 @@ def add_work(run, duration):
 @internal
 def commit_memories(run, duration):
     """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
-    if run.refined > 0:
+    if run.nr > 0:
         commit_gears(run)
     for j in range(run.nj):
         commit_contacts(run, j, joints(run)[j], duration)

@@ -81,7 +81,7 @@ def fill_row(run, row):
             row[c + width * nj] = tangential
             row[c + 3 * width * nj] = contact.gap
     at += 9 * nj + 4 * width * nj
-    if run.refined > 0:
+    if run.nr > 0:
         at = record_gears(run, row, at)
     record_loads(run, row, at)
 

@@ -93,7 +93,7 @@ def _evaluate_state(run, q, v, time):
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
     add_joint_losses(run, q, v)
-    if run.refined > 0:
+    if run.nr > 0:
         place_gears(run, q)
         apply_refined_gears(run, v, tau)
         add_gear_losses(run, v)
@@ -101,7 +101,7 @@ def _evaluate_state(run, q, v, time):
     if not size < SPEED_LIMIT:  # true for NaN as well
         record_failure(run, _RUN_AWAY, 0)
     committed = run.commit != 0
-    if committed and run.refined > 0:
+    if committed and run.nr > 0:
         commit_gears(run)
     elapsed = run.dt if committed and run.step > 0 else time - run.time
     for j in range(run.nj):

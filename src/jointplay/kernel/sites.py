@@ -85,6 +85,8 @@ class CoordinateTables:
     """Of `layout.FRICTION_ROW`."""
     gears: np.ndarray
     """Of `layout.GEAR_ROW`."""
+    refined_gears: np.ndarray
+    """Of `layout.REFINED_GEAR`."""
     reference: np.ndarray
     """Rows of q, v and feed-forward effort of the nu driven coordinates, shape (nref, 3 nu),
     nref >= 2."""
@@ -126,26 +128,21 @@ def friction_row(
 
 
 def gear_row(
-    motor: int, link: int, half_play: float, stiffness: float, damping: float, **refined: Any
+    motor: int, link: int, half_play: float, stiffness: float, damping: float
 ) -> np.ndarray:
-    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping.
+    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping."""
+    return np.array([(motor, link, half_play, stiffness, damping)], layout.GEAR_ROW)
 
-    Args:
-        motor, link: coordinates.
-        half_play: [rad].
-        stiffness: the steepest [N m/rad].
-        damping: [N m s/rad].
-        refined: fields of what else it has, see `layout.GEAR_ROW`; lists shorter than theirs.
-    """
-    row = np.zeros(1, layout.GEAR_ROW)
-    given = {"motor": motor, "link": link, "half_play": half_play, "stiffness": stiffness}
+
+def refined_gear_row(**given: Any) -> np.ndarray:
+    """Record of a gear that is more, shape (1,): fields of `layout.REFINED_GEAR`, lists shorter."""
+    row = np.zeros(1, layout.REFINED_GEAR)
     row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
-    for name, value in (given | {"damping": damping} | refined).items():
+    for name, value in given.items():
         if np.ndim(value):
             row[name][0, : len(value)] = value
         else:
             row[name] = value
-    row["refined"] = int(bool(refined))
     return row
 
 

@@ -154,7 +154,7 @@ class Workspace(PointerRecord):
 
     Attributes:
         q, v: state, shape (nv,).
-        drives, frictions, gears: records of what acts on single coordinates.
+        drives, frictions, gears, refined_gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
         middle: q and v in the middle of the macro step that is planned, shape (nv,).
@@ -178,7 +178,7 @@ class Workspace(PointerRecord):
         super().__init__(layout.RUN, ("joints", "loads"))
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
-        refined = int(np.count_nonzero(tables.gears["refined"]))
+        refined = len(tables.refined_gears)
         self.fields, columns = record_columns(nv, len(sites), width, loads, refined)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
@@ -269,8 +269,8 @@ class Workspace(PointerRecord):
         weights[self.drives["coordinate"][prescribed]] = 0.0
         self.frictions = self._set_pointer("frictions", tables.frictions)
         self.gears = self._set_pointer("gears", tables.gears)
-        if self.gears["refined"].any():
-            self._changing.append(self.gears)
+        self.refined_gears = self._set_pointer("refined_gears", tables.refined_gears)
+        self._changing.append(self.refined_gears)
         self.reference = self._set_pointer(
             "reference", np.ascontiguousarray(tables.reference, float)
         )
@@ -279,8 +279,8 @@ class Workspace(PointerRecord):
             nu=self.reference.shape[1] // 3,
             nd=len(self.drives),
             nf=len(self.frictions),
-            ng=int(np.count_nonzero(self.gears["refined"] == 0)),
-            refined=int(np.count_nonzero(self.gears["refined"])),
+            ng=len(self.gears),
+            nr=len(self.refined_gears),
             nref=tables.nodes,
             reference_interval=tables.interval,
             prescribed=int(prescribed.any()),

@@ -221,7 +221,7 @@ def tabulate(
     tables = CoordinateTables(
         stacked(rows, layout.DRIVE_ROW),
         _friction_rows(mechanism, friction),
-        gear_rows(mechanism),
+        *gear_rows(mechanism),
         reference.table,
         REFERENCE_NODE_S,
         nodes,
@@ -257,11 +257,9 @@ def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) 
     return stacked(rows, layout.FRICTION_ROW)
 
 
-def gear_rows(mechanism: Mechanism) -> np.ndarray:
-    """Records of the gears, refined ones last."""
-    rows = [
-        gear.row(mechanism.motor(name), mechanism.coordinate(name))
-        for name, gear in mechanism.gears.items()
-    ]
-    rows.sort(key=lambda row: bool(row["refined"][0]))
-    return stacked(rows, layout.GEAR_ROW)
+def gear_rows(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
+    """Records of the gears: of those with play, one stiffness and a damper, and of all others."""
+    rows: tuple[list[np.ndarray], list[np.ndarray]] = [], []
+    for name, gear in mechanism.gears.items():
+        rows[gear.refined].append(gear.row(mechanism.motor(name), mechanism.coordinate(name)))
+    return stacked(rows[0], layout.GEAR_ROW), stacked(rows[1], layout.REFINED_GEAR)

@@ -157,18 +157,24 @@ class Gearing(Described, ABC):
         return self.play + 2.0 * float(self.curve().depth(np.array(grip)))
 
     def row(self, motor: int = 0, link: int = 0) -> np.ndarray:
-        """What the kernels know of it, shape (1,), of `layout.GEAR_ROW`."""
-        from jointplay.kernel.sites import gear_row  # the compiler takes long to import
+        """What the kernels know of it, shape (1,): of `GEAR_ROW` or `REFINED_GEAR` in `layout`."""
+        from jointplay.kernel.sites import gear_row, refined_gear_row  # the compiler takes long
 
-        curve, more = self.curve(), {}
-        if self.refined:
-            terms = np.array(self.error_terms).reshape(-1, 3).T
-            more = _refinement(curve, self.bristles) | {"orders": terms.shape[1]}
-            more |= dict(zip(("order", "amplitude", "phase"), terms, strict=True))
-            names = ("running_torque", "viscous", "driving_loss", "driven_loss")
-            more |= dict(zip(names, self.losses, strict=True))
-        stiffness = float(curve.slopes.max())
-        return gear_row(motor, link, self.play / 2.0, stiffness, self.damping, **more)
+        curve, half = self.curve(), self.play / 2.0
+        if not self.refined:
+            return gear_row(motor, link, half, float(curve.slopes[0]), self.damping)
+        terms = np.array(self.error_terms).reshape(-1, 3).T
+        names = ("running_torque", "viscous", "driving_loss", "driven_loss")
+        return refined_gear_row(
+            motor=motor,
+            link=link,
+            half_play=half,
+            damping=self.damping,
+            orders=terms.shape[1],
+            **dict(zip(("order", "amplitude", "phase"), terms, strict=True)),
+            **dict(zip(names, self.losses, strict=True)),
+            **_torsion_fields(curve, self.bristles),
+        )
 
     # What statics and audits ask.
 
@@ -240,13 +246,13 @@ class Gearing(Described, ABC):
         self, curve: Curve, bristles: tuple[float, float], torques: Sequence[float] | np.ndarray
     ) -> np.ndarray:
         from jointplay.kernel.gear import turn_slowly  # the compiler takes long to import
-        from jointplay.kernel.sites import gear_row
+        from jointplay.kernel.sites import refined_gear_row
 
         torques = np.asarray(torques, float)
         if torques.ndim != 1 or not np.isfinite(torques).all():
             raise JointplayError(f"torques must be a list of finite numbers, got {torques!r}")
         twists = np.empty_like(torques)
-        row = gear_row(0, 0, self.play / 2.0, 0.0, 0.0, **_refinement(curve, bristles))
+        row = refined_gear_row(half_play=self.play / 2.0, **_torsion_fields(curve, bristles))
         turn_slowly(row, torques, twists)
         return twists
 
@@ -731,8 +737,8 @@ GEARS: dict[str, type[Gearing]] = {
 register(Gearing, Family("kind", "gear", GEARS, default=Gear.kind, bare=False))
 
 
-def _refinement(curve: Curve, bristles: tuple[float, float]) -> dict[str, Any]:
-    """Fields of `layout.GEAR_ROW` for a curve and bristles."""
+def _torsion_fields(curve: Curve, bristles: tuple[float, float]) -> dict[str, Any]:
+    """Fields of `layout.REFINED_GEAR` for a curve and bristles."""
     fields = {"slopes": curve.slopes, "bend_twists": curve.twists, "bend_torques": curve.torques}
     return fields | dict(zip(("grip", "presliding"), bristles, strict=True))
 
