@@ -361,9 +361,8 @@ def _powers(run, q, v):
     complete_drives(run, v)
     add_drive_power(run, v)
     add_joint_losses(run, q, v)
-    if run.nr > 0:
+    if run.nl + run.nr > 0:
         add_gear_losses(run, v)
-    if run.nl > 0:
         find_load_powers(run, v)
     for j in range(run.nj):
         joint = joints(run)[j]

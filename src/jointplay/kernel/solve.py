@@ -124,10 +124,9 @@ def find_velocity_forces(run, q, half):
     for gear in gears(run):
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
-    if run.nr > 0:
+    if run.nl + run.nr > 0:
         place_gears(run, q)
         mark_gears(run, marks)
-    if run.nl > 0:
         evaluate_loads(run, q, floats(run.v, nv), marks)
     n = 0
     for i in range(nv):
@@ -161,10 +160,9 @@ def evaluate_velocity_forces(run, q, v):
         project_wrench(joint, tau)
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
-    if run.nr > 0:
-        apply_refined_gears(run, v, tau)
     apply_drive_damping(run, v, tau)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        apply_refined_gears(run, v, tau)
         apply_velocity_loads(run, v, tau)
 
 
@@ -186,9 +184,8 @@ def _evaluate_slopes(run, q, v):
         add_contact_slope(run, j, joint)
         project_slope(run, joint)
     add_joint_slopes(run, q, v)
-    if run.nr > 0:
+    if run.nl + run.nr > 0:
         add_gear_slopes(run, v)
-    if run.nl > 0:
         add_load_slopes(run)
 
 
