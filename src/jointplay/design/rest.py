@@ -163,6 +163,7 @@ class Standing:
             nothing,
             drives,
             tables.drives,
+            tables.servos,
             reference.table[0],
             {},
             StaticLoads(loads, mechanism, sites),

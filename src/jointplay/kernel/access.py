@@ -16,6 +16,7 @@ from jointplay.kernel.layout import (
     LOAD,
     REFINED_GEAR,
     RUN,
+    SERVO,
 )
 
 _CONTACT_SIZE = CONTACT.itemsize
@@ -25,7 +26,7 @@ _whole = pointer_to(types.int64)
 _joint, _contact = pointer_to(from_dtype(JOINT)), pointer_to(from_dtype(CONTACT))
 _drive, _friction = pointer_to(from_dtype(DRIVE_ROW)), pointer_to(from_dtype(FRICTION_ROW))
 _gear, _load = pointer_to(from_dtype(GEAR_ROW)), pointer_to(from_dtype(LOAD))
-_refined = pointer_to(from_dtype(REFINED_GEAR))
+_refined, _servo = pointer_to(from_dtype(REFINED_GEAR)), pointer_to(from_dtype(SERVO))
 _body, _hold = pointer_to(from_dtype(BODY)), pointer_to(from_dtype(HOLD))
 
 
@@ -63,6 +64,12 @@ def contacts(run, j):
 def drives(run):
     """Records of the drives."""
     return carray(_drive(run.drives), (run.nd,))
+
+
+@internal
+def servos(run):
+    """Records of the servos' controllers."""
+    return carray(_servo(run.servos), (run.ns,))
 
 
 @internal

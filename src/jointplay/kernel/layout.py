@@ -98,6 +98,7 @@ RUN = _record(
     joints=_INT,
     contacts=_INT,
     drives=_INT,
+    servos=_INT,
     frictions=_INT,
     gears=_INT,
     refined_gears=_INT,
@@ -111,6 +112,7 @@ RUN = _record(
     nu=_INT,
     nd=_INT,
     nf=_INT,
+    ns=_INT,
     ng=_INT,
     nr=_INT,
     nl=_INT,
@@ -301,6 +303,25 @@ DRIVE_ROW = _record(
     implicit=_INT,  # whether its damping is part of the velocity solve
     taken_at=_FLOAT,  # speed of the encoder at which its effort was found
 )
+SERVO = _record(
+    column=_INT,  # of the reference
+    coordinate=_INT,  # that it acts on
+    encoder=_INT,  # coordinate that its encoder measures
+    stall=_FLOAT,  # effort per voltage at rest
+    p_gain=_FLOAT,
+    d_gain=_FLOAT,
+    dead_band=_FLOAT,
+    resolution=_FLOAT,  # of its encoder, 0 for none
+    voltage=_FLOAT,  # largest
+    limit=_FLOAT,  # of the effort, infinite for none
+    period=_FLOAT,  # of its samples, 0 for none
+    next_sample=_FLOAT,
+    sampled_at=_FLOAT,
+    held=_FLOAT,  # voltage since the last sample, and before it
+    held_before=_FLOAT,
+)
+"""The controller of one servo; see `kernel.servo`."""
+
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )

@@ -33,6 +33,7 @@ from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
+from jointplay.kernel.servo import apply_servos
 from jointplay.kernel.solve import (
     ERROR,
     LEAST_COMPLIANCE,
@@ -312,6 +313,8 @@ def _base_velocity(run, q, half, v, base, h):
             if one.armature > 0.0:
                 half[one.coordinate] += q[one.coordinate] / run.dt_before
     apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
     for one in drives(run):
@@ -535,6 +538,8 @@ def start_half_step(run):
     for i in range(nv):
         tau[i] = 0.0
     apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
     evaluate_velocity_forces(run, q, v)
     loaded = floats(run.load_forces, nv)

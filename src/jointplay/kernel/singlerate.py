@@ -40,6 +40,7 @@ from jointplay.kernel.gear import (
 from jointplay.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_stage_work, apply_current_loads
 from jointplay.kernel.record import complete_step, is_due, write_record
+from jointplay.kernel.servo import apply_servos
 from jointplay.kernel.words import Status
 
 _NP = len(POWERS)
@@ -89,6 +90,8 @@ def _evaluate_state(run, q, v, time):
     for i in range(_NP):
         run.power[i] = 0.0
     apply_drives(run, q, v, time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)

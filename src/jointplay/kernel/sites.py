@@ -81,6 +81,8 @@ class CoordinateTables:
 
     drives: np.ndarray
     """Of `layout.DRIVE_ROW`, see `drive_row`."""
+    servos: np.ndarray
+    """Of `layout.SERVO`."""
     frictions: np.ndarray
     """Of `layout.FRICTION_ROW`."""
     gears: np.ndarray

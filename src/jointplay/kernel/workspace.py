@@ -154,7 +154,7 @@ class Workspace(PointerRecord):
 
     Attributes:
         q, v: state, shape (nv,).
-        drives, frictions, gears, refined_gears: records of what acts on single coordinates.
+        drives, servos, frictions, gears, refined_gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
         middle: q and v in the middle of the macro step that is planned, shape (nv,).
@@ -267,6 +267,8 @@ class Workspace(PointerRecord):
         weights = self._allocate("weights", nv)
         weights[:] = 1.0
         weights[self.drives["coordinate"][prescribed]] = 0.0
+        self.servos = self._set_pointer("servos", tables.servos)
+        self._changing.append(self.servos)
         self.frictions = self._set_pointer("frictions", tables.frictions)
         self.gears = self._set_pointer("gears", tables.gears)
         self.refined_gears = self._set_pointer("refined_gears", tables.refined_gears)
@@ -278,6 +280,7 @@ class Workspace(PointerRecord):
         self._set(
             nu=self.reference.shape[1] // 3,
             nd=len(self.drives),
+            ns=len(self.servos),
             nf=len(self.frictions),
             ng=len(self.gears),
             nr=len(self.refined_gears),

@@ -107,7 +107,7 @@ class HistoryBuilder:
         elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushes = acting.pushes(body, records)
-            effort = applied_effort(mechanism, v, records, self._friction, pushes)
+            effort = applied_effort(mechanism, q, v, records, self._friction, pushes)
             forces = reactions(mechanism, q, v, effort, stretches, held, pushes)
             text = "constraint force of the parent on the child at the joint, world axes"
             variables["reaction_force"] = (("time", "moving_joint", "axis"), forces, "N", text)

@@ -463,6 +463,7 @@ class StaticEquilibrium:
         drives: of every moving joint.
         rows: what the kernels know of the drives; what follows a motion without one of finite
             stiffness is held where `q` has it.
+        servos: what they know of the servos.
         reference: positions, speeds and torques of the drives' columns at time 0.
         friction: by joint.
         loads: what else acts.
@@ -478,6 +479,7 @@ class StaticEquilibrium:
         v: np.ndarray,
         drives: Mapping[str, Drive],
         rows: np.ndarray | Sequence[np.void],
+        servos: np.ndarray | Sequence[np.void],
         reference: np.ndarray,
         friction: Mapping[str, JointFriction],
         loads: StaticLoads,
@@ -505,7 +507,10 @@ class StaticEquilibrium:
         self._through: dict[int, tuple[float, float, float]] = {}
         """Spring, torque and lever with which such a motor's drive acts on the link now."""
         self._pull = 0.0
-        sprung = self._drives(rows, reference, drives)
+        self._bands, self._reach = np.zeros(nv), np.full(nv, np.inf)
+        """By which springs of drives give way at first, and what they are bent by at most."""
+        sprung = self._servos(servos, reference, drives)
+        sprung |= self._drives(rows, reference, drives)
         for name, losses in friction.items():
             at = mechanism.coordinate(name)
             self._constant[at] -= float(losses.torque(self._speed[at : at + 1])[0])
@@ -514,6 +519,41 @@ class StaticEquilibrium:
         self.refresh(self._start)
         self.basis = self._find_basis(sprung, drives, set(given))
         self.scale, self._room = self._scales()
+
+    def _servos(
+        self,
+        servos: np.ndarray | Sequence[np.void],
+        reference: np.ndarray,
+        drives: Mapping[str, Drive],
+    ) -> set[int]:
+        """Make springs with a dead band of the servos; returns the coordinates that they hold.
+
+        Their friction, counts of their encoders and samples in between are left out.
+        """
+        mechanism = self._mechanism
+        sprung: set[int] = set()
+        named = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
+        for row in servos:
+            at, encoder, u = int(row["coordinate"]), int(row["encoder"]), int(row["column"])
+            speed = reference[len(reference) // 3 + u] - self._speed[encoder]
+            spring = float(row["stall"] * row["p_gain"])
+            torque = float(row["stall"] * row["d_gain"] * speed)
+            self._springs[encoder] += spring
+            self._bands[encoder] = row["dead_band"]
+            self._reach[encoder] = row["voltage"] / row["p_gain"]
+            self._rest[encoder] = reference[u]
+            self._constant[encoder] += torque
+            if encoder != at:
+                self._trailing[at] = encoder
+                self._through[at] = spring, torque, 1.0
+            sprung |= {encoder, mechanism.coordinate(named[at])}
+        return sprung
+
+    def _pulls(self, q: np.ndarray) -> np.ndarray:
+        """What the springs of drives are bent by (nv,), dead bands and limits counted."""
+        away = self._rest - q
+        bent = np.minimum(np.maximum(np.abs(away) - self._bands, 0.0), self._reach)
+        return np.asarray(np.copysign(bent, away))
 
     def _drives(
         self,
@@ -536,6 +576,9 @@ class StaticEquilibrium:
             u = int(row["column"])
             ahead = row["kd"] * (reference[nu + u] - self._speed[encoder])
             torque = float(reference[2 * nu + u] + ahead)
+            if row["kp"] == 0.0:  # the back-EMF of a servo's motor, which may trail
+                self._constant[self._trailing.get(at, at)] += torque
+                continue
             self._springs[encoder] += row["kp"]
             self._rest[encoder] = reference[u]
             self._constant[encoder] += torque
@@ -639,8 +682,10 @@ class StaticEquilibrium:
         away = q - self._start
         pin.forwardKinematics(self._model, self._data, q)
         total = pin.computePotentialEnergy(self._model, self._data, q)
-        pull = self._rest - q
-        total += 0.5 * float(self._springs @ pull**2) - float(self._constant @ away)
+        pull = np.abs(self._pulls(q))
+        beyond = np.maximum(np.abs(self._rest - q) - self._bands, 0.0)
+        total += float(self._springs @ (pull * (beyond - 0.5 * pull)))
+        total -= float(self._constant @ away)
         total += float((self._inertia - self._given) @ away) + self._loads.energy(self._data, q)
         for name in names:
             total += self._elastic[name].energy(self._pose(name))
@@ -653,9 +698,12 @@ class StaticEquilibrium:
 
     def slopes(self, q: np.ndarray, names: Collection[str]) -> tuple[np.ndarray, np.ndarray, float]:
         """Gradient (nv,) and curvature (nv, nv) of the energy, and the largest joint force [N]."""
-        curvature = weight_curvature(self._model, self._data, q) + np.diag(self._springs)
+        pulls = self._pulls(q)
+        bends = (self._bands == 0.0) | (pulls != 0.0)
+        stiff = np.where(bends & (np.abs(pulls) < self._reach), self._springs, 0.0)
+        curvature = weight_curvature(self._model, self._data, q) + np.diag(stiff)
         gradient = pin.computeGeneralizedGravity(self._model, self._data, q).copy()
-        gradient += self._inertia - self._constant - self._springs * (self._rest - q)
+        gradient += self._inertia - self._constant - self._springs * pulls
         pin.computeJointJacobians(self._model, self._data, q)
         slope, bend = self._loads.slopes(self._data, q)
         gradient, curvature = gradient + (slope - self._given), curvature + bend
@@ -703,7 +751,7 @@ class StaticEquilibrium:
         q = q.copy()
         for m, k, gear in self._gears:
             if m in self._trailing:
-                torque = self._springs[k] * (self._rest[k] - q[k]) + self._constant[k]
+                torque = self._springs[k] * self._pulls(q)[k] + self._constant[k]
                 q[m] = q[k] + gear.first_twist(float(torque))
                 for _ in range(_ERROR_ROUNDS):
                     q[m] -= gear.twist(q[m], q[k]) - gear.first_twist(float(torque))
