@@ -265,6 +265,14 @@ joints.joint_b = [0, "2 deg"]
 [drive]
 kind = "computed-torque"
 encoder = "motor"
+
+[drives.joint_b]
+kind = "servo"
+catalogue = "STS3215"
+voltage = "7.4 V"
+p_gain = "60 V/rad"
+dead_band = "0.1 deg"
+period = "1 ms"
 """
 
 
@@ -276,6 +284,7 @@ def test_gears_of_every_kind_run_from_a_scenario(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "from memory, to be checked: ratio, torque_1, torque_2" in done.stdout
     assert "stages ([ratio 4" in done.stdout
+    assert "servo (catalogue STS3215, voltage 7.4 V" in done.stdout
     done = jointplay("run", path, "--no-error-estimate", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     (file,) = (tmp_path / "out").rglob("*.nc")

@@ -74,6 +74,19 @@ def test_a_start_at_rest_hangs_by_the_dead_band_and_the_gain(pendulum, options, 
     assert q[0, 0] - q[0, 1] == pytest.approx(GEAR.play / 2 + weight / 300.0, rel=1e-5)
 
 
+def test_a_load_beyond_the_voltage_sinks_to_where_it_weighs_less(pendulum):
+    weak = replace(SERVO, voltage=0.5)
+    stall, weight = weak.stall * weak.voltage, 0.3 * 9.81 * 0.1
+    assert stall < weight
+    gear = replace(GEAR, damping=2.0)
+    result = jp.simulate(
+        pendulum(gear), hold(0.0), drive=weak, duration=0.02, start="rest", **QUIET
+    )
+    q = result["q"].values
+    assert math.cos(q[0, 0]) == pytest.approx(stall / weight, rel=1e-6)
+    assert np.abs(q - q[0]).max() < 1e-6
+
+
 def test_without_load_the_dead_band_is_where_it_rests(disc):
     servo = replace(SERVO, dead_band=0.02)
     for begin in (-0.015, 0.0, 0.015):
