@@ -196,6 +196,7 @@ BAD = [
     (lambda: replace(SERVO, voltage=0.0), "voltage must be greater than zero"),
     (lambda: replace(SERVO, dead_band=-1e-3), "dead band must not be negative"),
     (lambda: replace(SERVO, encoder="both"), "no encoder 'both'"),
+    (lambda: replace(SERVO, dead_band_counts=2.0), "in counts needs the encoder's resolution"),
 ]
 
 
@@ -209,6 +210,29 @@ def test_a_period_is_a_multiple_of_the_step(disc):
     servo = replace(SERVO, period=1.234e-5)
     with pytest.raises(jp.JointplayError, match="of a servo must be a multiple of the step"):
         jp.simulate(disc(GEAR), hold(0.0), drive=servo, duration=0.01, **QUIET)
+
+
+def test_a_dead_band_can_be_given_in_counts():
+    servo = replace(SERVO, dead_band_counts=3.0, resolution=2e-3)
+    assert servo.band == pytest.approx(6e-3)
+    assert replace(SERVO, dead_band=0.01).band == 0.01
+
+
+def test_a_sampled_servo_goes_on_bit_for_bit(disc):
+    servo = replace(SERVO, period=2e-3, resolution=1e-3)
+    motion = jp.Motion(["a"], [0, 0.1], [[0.0], [0.1]])
+    options = {"drive": servo, "joint_friction": {}, "duration": 0.1}
+    for tolerance in (None, 1e-3):
+        simulation = jp.Simulation(disc(GEAR), motion, tolerance=tolerance, **options)
+        whole, other = jp.Run(simulation), jp.Run(simulation)
+        for run in (whole, other):
+            run.begin()
+        whole.advance(4300)
+        other.workspace.restore(whole.workspace.snapshot())
+        for run in (whole, other):
+            run.advance(3000)
+        assert np.array_equal(whole.workspace.q, other.workspace.q)
+        assert np.array_equal(whole.workspace.servos, other.workspace.servos)
 
 
 def test_a_servo_reads_back_from_its_description():

@@ -226,6 +226,8 @@ class Servo(Drive):
     """Viscous friction of the motor, referred to the joint [N m s/rad]; 0 if not given."""
     dead_band: float = quantity("rad", default=0.0, least=0.0, words="dead band")
     """Error of position up to which no voltage answers [rad]."""
+    dead_band_counts: float = quantity("", default=0.0, least=0.0, words="dead band in counts")
+    """The same in counts of the encoder."""
     resolution: float = quantity("rad", default=0.0, least=0.0, words="resolution of the encoder")
     """Angle of the joint in a count of the encoder [rad]; 0: it reads exactly."""
     encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
@@ -246,6 +248,11 @@ class Servo(Drive):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, 0.0)
         check_fields(self)
+        if self.dead_band_counts and (self.dead_band or not self.resolution):
+            raise JointplayError(
+                "a dead band in counts needs the encoder's resolution and no dead_band beside it",
+                ("dead_band_counts",),
+            )
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Servo:
@@ -264,6 +271,11 @@ class Servo(Drive):
         It is the `rotor_inertia` of its gear.
         """
         return float(_servo(name)["armature"]["value"])
+
+    @property
+    def band(self) -> float:
+        """Error of position up to which no voltage answers [rad]."""
+        return self.dead_band or self.dead_band_counts * self.resolution
 
     @property
     def stall(self) -> float:

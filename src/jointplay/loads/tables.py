@@ -254,8 +254,9 @@ def _effort(
 def servo_row(servo: Servo, column: int, at: int, encoder: int, limit: float) -> np.ndarray:
     """Record of a servo's controller, shape (1,): column of the reference, and coordinates."""
     row = np.zeros(1, layout.SERVO)
-    for name in ("stall", "p_gain", "d_gain", "dead_band", "resolution", "voltage"):
+    for name in ("stall", "p_gain", "d_gain", "resolution", "voltage"):
         row[name] = getattr(servo, name)
+    row["dead_band"] = servo.band
     row["column"], row["coordinate"], row["encoder"] = column, at, encoder
     row["limit"], row["period"], row["sampled_at"] = limit, servo.period or 0.0, -1.0
     return row
