@@ -33,7 +33,11 @@ from .joints.materials import oil as oil
 from .kernel import Status as Status
 from .mechanism import Mechanism as Mechanism
 from .mechanism.export import to_urdf as to_urdf
+from .mechanism.gear import CycloidalGear as CycloidalGear
 from .mechanism.gear import Gear as Gear
+from .mechanism.gear import GearStage as GearStage
+from .mechanism.gear import GearTrain as GearTrain
+from .mechanism.gear import StrainWaveGear as StrainWaveGear
 from .mechanism.loop import Loop as Loop
 from .mechanism.payload import Payload as Payload
 from .mechanism.robots import robots as robots

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
@@ -274,7 +274,12 @@ def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, An
             raise JointplayError(f"--gear must read JOINT=ANGLE, got {text!r}")
         whole = quantity(angle, "rad", f"--gear {name}")
         # Statics need the play only; a scenario's gear keeps the rest.
-        gears[name] = replace(present.get(name, Gear(0.0, 0.1, 1e4)), play=whole)
+        gear = present.get(name, Gear(0.0, 0.1, 1e4))
+        if "play" not in (one.name for one in fields(gear)):
+            raise JointplayError(
+                f"--gear {name}: the play of a gear of kind {gear.kind} follows from its stages"
+            )
+        gears[name] = replace(gear, play=whole)
     return gears
 
 

@@ -164,6 +164,13 @@ def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> A
         for option in ("gear-stiffness", "rotor-inertia"):
             if option.replace("-", "_") not in values:
                 raise JointplayError(f"--{option} is missing: a gear with play needs it")
+    for name, gear in mechanism.gears.items():
+        if values and gear.kind != "backlash":
+            option = next(iter(values)).replace("_", "-")
+            raise JointplayError(
+                f"--{option} is for gears of kind backlash; that of {name!r} is of kind "
+                f"{gear.kind}: change it in the scenario"
+            )
     fields = {name.removeprefix("gear_"): value for name, value in values.items()}
     gears = {name: replace(gear, **fields) for name, gear in mechanism.gears.items()}
     return mechanism.with_clearance(mechanism.clearance, gears)

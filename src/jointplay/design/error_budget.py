@@ -538,7 +538,7 @@ def _of_joint(
     random = np.random.default_rng(0)
     for play, words in (
         (None if joint is None else joint.play(), "the joint's clearance"),
-        (None if gear is None or gear.play == 0.0 else TurnPlay(gear.play / 2.0), f"its{GEAR}"),
+        (None if gear is None else TurnPlay(gear.unloaded_range / 2.0), f"its{GEAR}"),
     ):
         if play is not None and max(play.reach) > 0.0:
             states = _pushed(play, random, DRAWS)
@@ -554,6 +554,9 @@ def _of_joint(
         box, cov = BoxPlay(size), variance(size) / 3.0
         found.append(Contribution(name, "encoder", box, none, 0.0, cov, move, origins[key]))
     wave = SinePlay(along(value("gear_error")))
+    if gear is not None and gear.error_terms and own.gear_error is None:
+        wave = SinePlay(along(sum(abs(term[0]) for term in gear.error_terms)))
+        origins["gear_error"] = "its gear"
     found.append(
         Contribution(name, "gear error", wave, none, 0.0, variance(wave.amplitude) / 2.0, move,
                      origins["gear_error"])
@@ -613,17 +616,18 @@ def _elastic(
     elif joint is None:
         shift[:, 3:5] += carried[:, 3:5] / float(assumed["tilt_stiffness"])
         words.append(f"class {kind!r}, assumed: {assumed['tilt_stiffness']:g} N m/rad in tilt")
-    stiffness = own.torsional_stiffness
-    if stiffness is None and gear is not None:
-        stiffness = gear.stiffness
+    if own.torsional_stiffness is None and gear is not None:
+        shift[:, about] += gear.wound_up(load[:, about])
         words.append("its gear")
-    elif stiffness is None and about == 5:
+    elif own.torsional_stiffness is not None:
+        shift[:, about] += load[:, about] / own.torsional_stiffness
+        words.append("given")
+    elif about == 5:
         stiffness = float(assumed["torsional_stiffness"])
-        words.append(f"class {kind!r}, assumed: {stiffness:g} N m/rad in torsion")
-    if stiffness is not None:
         shift[:, about] += load[:, about] / stiffness
+        words.append(f"class {kind!r}, assumed: {stiffness:g} N m/rad in torsion")
     words.sort(key=lambda text: not text.startswith("class"))
-    return shift, "; ".join(words)
+    return shift, "; ".join(dict.fromkeys(words))
 
 
 def _by_springs(springs: Elasticity, load: np.ndarray) -> np.ndarray:

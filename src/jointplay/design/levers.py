@@ -52,7 +52,7 @@ _FITS = 1e-9
 
 @dataclass(frozen=True)
 class TurnPlay(Play):
-    """A gear's backlash: the joint turns about its axis while the motor stands."""
+    """A gear's play and hysteresis: the joint turns about its axis while the motor stands."""
 
     half: float
     """Half of the whole play [rad]."""
@@ -216,7 +216,7 @@ def sources(
     for name in set(gears) & set(mechanism.clearance):
         raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")
     plays = [joint.play(second_order) for joint in mechanism.clearance.values()]
-    plays += [TurnPlay(gear.play / 2.0) for gear in mechanism.gears.values()]
+    plays += [TurnPlay(gear.unloaded_range / 2.0) for gear in mechanism.gears.values()]
     joints = [*mechanism.clearance, *mechanism.gears]
     moves, loads = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
     closing = ClosedLoops(mechanism, q[0], driven) if mechanism.loops else None

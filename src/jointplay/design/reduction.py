@@ -19,7 +19,7 @@ to one side.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,7 +34,7 @@ from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
 from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
 from jointplay.loads.drive import JointFriction, Prescribed
-from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -99,6 +99,8 @@ _MOVING = 0.05
 """Part of the largest speed above which a contact slides for certain."""
 _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
+_DAMPED = 0.3
+"""Damping ratio of the largest damping tried for a gear that loses energy by friction."""
 _STEP_S = 2e-5
 _LOOPED = (
     "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
@@ -236,12 +238,15 @@ def reduce(
     time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
     motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
     begin = float(full[0]), float(v[0, alone.coordinate(joint)])
-    gear, reduced = gears.get(joint), full
+    gear: Gearing | None = gears.get(joint)
+    reduced = full
     teeth: dict[str, Any] = {}
     if gear is not None:
-        damping, reduced = link.fit(time, motor, gear, begin, full)
-        teeth = {"dead_band": gear.play, "stiffness": gear.stiffness, "damping": damping}
-        teeth["rotor_inertia"] = gear.rotor_inertia
+        plain, damping, reduced = link.fit(
+            time, motor, _plain_gears(gear, result, link.inertia), begin, full
+        )
+        teeth = {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
+        teeth["rotor_inertia"] = plain.rotor_inertia
     difference = reduced - full
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
     leans: dict[str, Any] = {}
@@ -261,6 +266,26 @@ def reduce(
         pose=positions,
         history=history,
     )
+
+
+def _plain_gears(gear: Gearing, result: Result, inertia: float) -> list[Gear]:
+    """What a dead band, one stiffness and a damper can say of a gear of any kind, to be tried.
+
+    The stiffness is that up to the largest torque of the run. Hysteresis is a dead band where the
+    load turns its sign, and none where it does not; a damper stands for what it loses.
+    """
+    if isinstance(gear, Gear):
+        return [gear]
+    stiffness = float(gear.curve().slopes[0])
+    if gear.refined:
+        top = float(np.abs(result["gear_torque"].values).max())
+        wound = float(gear.wound_up(top)) - gear.play / 2.0
+        stiffness = top / wound if wound > 0.0 else stiffness
+    damping = gear.damping
+    if gear.bristles[0] > 0.0:
+        damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))
+    bands = dict.fromkeys([gear.play, gear.unloaded_range])
+    return [Gear(band, gear.rotor_inertia, stiffness, damping) for band in bands]
 
 
 def _full_run(
@@ -352,17 +377,18 @@ class _Link:
         self,
         time: np.ndarray,
         motor: np.ndarray,
-        gear: Gear,
+        gears: Sequence[Gear],
         start: tuple[float, float],
         full: np.ndarray,
-    ) -> tuple[float, np.ndarray]:
-        """Damping [N m s/rad] with which the link comes closest to `full`, and its angle then."""
+    ) -> tuple[Gear, float, np.ndarray]:
+        """Gear and damping [N m s/rad] whose link comes closest to `full`, and its angle then."""
         tried = {}
-        for part in _DAMPINGS:
-            damping = part * gear.damping
-            tried[damping] = self._run(time, motor, gear, damping, start)
+        for gear in gears:
+            for part in _DAMPINGS:
+                damping = part * gear.damping
+                tried[gear, damping] = self._run(time, motor, gear, damping, start)
         best = min(tried, key=lambda one: float(np.square(tried[one] - full).sum()))
-        return best, tried[best]
+        return *best, tried[best]
 
     def _run(
         self,

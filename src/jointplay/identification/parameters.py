@@ -16,6 +16,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.joints import Clearance
 from jointplay.joints.play import JournalPlay
 from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import Mechanism
 
 SCALES = {
@@ -115,6 +116,24 @@ Given = Mapping[str, float | tuple[float, float]]
 """Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
 
 
+def known_gears(mechanism: Mechanism) -> dict[str, Gear]:
+    """The gears of a mechanism, by joint.
+
+    Raises:
+        JointplayError: one that is more than play and one stiffness.
+    """
+    known = {}
+    for joint, gear in mechanism.gears.items():
+        if not isinstance(gear, Gear):
+            raise JointplayError(
+                f"the gear of joint {joint!r} is of kind {gear.kind}: identification knows play "
+                f"and one stiffness only; describe it as a {Gear.kind} gear",
+                ("gears", joint, "kind"),
+            )
+        known[joint] = gear
+    return known
+
+
 @dataclass(frozen=True)
 class Machine:
     """A mechanism with expected play, and what is known of it before a measurement."""
@@ -124,6 +143,16 @@ class Machine:
     """Of the joints besides their bearings'."""
     compliances: Mapping[str, Compliance]
     """By label, see `compliances`."""
+
+    def __post_init__(self) -> None:
+        """Refuse gears that are more than play and one stiffness."""
+        for joint, gear in self.mechanism.gears.items():
+            if not isinstance(gear, Gear):
+                raise JointplayError(
+                    f"the gear of joint {joint!r} is of kind {gear.kind}: identification knows "
+                    f"play and one stiffness only; describe it as a {Gear.kind} gear",
+                    ("gears", joint, "kind"),
+                )
 
     def compliance(self, label: str) -> Compliance:
         """What is known of a compliance."""
@@ -184,7 +213,7 @@ class Machine:
             if coefficient := friction_of(bearing):
                 found.append(Parameter(joint, "friction", "", coefficient, coefficient, 2.0))
         rubs = any(one.name == "friction" for one in found)
-        for joint, gear in mechanism.gears.items():
+        for joint, gear in known_gears(mechanism).items():
             found.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
             found += self._compliance(joint, "gear_compliance", 1.0 / gear.stiffness)
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
@@ -238,7 +267,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
     """
     known: dict[str, Compliance] = {}
     for name in mechanism.joints:
-        gear = mechanism.gears.get(name)
+        gear = known_gears(mechanism).get(name)
         spread = LINK if gear is None else max(LINK, 1.0 / gear.stiffness)
         known[f"{name} link"] = Compliance(0.0, spread)
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):

@@ -18,6 +18,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.identification.fit import basis
 from jointplay.identification.identification import NORMAL, Identification, spreads
 from jointplay.identification.measurement import tool_positions
+from jointplay.identification.parameters import known_gears
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.joints import SlidingClearance
 from jointplay.result.result import AXES, Result
@@ -195,7 +196,7 @@ def _perturbed(simulation: Simulation, identification: Identification, number: i
             value = min(max(joint.restitution + shift, 0.02), 1.0)
             made = made.with_restitution(value)
         joints[name] = made
-    gears = dict(mechanism.gears)
+    gears = known_gears(mechanism)
     for i, one in enumerate(identification.unknowns):
         if one.name == "gear_play" and not identification.reasons[i]:
             shift = identification.half_width[i] / NORMAL * random.standard_normal()

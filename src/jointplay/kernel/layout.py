@@ -13,7 +13,7 @@ import numpy as np
 
 from jointplay.contact.compiled import MAX_PARAMETERS
 from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
-from jointplay.kernel.words import POWERS
+from jointplay.kernel.words import GEAR_BENDS, GEAR_ORDERS, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""
@@ -98,8 +98,10 @@ RUN = _record(
     joints=_INT,
     contacts=_INT,
     drives=_INT,
+    servos=_INT,
     frictions=_INT,
     gears=_INT,
+    refined_gears=_INT,
     loads=_INT,
     bodies=_INT,
     holds=_INT,
@@ -110,7 +112,9 @@ RUN = _record(
     nu=_INT,
     nd=_INT,
     nf=_INT,
+    ns=_INT,
     ng=_INT,
+    nr=_INT,
     nl=_INT,
     nb=_INT,  # bodies, the ground among them; 0 if none need be placed
     nh=_INT,
@@ -307,10 +311,59 @@ DRIVE_ROW = _record(
     implicit=_INT,  # whether its damping is part of the velocity solve
     taken_at=_FLOAT,  # speed of the encoder at which its effort was found
 )
+SERVO = _record(
+    column=_INT,  # of the reference
+    coordinate=_INT,  # that it acts on
+    encoder=_INT,  # coordinate that its encoder measures
+    stall=_FLOAT,  # effort per voltage at rest
+    p_gain=_FLOAT,
+    d_gain=_FLOAT,
+    dead_band=_FLOAT,
+    resolution=_FLOAT,  # of its encoder, 0 for none
+    voltage=_FLOAT,  # largest
+    limit=_FLOAT,  # of the effort, infinite for none
+    period=_FLOAT,  # of its samples, 0 for none
+    next_sample=_FLOAT,
+    sampled_at=_FLOAT,
+    held=_FLOAT,  # voltage since the last sample, and before it
+    held_before=_FLOAT,
+)
+"""The controller of one servo; see `kernel.servo`."""
+
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )
 GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
+REFINED_GEAR = _record(
+    motor=_INT,
+    link=_INT,
+    half_play=_FLOAT,
+    damping=_FLOAT,
+    slopes=(_FLOAT, (GEAR_BENDS + 1,)),  # of the elastic curve beyond the play
+    bend_twists=(_FLOAT, (GEAR_BENDS,)),  # at which its slope changes, infinite for none
+    bend_torques=(_FLOAT, (GEAR_BENDS,)),
+    grip=_FLOAT,  # largest torque of its bristles
+    presliding=_FLOAT,  # angle in which they let go
+    orders=_INT,  # of its kinematic error, in cycles per turn of the joint
+    order=(_FLOAT, (GEAR_ORDERS,)),
+    amplitude=(_FLOAT, (GEAR_ORDERS,)),
+    phase=(_FLOAT, (GEAR_ORDERS,)),
+    running_torque=_FLOAT,  # friction on the motor without load
+    viscous=_FLOAT,
+    driving_loss=_FLOAT,  # friction per torque held where the motor drives, and where it is driven
+    driven_loss=_FLOAT,
+    # Now.
+    twist=_FLOAT,
+    lever=_FLOAT,  # turn of the joint per turn of the motor at constant twist
+    elastic=_FLOAT,  # torque, without sign
+    hysteresis=_FLOAT,
+    torque=_FLOAT,  # transmitted to the joint
+    # At the last state of the trajectory.
+    last_twist=_FLOAT,
+    last_hysteresis=_FLOAT,
+)
+"""One gear that is more than play, a spring and a damper; see `kernel.gear`."""
+
 BODY = _record(
     parent=_INT,  # place among the bodies; 0 is the ground
     coordinate=_INT,

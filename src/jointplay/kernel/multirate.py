@@ -28,11 +28,13 @@ from jointplay.kernel.drive import (
     prescribe_motion,
 )
 from jointplay.kernel.film import add_film_losses
+from jointplay.kernel.gear import add_gear_losses, commit_gears
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.rolling import advance_cages
+from jointplay.kernel.servo import apply_servos
 from jointplay.kernel.solve import (
     ERROR,
     LEAST_COMPLIANCE,
@@ -317,6 +319,8 @@ def _base_velocity(run, q, half, v, base, h):
             if one.armature > 0.0:
                 half[one.coordinate] += q[one.coordinate] / run.dt_before
     apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
     for one in drives(run):
@@ -367,7 +371,8 @@ def _powers(run, q, v):
     complete_drives(run, v)
     add_drive_power(run, v)
     add_joint_losses(run, q, v)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        add_gear_losses(run, v)
         find_load_powers(run, v)
     for j in range(run.nj):
         joint = joints(run)[j]
@@ -486,8 +491,10 @@ def add_work(run, duration):
 
 
 @internal
-def commit_all_contacts(run, duration):
-    """Accept all contacts as evaluated; their forces act for `duration` [s]."""
+def commit_memories(run, duration):
+    """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
+    if run.nr > 0:
+        commit_gears(run)
     for j in range(run.nj):
         commit_contacts(run, j, joints(run)[j], duration)
 
@@ -497,7 +504,7 @@ def _commit_state(run, dt, recorded):
     """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     add_work(run, before)
-    commit_all_contacts(run, before + 0.5 * dt)
+    commit_memories(run, before + 0.5 * dt)
     if recorded:
         write_record(run)
     add_work(run, 0.5 * dt)
@@ -568,6 +575,8 @@ def start_half_step(run):
     for i in range(nv):
         tau[i] = 0.0
     apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
     evaluate_velocity_forces(run, q, v)
     loaded = floats(run.load_forces, nv)

@@ -43,6 +43,12 @@ from jointplay.kernel.frames import (
     project_slope,
     project_wrench,
 )
+from jointplay.kernel.gear import (
+    add_gear_slopes,
+    apply_refined_gears,
+    mark_gears,
+    place_gears,
+)
 from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
@@ -119,7 +125,9 @@ def find_velocity_forces(run, q, half):
     for gear in gears(run):
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        place_gears(run, q)
+        mark_gears(run, marks)
         evaluate_loads(run, q, floats(run.v, nv), marks)
     n = 0
     for i in range(nv):
@@ -154,7 +162,8 @@ def evaluate_velocity_forces(run, q, v):
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
     apply_drive_damping(run, v, tau)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        apply_refined_gears(run, v, tau)
         apply_velocity_loads(run, v, tau)
 
 
@@ -176,7 +185,8 @@ def _evaluate_slopes(run, q, v):
         add_contact_slope(run, j, joint)
         project_slope(run, joint)
     add_joint_slopes(run, q, v)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        add_gear_slopes(run, v)
         add_load_slopes(run)
 
 

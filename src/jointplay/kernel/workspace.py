@@ -161,7 +161,7 @@ class Workspace(PointerRecord):
 
     Attributes:
         q, v: state, shape (nv,).
-        drives, frictions, gears: records of what acts on single coordinates.
+        drives, servos, frictions, gears, refined_gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
         middle: q and v in the middle of the macro step that is planned, shape (nv,).
@@ -186,7 +186,8 @@ class Workspace(PointerRecord):
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
         cages = len(sites) if any(site.record["rolling"][0] for site in sites) else 0
-        self.fields, columns = record_columns(nv, len(sites), width, loads, cages)
+        refined = len(tables.refined_gears)
+        self.fields, columns = record_columns(nv, len(sites), width, loads, cages, refined)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
@@ -275,8 +276,12 @@ class Workspace(PointerRecord):
         weights = self._allocate("weights", nv)
         weights[:] = 1.0
         weights[self.drives["coordinate"][prescribed]] = 0.0
+        self.servos = self._set_pointer("servos", tables.servos)
+        self._changing.append(self.servos)
         self.frictions = self._set_pointer("frictions", tables.frictions)
         self.gears = self._set_pointer("gears", tables.gears)
+        self.refined_gears = self._set_pointer("refined_gears", tables.refined_gears)
+        self._changing.append(self.refined_gears)
         self.reference = self._set_pointer(
             "reference", np.ascontiguousarray(tables.reference, float)
         )
@@ -284,8 +289,10 @@ class Workspace(PointerRecord):
         self._set(
             nu=self.reference.shape[1] // 3,
             nd=len(self.drives),
+            ns=len(self.servos),
             nf=len(self.frictions),
             ng=len(self.gears),
+            nr=len(self.refined_gears),
             nref=tables.nodes,
             reference_interval=tables.interval,
             prescribed=int(prescribed.any()),

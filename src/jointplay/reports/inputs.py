@@ -9,6 +9,7 @@ from typing import Any
 
 from jointplay import analysis
 from jointplay.core.errors import JointplayError
+from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.urdf import parse
 from jointplay.reports.cases import Case, dark
 from jointplay.reports.html import Cell, Html, details, joined, markup, table
@@ -90,7 +91,9 @@ def _parameters(result: Result) -> dict[str, Cell]:
             for name, loop in robot["loops"].items()
         )
     for name, gear in robot.get("gears", {}).items():
-        cells[f"gear of {name}"] = _plain(gear)
+        notes = Gearing.from_description(gear).notes
+        given = {key: value for key, value in gear.items() if value is not None}
+        cells[f"gear of {name}"] = "; ".join(filter(None, (_plain(given), notes)))
     motion, drives = inputs["motion"], inputs["drive"]
     cells["motion"] = "none"
     if motion is not None:

@@ -21,6 +21,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.files import read_text
 from jointplay.geometry import Form
 from jointplay.joints import JOINT_KINDS, RollingBearing
+from jointplay.mechanism.gear import Gear
 from jointplay.plots.figures import is_paper
 from jointplay.plots.style import MODE_NAMES
 from jointplay.reports.cases import Case, dark, place_of
@@ -504,6 +505,11 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         **{kind: kind in kinds for kind in JOINT_KINDS},
         "loops": any(given["mechanism"].get("loops") for given in inputs),
         "gears": any(given["mechanism"].get("gears") for given in inputs),
+        "refined gears": any(
+            gear.get("kind", Gear.kind) != Gear.kind
+            for given in inputs
+            for gear in (given["mechanism"].get("gears") or {}).values()
+        ),
         "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
         "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
         "payloads": any(given.get("payloads") for given in inputs),

@@ -393,7 +393,8 @@ class Auditor:
         self._forces(records)
         for name in self._twists:
             motor, link = self._mechanism.motor(name), self._mechanism.coordinate(name)
-            self._twists[name] = _larger(self._twists[name], np.abs(q[:, motor] - q[:, link]))
+            twist = self._mechanism.gears[name].twist(q[:, motor], q[:, link])
+            self._twists[name] = _larger(self._twists[name], np.abs(twist))
         if self._simulation["limits"] != "ignore":
             time, v = records.recorded("time")[:, 0], records.recorded("v")
             rows = worst(self._mechanism, q, v, effort)

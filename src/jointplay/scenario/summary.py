@@ -11,6 +11,7 @@ from jointplay.core.units import readable
 from jointplay.loads import Load
 from jointplay.loads.drive import assign
 from jointplay.loads.limits import LIMITS
+from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.scenario.load import Scenario
@@ -56,7 +57,9 @@ def _facts(run: Run) -> dict[str, str]:
     if not mechanism.clearance:
         facts["joints"] = "all ideal"
     for name, gear in mechanism.gears.items():
-        facts[f"gear {name}"] = _fields(gear)
+        kind = "" if gear.kind == Gear.kind else f"{gear.kind}: "
+        notes = f"; {gear.notes}" if gear.notes else ""
+        facts[f"gear {name}"] = f"{kind}{_fields(gear)}{notes}"
     if simulation.motion is not None:
         joints = ", ".join(simulation.motion.joints)
         number = len(simulation.motion.times)
@@ -118,6 +121,11 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
     return "" if value is None else f"{name}{readable(value, unit)}"
 
 
+def _part(one: Any, unit: str) -> str:
+    """An entry of a list: a number with its unit, or a value with fields of its own."""
+    return readable(one, unit) if isinstance(one, float | int) else f"[{_fields(one)}]"
+
+
 def _fields(thing: Any, joint: Any = None) -> str:
     """Fields of a value, with units; those not set left out."""
     words = []
@@ -134,7 +142,7 @@ def _fields(thing: Any, joint: Any = None) -> str:
         elif isinstance(value, float | int):
             words.append(f"{name} {readable(value, unit)}")
         elif isinstance(value, tuple):
-            words.append(f"{name} ({', '.join(readable(one, unit) for one in value)})")
+            words.append(f"{name} ({', '.join(_part(one, unit) for one in value)})")
         elif isinstance(value, str):
             words.append(f"{name} {value}")
         elif isinstance(value, Law):

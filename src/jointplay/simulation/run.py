@@ -29,7 +29,7 @@ from jointplay.kernel import Status
 from jointplay.kernel.integrators import Integrator, integrator
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.workspace import Workspace
-from jointplay.loads.drive import Drive, assign
+from jointplay.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.loads.tables import table_nodes, tabulate
 from jointplay.mechanism.impact import tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
@@ -253,6 +253,10 @@ class Run:
             nodes = table_nodes(simulation.motion, drives, duration)
             limits.check_memory(mechanism, duration, self.total_steps, every, nodes)
         self.friction = limits.joint_friction(simulation)
+        for name, drive in drives.items():
+            if isinstance(drive, Servo) and name not in mechanism.gears:
+                losses = self.friction.get(name, JointFriction())
+                self.friction = {**self.friction, name: drive.with_friction(losses)}
         followed = [name for name, drive in drives.items() if drive.follows]
         bounds = limits.effort_bounds(simulation, followed)
         start = initial.initial_state(simulation, mechanism, followed)
@@ -391,6 +395,10 @@ class Run:
         inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
         found = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
         found += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
+        for row in w.servos:
+            mobility, stall = inverse[row["coordinate"]], float(row["stall"])
+            found.append(math.sqrt(row["p_gain"] * stall * mobility))
+            found.append(row["d_gain"] * stall * mobility)
         for row in w.drives[w.drives["armature"] == 0.0]:
             mobility = inverse[row["coordinate"]]
             found.append(math.sqrt(max(row["kp"] * mobility, 0.0)))
