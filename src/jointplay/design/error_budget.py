@@ -555,7 +555,7 @@ def _of_joint(
         found.append(Contribution(name, "encoder", box, none, 0.0, cov, move, origins[key]))
     wave = SinePlay(along(value("gear_error")))
     if gear is not None and gear.error_terms and own.gear_error is None:
-        wave = SinePlay(along(sum(abs(term[0]) for term in gear.error_terms)))
+        wave = SinePlay(along(sum(abs(amplitude) for _, amplitude, _ in gear.error_terms)))
         origins["gear_error"] = "its gear"
     found.append(
         Contribution(name, "gear error", wave, none, 0.0, variance(wave.amplitude) / 2.0, move,
@@ -617,7 +617,8 @@ def _elastic(
         shift[:, 3:5] += carried[:, 3:5] / float(assumed["tilt_stiffness"])
         words.append(f"class {kind!r}, assumed: {assumed['tilt_stiffness']:g} N m/rad in tilt")
     if own.torsional_stiffness is None and gear is not None:
-        shift[:, about] += gear.wound_up(load[:, about])
+        torque = load[:, about]
+        shift[:, about] += np.sign(torque) * gear.curve().depth(np.abs(torque))
         words.append("its gear")
     elif own.torsional_stiffness is not None:
         shift[:, about] += load[:, about] / own.torsional_stiffness
