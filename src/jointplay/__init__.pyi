@@ -47,6 +47,7 @@ from .player import play as play
 from .reports import report as report
 from .result import Result as Result
 from .scenario import Scenario as Scenario
+from .scenario import presets as presets
 from .scenario.robot import robot_scenario as robot_scenario
 from .scenario.schema import schema as schema
 from .simulation import Run as Run

@@ -19,7 +19,8 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
 MODULES = (
-    *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "urdf"),
+    *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "presets"),
+    "urdf",
     *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
     *("shares", "sweep", "plot_sweep", "uncertainty"),
 )

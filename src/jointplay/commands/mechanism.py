@@ -68,6 +68,14 @@ def add_robot(parser: Any) -> None:
     add_repeatable(
         group, "--gear NAME=ANGLE", 'total play of a joint\'s gear, such as elbow="2 arcmin"'
     )
+    group.add_argument(
+        "--preset",
+        metavar="NAME",
+        nargs="?",
+        const="",
+        help="joints and gears as they are publicly known, or assumed for a class of robots "
+        "(jointplay presets lists them; without NAME that of ROBOT); --joint and --gear count more",
+    )
     group = parser.add_argument_group("robot")
     add_option(group, "--tool FRAME", "frame whose error is computed")
     add_shared(group, "--allow-unphysical")
@@ -183,6 +191,14 @@ def _mechanism(
     else:
         clearance = _clearance(options, plain, tool, notes, simulation)
     gears = dict(simulation.mechanism.gears) if simulation is not None else {}
+    if options.preset is not None:
+        from jointplay.scenario.presets import preset, preset_of
+
+        chosen = preset(options.preset) if options.preset else preset_of(str(options.robot))
+        made = chosen.mechanism(description.path, allow_unphysical=allowed)
+        clearance = {**made.clearance, **clearance}
+        gears = {**made.gears, **gears}
+        notes += [f"preset {chosen.name}: {one}" for one in chosen.origins]
     mechanism = Mechanism(
         description.path,
         {**plain.given_joints, **clearance},

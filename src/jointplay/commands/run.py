@@ -15,6 +15,7 @@ from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
+    from jointplay.scenario.presets import Preset
     from jointplay.scenario.settings import Setting
 
 
@@ -334,6 +335,15 @@ def add_inputs(run: Any) -> dict[str, Any]:
         'rolling bearing, such as elbow="6010/C3"; the options of this group and the next apply to '
         "these joints",
     )
+    groups["clearance joint"].add_argument(
+        "--preset",
+        metavar="NAME",
+        nargs="?",
+        const="",
+        help="joints, gears and drives as they are publicly known, or assumed for a class of "
+        "robots (jointplay presets lists them; without NAME that of ROBOT); other options count "
+        "more",
+    )
     for flag in FLAGS:
         several = len(flag.metavar) > 1
         groups[flag.group].add_argument(
@@ -437,7 +447,13 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
         if getattr(options, name):
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
     settings = [*option_settings(options, joints), *own, *given]
+    notes: list[str] = []
+    if options.preset is not None:
+        chosen, of_preset = _of_preset(options.preset, target)
+        settings = [*of_preset, *settings]
+        notes = [f"preset {chosen.name}: {chosen.words}; {one}" for one in chosen.origins]
     scenario = robot_scenario(target, joints, settings, options.ideal)
+    scenario.assumptions.extend(notes)
     data = scenario.data(scenario.cases[0])
     integration = data.get("integration", {})
     if target is None or {"step", "tolerance"}.intersection(integration):
@@ -460,6 +476,25 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
     scenario = robot_scenario(target, joints, settings, options.ideal)
     scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step selects another)")
     return scenario
+
+
+def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:
+    """A preset, by its name or that of the robot, and its tables as settings."""
+    from jointplay.mechanism.robots import urdf_of
+    from jointplay.mechanism.urdf import read
+    from jointplay.scenario.presets import preset, preset_of
+    from jointplay.scenario.robot import SCARA, resolve
+    from jointplay.scenario.settings import Setting
+
+    place = SCARA if target is None else target
+    chosen = preset(name) if name else preset_of("scara" if target is None else target)
+    path = resolve(place) if ":" in place else urdf_of(place)
+    return chosen, [
+        Setting((table, joint, key), value, f"--preset {chosen.name}")
+        for table, joints in chosen.tables(read(path)).items()
+        for joint, keys in joints.items()
+        for key, value in keys.items()
+    ]
 
 
 def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:

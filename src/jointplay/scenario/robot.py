@@ -92,7 +92,7 @@ def robot_scenario(
     path = resolve(place, Path())
     allowed = given.get("robot", {}).get("allow_unphysical", [])
     description = read(path, allowed if isinstance(allowed, list) else [])
-    if not joints and not ideal and "joints" not in given:
+    if not joints and not ideal and not {"joints", "gears"} & set(given):
         if not scara:
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
