@@ -60,9 +60,9 @@ def test_the_servo_shows_the_play_that_was_measured():
 
 def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
     assert preset_of("so101").name == "so101"
-    with pytest.raises(JointplayError, match="nothing is publicly known.*--preset ur-like"):
+    with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset ur-like"):
         preset_of("ur5")
-    with pytest.raises(JointplayError, match="nothing is publicly known.*--preset"):
+    with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset"):
         preset_of("kinova")
     with pytest.raises(MissingName, match="so101"):
         preset("so100")

@@ -435,7 +435,23 @@ def simulation_of(options: argparse.Namespace) -> Any:
 
 
 def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
-    """The scenario of a bare robot."""
+    """The scenario of a bare robot, of a preset if that is asked for."""
+    if options.preset is None:
+        return _stepped(options, target, [], given)
+    chosen, settings = _of_preset(options.preset, target)
+    scenario = _stepped(options, target, settings, given)
+    scenario.assumptions.append(f"preset {chosen.name}: {chosen.words}")
+    scenario.assumptions.extend(f"preset {chosen.name}: {one}" for one in chosen.origins)
+    return scenario
+
+
+def _stepped(
+    options: argparse.Namespace,
+    target: str | None,
+    preset: Sequence[Setting],
+    given: Sequence[Setting],
+) -> Scenario:
+    """The scenario of a bare robot, with steps chosen where none are given."""
     from jointplay.kernel.integrators import DEFAULT
     from jointplay.result.settings import Integration, Recording
     from jointplay.scenario.robot import TOLERANCE, robot_scenario, step_for
@@ -446,14 +462,8 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
     for name in ("case", "jobs", "trust"):
         if getattr(options, name):
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
-    settings = [*option_settings(options, joints), *own, *given]
-    notes: list[str] = []
-    if options.preset is not None:
-        chosen, of_preset = _of_preset(options.preset, target)
-        settings = [*of_preset, *settings]
-        notes = [f"preset {chosen.name}: {chosen.words}; {one}" for one in chosen.origins]
+    settings = [*preset, *option_settings(options, joints), *own, *given]
     scenario = robot_scenario(target, joints, settings, options.ideal)
-    scenario.assumptions.extend(notes)
     data = scenario.data(scenario.cases[0])
     integration = data.get("integration", {})
     if target is None or {"step", "tolerance"}.intersection(integration):
