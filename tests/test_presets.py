@@ -88,7 +88,7 @@ def test_the_command_line_lists_and_uses_them(tmp_path, capsys):
     assert "shoulder_lift (gear)" in capsys.readouterr().out
     assert cli.main(["budget", "ur5", "--preset"]) == 2
     assert "--preset ur-like" in capsys.readouterr().err
-    run = ["run", "so101", "--preset", "--duration", "0.02", "--no-figures", "--quiet",
+    run = ["run", "so101", "--preset", "--duration", "0.02", "--no-figures",
            "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
     assert cli.main(run) == 0
     said = capsys.readouterr()
