@@ -381,6 +381,12 @@ class RollingBearing(Clearance):
         own = typical if self.rolling_friction is None else self.rolling_friction
         return own * 0.5 * self.d_bore
 
+    @property
+    def cage_ratio(self) -> float:
+        """Turn of the cage over that of the inner ring."""
+        ratio: float = self._numbers["ratio"]
+        return ratio
+
     @cached_property
     def rolling(self) -> tuple[float, ...]:
         """Numbers by which compiled code knows the bearing."""
@@ -474,7 +480,7 @@ class RollingBearing(Clearance):
         out = np.zeros((1, rolling.ANSWERS))
         pose = np.concatenate([centre, axes.ravel()])[None]
         rolling.element_forces(numbers, pose, np.array([cage]), out)
-        loads, angles = self._element_loads(centre, axes[:, 2], cage)
+        loads, angles = self.element_loads(centre, axes[:, 2], cage)
         return BearingState(
             out[0, :6].copy(),
             float(out[0, rolling.ENERGY]),
@@ -483,28 +489,40 @@ class RollingBearing(Clearance):
             out[0, rolling.TANGENT :].reshape(6, 6).copy(),
         )
 
-    def _element_loads(
-        self, centre: np.ndarray, axis: np.ndarray, cage: float
+    def element_loads(
+        self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Loads and contact angles, row by row, in numpy: the law said a second time."""
+        """Loads and contact angles of all elements at one or many places of the inner ring.
+
+        Args:
+            centre: of the inner ring in the outer one's axes, shape (..., 3) [m].
+            axis: its axis there, shape (..., 3).
+            cage: azimuth of the first element, shape (...) [rad].
+
+        Returns:
+            Loads [N] and contact angles [rad], row by row, shape (..., rows * Z).
+        """
+        # In numpy: the law of `contact.rolling` said a second time.
         d = self._numbers
-        phi = cage + 2.0 * np.pi * np.arange(self.count) / self.count
+        phi = np.asarray(cage)[..., None] + 2.0 * np.pi * np.arange(self.count) / self.count
         c, s = np.cos(phi), np.sin(phi)
-        lie, across = c * axis[0] + s * axis[1], c * centre[0] + s * centre[1]
+        lie = c * axis[..., 0, None] + s * axis[..., 1, None]
+        across = c * centre[..., 0, None] + s * centre[..., 1, None]
+        rise, steep = centre[..., 2, None], axis[..., 2, None] - 1.0
         loads, angles = [], []
         for h, y in self.rooms_of_rows:
             if self.roller_elements:
                 way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
-                delta = across - d["reach"] + way * (y + centre[2] - d["radius"] * lie)
+                delta = across - d["reach"] + way * (y + rise - d["radius"] * lie)
                 delta, exponent = np.sqrt(0.5) * delta, rolling.ROLLER_EXPONENT
-                angles.append(way * np.pi / 4.0)
+                angles.append(np.broadcast_to(way * np.pi / 4.0, delta.shape))
             else:
                 x = d["reach"] + across + (h - 0.5 * d["radius"] * lie) * lie
-                up = y + centre[2] + h * (axis[2] - 1.0) - d["radius"] * lie
+                up = y + rise + h * steep - d["radius"] * lie
                 delta, exponent = np.hypot(x, up) - d["distance"], rolling.BALL_EXPONENT
                 angles.append(np.arctan2(up, x))
             loads.append(self.stiffness_of_element * np.maximum(delta, 0.0) ** exponent)
-        return np.concatenate(loads), np.concatenate(angles)
+        return np.concatenate(loads, axis=-1), np.concatenate(angles, axis=-1)
 
     def _tangent(
         self, centre: np.ndarray, axes: np.ndarray, cage: float, depth: float
@@ -541,12 +559,22 @@ class RollingBearing(Clearance):
     def _estimated_ratings(self) -> tuple[float, float]:
         """C and C_0 of one row by the geometry [N]."""
 
-    @abstractmethod
     def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
         """Basic reference rating life L10 at lasting element loads, in revolutions.
 
         Args:
             loads: of each element, row by row, shape (rows * Z,) [N].
+            outer_turns: the outer ring turns against the load, not the inner one.
+        """
+        used = float(self.damage_of_turn(np.asarray(loads, float).reshape(1, -1), outer_turns)[0])
+        return math.inf if used == 0.0 else 1.0 / used
+
+    @abstractmethod
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """Part of the life L10 that one revolution takes at element loads, shape (n,).
+
+        Args:
+            loads: of each element, row by row, shape (n, rows * Z) [N].
             outer_turns: the outer ring turns against the load, not the inner one.
         """
 
@@ -604,7 +632,7 @@ class RollingBearing(Clearance):
     @property
     def preloaded(self) -> bool:
         """Whether elements bear load with both rings centred: then nothing is free."""
-        return bool(self._element_loads(np.zeros(3), np.eye(3)[2], 0.0)[0].max() > 0.0)
+        return bool(self.element_loads(np.zeros(3), np.eye(3)[2], 0.0)[0].max() > 0.0)
 
     @cached_property
     def radial_room(self) -> float:
@@ -1035,20 +1063,21 @@ class BallBearing(RollingBearing):
         dynamic = factor * math.cos(self.alpha) ** 0.7 * z ** (2.0 / 3.0) * d**1.8
         return dynamic, STATIC_FACTOR * z * d * d * math.cos(self.alpha)
 
-    def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
-        """See `RollingBearing.life`; ISO/TS 16281, equations 19 to 29."""
-        loads = np.asarray(loads, float).reshape(len(self.rooms_of_rows), self.count)
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """See `RollingBearing.damage_of_turn`; ISO/TS 16281, equations 19 to 29."""
+        loads = np.asarray(loads, float).reshape(-1, len(self.rooms_of_rows), self.count)
         c, z = self.ratings()[0], self.count
         factor, cosine = self._life_factor(1.044), math.cos(self.alpha) ** 0.7
         inner = c / (0.407 * z * cosine) * (1.0 + factor ** (10.0 / 3.0)) ** 0.3
         outer = c / (0.389 * z * cosine) * (1.0 + factor ** (-10.0 / 3.0)) ** 0.3
         turning, standing = (
-            np.mean(loads**power, axis=1) ** (1.0 / power) for power in (3.0, 10.0 / 3.0)
+            np.mean(loads**power, axis=2) ** (1.0 / power) for power in (3.0, 10.0 / 3.0)
         )
         on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
         used = (on_inner / inner) ** (10.0 / 3.0) + (on_outer / outer) ** (10.0 / 3.0)
-        whole = float(np.sum(used))  # rows: a product of probabilities, (sum)^(-9/10) as for rings
-        return math.inf if whole == 0.0 else 1e6 * whole**-0.9
+        # Rows: a product of probabilities, (sum)^(-9/10) as for rings.
+        whole: np.ndarray = 1e-6 * np.sum(used, axis=1) ** 0.9
+        return whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -1188,15 +1217,15 @@ class CrossedRollerBearing(RollingBearing):
         static = ROLLER_STATIC * (1.0 - gamma) * size * math.sqrt(0.5)
         return 0.75 * static, static
 
-    def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
-        """See `RollingBearing.life`; ISO/TS 16281 for radial roller bearings, one slice each."""
-        loads, c, z = np.asarray(loads, float).reshape(-1), self.ratings()[0], self.count
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """See `RollingBearing.damage_of_turn`; ISO/TS 16281 for radial rollers, one slice each."""
+        loads, c, z = np.asarray(loads, float), self.ratings()[0], self.count
         gamma = self.d_element * math.cos(math.pi / 4.0) / self.d_pitch
         factor = 1.038 * ((1.0 - gamma) / (1.0 + gamma)) ** (143.0 / 108.0)
         share = c / (0.83 * z * math.cos(math.pi / 4.0))
         inner = share / 0.378 * (1.0 + factor**4.5) ** (2.0 / 9.0)
         outer = share / 0.364 * (1.0 + factor**-4.5) ** (2.0 / 9.0)
-        turning, standing = (np.mean(loads**power) ** (1.0 / power) for power in (4.0, 4.5))
+        turning, standing = (np.mean(loads**power, axis=1) ** (1.0 / power) for power in (4.0, 4.5))
         on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
-        whole = float((on_inner / inner) ** 4.5 + (on_outer / outer) ** 4.5)
-        return math.inf if whole == 0.0 else 1e6 * whole ** (-8.0 / 9.0)
+        used: np.ndarray = (on_inner / inner) ** 4.5 + (on_outer / outer) ** 4.5
+        return 1e-6 * used ** (8.0 / 9.0)

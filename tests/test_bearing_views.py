@@ -1,0 +1,132 @@
+"""Rolling bearings in results: life life over a motion, figures, playback, commands."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import body, joint
+
+import jointplay as jp
+from jointplay import analysis
+from jointplay.analysis.headline import headline
+from jointplay.core.errors import JointplayError, MissingName
+
+BALLS = jp.BallBearing(designation="6010/C3")
+PAIR = jp.BallBearing(designation="7206 B DB", preload=200.0)
+ROLLERS = jp.CrossedRollerBearing(designation="RB5013 C0")
+TURN, DURATION = 2.0 * math.pi * 2.0, 0.1
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    """A chain of four links, whose joints take a bearing of each kind and a journal."""
+    path = tmp_path_factory.mktemp("robot") / "chain.urdf"
+    parts = ['<link name="base"/>', body("a", 5.0, "0.1 0 0"), body("b", com="0.1 0 0")]
+    parts += [body("c", com="0.1 0 0"), body("d", com="0.1 0 0"), '<link name="tip"/>']
+    parts += [joint("balls", "base", "a"), joint("pair", "a", "b", at="0.3 0 0")]
+    parts += [joint("rollers", "b", "c", at="0.2 0 0"), joint("plain", "c", "d", at="0.2 0 0")]
+    parts += [joint("end", "d", "tip", "fixed", at="0.2 0 0")]
+    path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+    return path
+
+
+@pytest.fixture(scope="module")
+def mixed(robot):
+    """A run with all of them."""
+    journal = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    joints = {"balls": BALLS, "pair": PAIR, "rollers": ROLLERS, "plain": journal}
+    return run(robot, joints)
+
+
+def run(robot, joints, duration=DURATION):
+    mechanism = jp.Mechanism(robot, joints, tool="tip", gravity=(0.0, -9.81, 0.0))
+    names = mechanism.joints
+    way = np.zeros((2, len(names)))
+    way[1, 0] = TURN * duration
+    motion = jp.Motion(names, [0.0, duration], way)
+    return jp.simulate(mechanism, motion, duration=duration, limits="ignore")
+
+
+# Loads and life.
+
+
+def test_loads_of_elements_are_those_that_were_recorded(mixed):
+    for name in ("balls", "pair", "rollers"):
+        loads = analysis.element_loads(mixed, name)
+        assert loads.dims == ("time", "element")
+        counted = (loads > 0.0).sum("element").values
+        assert (counted == mixed["loaded_elements"].sel(joint=name).values).mean() > 0.99
+        contact = "rollers" if name == "rollers" else "balls"
+        recorded = mixed["normal_force"].sel(joint=name, contact=contact).values
+        assert loads.max("element").values[1:] == pytest.approx(recorded[1:], rel=0.02, abs=1.0)
+
+
+def test_many_places_are_loaded_as_one_by_one():
+    random = np.random.default_rng(3)
+    for bearing in (BALLS, PAIR, ROLLERS):
+        places = 2e-5 * random.normal(size=(5, 6))
+        cages = random.uniform(0.0, 6.0, 5)
+        one = [bearing.load(place, cage) for place, cage in zip(places, cages, strict=True)]
+        from jointplay.joints.bearings import _rotation
+
+        axes = np.array([_rotation(place[3:])[:, 2] for place in places])
+        loads, angles = bearing.element_loads(places[:, :3], axes, cages)
+        assert loads == pytest.approx(np.array([state.loads for state in one]))
+        assert angles == pytest.approx(np.array([state.contact_angles for state in one]))
+        lives = [bearing.life(state.loads) for state in one]
+        assert bearing.damage_of_turn(loads) == pytest.approx(1.0 / np.array(lives))
+
+
+def test_life_over_a_motion_is_that_of_its_loads(mixed):
+    life = analysis.bearing_life(mixed, "balls", start=0.0)
+    assert life.turned == pytest.approx(TURN * DURATION / (2.0 * math.pi), rel=0.01)
+    assert life.swing == pytest.approx(TURN * DURATION, rel=0.02)
+    assert not life.oscillates
+    lives = [BALLS.life(loads) for loads in analysis.element_loads(mixed, "balls").values[::20]]
+    assert min(lives) <= life.revolutions <= max(lives)
+    assert life.hours == pytest.approx(life.revolutions / life.turned * DURATION / 3600.0)
+    assert life.friction_work == pytest.approx(life.mean_torque * TURN * DURATION, rel=0.02)
+    assert life.most_loaded <= life.elements == 14
+    assert "life L10" in str(life)
+
+
+def test_life_is_that_of_lasting_loads_in_closed_form(monkeypatch, mixed):
+    """Half of the way at one load, half at another: the harmonic mean of their lives."""
+    time = mixed.time
+    loads = np.zeros((len(time), 14))
+    loads[:, :3] = np.where(np.arange(len(time)) < len(time) // 2, 1000.0, 300.0)[:, None]
+    monkeypatch.setattr(
+        "jointplay.analysis.bearings.element_loads",
+        lambda result, joint: type("", (), {"values": loads}),
+    )
+    steady = mixed.dataset.copy()
+    cage = np.linspace(0.0, 1.0, len(time))[:, None] * np.ones(len(mixed.joints))
+    steady["cage_angle"] = (("time", "joint"), cage)
+    life = analysis.bearing_life(jp.Result(steady), "balls", start=0.0)
+    heavy, light = BALLS.life(loads[0]), BALLS.life(loads[-1])
+    assert life.revolutions == pytest.approx(2.0 / (1.0 / heavy + 1.0 / light), rel=2e-3)
+
+
+def test_what_does_not_turn_lives_without_end(mixed):
+    still = mixed.dataset.copy()
+    still["cage_angle"] = 0.0 * still["cage_angle"]
+    life = analysis.bearing_life(jp.Result(still), "balls", start=0.0)
+    assert life.revolutions == life.hours == math.inf
+    assert life.damage == life.turned == life.mean_torque == 0.0
+    assert "unlimited" in str(life)
+
+
+def test_life_is_refused_where_there_is_no_bearing(mixed):
+    with pytest.raises(JointplayError, match="no rolling bearing; those that have one: balls"):
+        analysis.bearing_life(mixed, "plain")
+    with pytest.raises(MissingName, match="clearance joint"):
+        analysis.bearing_life(mixed, "bals")
+    with pytest.raises(JointplayError, match="fewer than two records"):
+        analysis.bearing_life(mixed, "balls", start=1e3)
+
+
+def test_the_summary_says_life_of_bearings_alone(mixed):
+    text = "\n".join(headline(mixed, None))
+    assert "balls: largest element load" in text or "balls from" in text
+    assert text.count("life L10") == 3
+    assert text.count("it swings by") == 2  # those that are held
