@@ -1,15 +1,19 @@
-"""Rolling bearings in results: life life over a motion, figures, playback, commands."""
+"""Rolling bearings in results: life over a motion, figures, playback, commands."""
 
+import itertools
 import math
+import zlib
 
 import numpy as np
 import pytest
 from conftest import body, joint
+from test_playback import browser, open_page, picture  # noqa: F401 - a fixture
 
 import jointplay as jp
-from jointplay import analysis
+from jointplay import analysis, player
 from jointplay.analysis.headline import headline
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.player.tracks import unpack
 
 BALLS = jp.BallBearing(designation="6010/C3")
 PAIR = jp.BallBearing(designation="7206 B DB", preload=200.0)
@@ -130,3 +134,50 @@ def test_the_summary_says_life_of_bearings_alone(mixed):
     assert "balls: largest element load" in text or "balls from" in text
     assert text.count("life L10") == 3
     assert text.count("it swings by") == 2  # those that are held
+
+
+# Playback.
+
+
+def test_the_page_has_what_elements_do(mixed):
+    _, scene = player.page({"a": mixed}, ghosts=False)
+    block = zlib.decompress(scene.block)
+    entry = scene.contents["cases"][0]
+    found = {one["name"]: one for one in entry["joints"]}
+    assert found["plain"]["elements"] is None
+    for name, bearing in (("balls", BALLS), ("pair", PAIR), ("rollers", ROLLERS)):
+        elements = found[name]["elements"]
+        assert elements["rollers"] == (name == "rollers")
+        loads = unpack(block, elements["loads"])
+        assert loads.shape[1] == len(bearing.rooms_of_rows) * bearing.count
+        expected = analysis.element_loads(mixed, name).values
+        moments = np.searchsorted(mixed.time, unpack(block, entry["time"])[:, 0] - 1e-7)
+        assert loads == pytest.approx(expected[moments], abs=1.1 * elements["loads"]["quantum"])
+        assert 10.0 <= found[name]["magnification"] <= 1e4
+    # The arrow pushes the inner ring inwards, where the most loaded element touches it.
+    force = unpack(block, found["balls"]["normal"])
+    place = unpack(block, found["balls"]["place"])
+    pushed = np.linalg.norm(force, axis=1) > 0.0
+    assert (np.sum(force[pushed, :2] * place[pushed, :2], axis=1) < 0.0).all()
+    race = 0.5 * (BALLS.d_pitch - BALLS.d_element)
+    assert np.hypot(*place[pushed, :2].T) == pytest.approx(np.full(pushed.sum(), race), rel=0.02)
+
+
+def test_rolling_bearings_have_close_ups(browser, mixed, tmp_path):
+    path = player.save_html({"a": mixed}, tmp_path / "a.html", ghosts=False)
+    tab = open_page(browser, path.as_uri())
+    shots = []
+    for name in ("balls", "pair", "rollers", "plain"):
+        tab.evaluate(f"window.jointplay.setJoint({name!r}); window.jointplay.setLayout('closeup')")
+        tab.evaluate("window.jointplay.seek(0.05)")
+        shots.append(picture(tab))
+        words = tab.inner_text(".closeup")
+        assert ("loaded" in words) == (name != "plain"), words
+        assert ("roller load" in words) == (name == "rollers")
+    for one, two in itertools.pairwise(shots):
+        assert np.abs(one - two).mean() > 1e-3
+    tab.evaluate("window.jointplay.setJoint('balls'); window.jointplay.seek(0.09)")
+    assert np.abs(picture(tab) - shots[0]).mean() > 1e-4
+    assert "or balls or rollers under load" in tab.inner_text("#modes")
+    assert not tab.troubles
+    tab.close()

@@ -382,6 +382,12 @@ class RollingBearing(Clearance):
         return own * 0.5 * self.d_bore
 
     @property
+    def reach(self) -> float:
+        """r_i - r_o of balls, C_r of rollers; see `contact.rolling` [m]."""
+        reach: float = self._numbers["reach"]
+        return reach
+
+    @property
     def cage_ratio(self) -> float:
         """Turn of the cage over that of the inner ring."""
         ratio: float = self._numbers["ratio"]
