@@ -6,8 +6,9 @@ import zlib
 
 import numpy as np
 import pytest
+import test_playback
 from conftest import body, joint
-from test_playback import browser, open_page, picture  # noqa: F401 - a fixture
+from test_playback import open_page, picture
 
 import jointplay as jp
 from jointplay import analysis, player
@@ -15,6 +16,7 @@ from jointplay.analysis.headline import headline
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.player.tracks import unpack
 
+browser = test_playback.browser
 BALLS = jp.BallBearing(designation="6010/C3")
 PAIR = jp.BallBearing(designation="7206 B DB", preload=200.0)
 ROLLERS = jp.CrossedRollerBearing(designation="RB5013 C0")
@@ -181,3 +183,71 @@ def test_rolling_bearings_have_close_ups(browser, mixed, tmp_path):
     assert "or balls or rollers under load" in tab.inner_text("#modes")
     assert not tab.troubles
     tab.close()
+
+
+# Figures and reports.
+
+
+def test_orbits_are_in_micrometres_within_the_play_in_operation(mixed):
+    for name, room in (("balls", BALLS.radial_room), ("rollers", ROLLERS.radial_room)):
+        outline = analysis.clearance_outline(mixed, name)
+        assert np.hypot(*outline) == pytest.approx(np.full(361, room))
+        panel = mixed.plot.orbit(name).axes[0]
+        assert panel.get_xlabel() == "x in the outer ring's frame [µm]"
+        assert f"±{1e6 * room:.3g} µm" in panel.get_title()
+    assert analysis.clearance_outline(mixed, "pair") is None
+    assert "no play" in mixed.plot.orbit("pair").axes[0].get_title()
+    assert "bearing frame [mm]" in mixed.plot.orbit("plain").axes[0].get_xlabel()
+
+
+def test_play_in_operation_is_less_than_as_bought(robot):
+    hot = jp.BallBearing(designation="6010/C3", temperature_difference=10.0)
+    result = run(robot, {"balls": hot}, 0.01)
+    outline = analysis.clearance_outline(result, "balls")
+    assert np.hypot(*outline).max() == pytest.approx(hot.cr)
+    assert hot.cr < 0.8 * hot.bought_clearance
+
+
+def test_plots_of_bearings_have_their_words(mixed):
+    assert "loaded" in mixed.plot.available
+    panel = mixed.plot.loaded().axes[0]
+    assert panel.get_ylabel() == "loaded elements"
+    assert panel.get_lines()[0].get_ydata() == pytest.approx(
+        mixed["loaded_elements"].sel(joint="balls").values
+    )
+    assert mixed.plot.contacts("pair").axes[0].get_ylabel() == "largest element load [N]"
+    assert mixed.plot.contacts("plain").axes[0].get_ylabel() == "normal force [N]"
+    assert mixed.plot.gaps("rollers").axes[0].get_ylabel() == "least gap of elements [µm]"
+    modes = " ".join(
+        label.get_text() for label in mixed.plot.modes("balls").axes[0].get_yticklabels()
+    )
+    assert "elements" in modes
+    assert "penetration" not in modes
+    with pytest.raises(JointplayError, match="joint 'plain' has none"):
+        mixed.plot.loaded("plain")
+
+
+def test_figures_of_bearings_are_drawn_where_there_are_any(mixed, robot, tmp_path):
+    from jointplay import plots
+
+    names = {path.stem for path in plots.save({"a": mixed}, tmp_path)}
+    assert "bearing_loads" in names
+    without = run(robot, {}, 0.01)
+    (tmp_path / "b").mkdir()
+    assert "bearing_loads" not in {path.stem for path in plots.save({"a": without}, tmp_path / "b")}
+
+
+def test_reports_say_loads_and_lives_of_bearings(mixed, tmp_path):
+    from jointplay.reports import report
+
+    path = tmp_path / "a.html"
+    report({"a": mixed}, path, impacts=0, pdf=False)
+    text = path.read_text()
+    assert "Rolling bearings" in text
+    assert "L10 of this motion" in text
+    assert "6010/C3" in text
+    assert "radial clearance <i>C</i><sub>r</sub> (estimated)" in text
+    assert "interference of the shaft [µm]" in text
+    assert "Journals and inner rings" in text
+    assert "false brinelling" in text  # the pair does not turn
+    assert "largest element load [N]" in text

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from jointplay.analysis.twins import rolls
 from jointplay.core.errors import JointplayError, MissingName, require_finite
 from jointplay.joints import RollingBearing
 from jointplay.kernel import JOINT_FRICTION_SPEED
@@ -20,12 +21,12 @@ if TYPE_CHECKING:
 
 
 def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
-    """Rolling bearings of a result by joint; none where its variables show none.
+    """Rolling bearings of a result by joint.
 
     Raises:
         JointplayError: the result's mechanism cannot be built again.
     """
-    if "cage_angle" not in result.dataset:
+    if not any(rolls(result, joint) for joint in result.joints):
         return {}
     every = result.simulation.mechanism.clearance
     return {name: joint for name, joint in every.items() if isinstance(joint, RollingBearing)}
@@ -126,18 +127,8 @@ class BearingLife:
         share = f"{self.most_loaded} of {self.elements} elements loaded at most"
         if math.isinf(self.revolutions):
             return f"{most}, {share}; life L10 unlimited: it does not turn under load"
-        life = f"life L10 {readable_count(self.revolutions)} revolutions"
-        return f"{most}, {share}; {life}, {readable_count(self.hours)} h of this motion"
-
-
-def readable_count(value: float) -> str:
-    """Three digits of a number that may be very large."""
-    if math.isinf(value):
-        return "unlimited"
-    for size, word in ((1e9, " thousand million"), (1e6, " million")):
-        if 1e13 > value >= size:
-            return f"{value / size:.3g}{word}"
-    return f"{value:.0f}" if 100.0 <= value < 1e6 else f"{value:.3g}"
+        life = f"life L10 {self.revolutions:.3g} revolutions, {self.hours:.3g} h of this motion"
+        return f"{most}, {share}; {life}"
 
 
 def bearing_life(
