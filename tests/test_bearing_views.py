@@ -251,3 +251,76 @@ def test_reports_say_loads_and_lives_of_bearings(mixed, tmp_path):
     assert "Journals and inner rings" in text
     assert "false brinelling" in text  # the pair does not turn
     assert "largest element load [N]" in text
+
+
+# Commands that know nothing of elements, and those that refuse them.
+
+
+EVERY = {"balls": BALLS, "pair": PAIR, "rollers": ROLLERS}
+every = pytest.mark.parametrize("name", EVERY)
+
+
+@every
+def test_clearances_of_bearings_are_not_allocated(robot, name):
+    from jointplay.design.allocation import allocate
+
+    mechanism = jp.Mechanism(robot, {"balls": EVERY[name]}, tool="tip")
+    with pytest.raises(JointplayError, match=r"cannot be allocated \(balls\)"):
+        allocate(mechanism, {}, 1e-3)
+
+
+@every
+def test_reduced_bearings_have_their_own_friction_and_stiffness(robot, name):
+    from jointplay.design.levers import sources
+    from jointplay.design.reduction import reduce
+
+    bearing = EVERY[name]
+    mechanism = jp.Mechanism(robot, {"balls": bearing}, tool="tip", gravity=(0, 0, -9.81))
+    model = reduce(mechanism, "balls", period=0.2)
+    load = sources(mechanism, {}).load[0, 0]
+    rest = bearing.deflection(load[:3], [*load[3:5], 0.0])
+    loads = bearing.load(rest).loads.sum()
+    expected = bearing.drag + bearing.friction_lever * loads
+    assert model.friction == pytest.approx(expected, rel=0.15)
+    assert (model.tilt == 0.0) == (name == "pair")
+    lean = math.hypot(*rest[3:5])
+    assert model.tilt + math.hypot(*load[3:5]) / model.tilt_stiffness == pytest.approx(
+        lean, rel=0.2
+    )
+
+
+def test_bearings_neither_wear_nor_are_identified(robot):
+    from jointplay.design.maintenance import maintenance
+    from jointplay.design.wear import wear
+    from jointplay.identification import plan_measurement
+
+    mechanism = jp.Mechanism(robot, {"balls": BALLS}, tool="tip")
+    simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")
+    with pytest.raises(JointplayError, match="rating life L10"):
+        wear(simulation, "balls", 1e-6)
+    with pytest.raises(JointplayError, match=r"rolling bearings \(balls\) have a rating life"):
+        maintenance(simulation, 1e-3)
+    with pytest.raises(JointplayError, match="cannot be identified.*--known"):
+        plan_measurement(mechanism)
+
+
+def test_sensitivity_varies_no_preloaded_bearing(robot):
+    from jointplay.design.shares import _inputs
+
+    mechanism = jp.Mechanism(robot, {"balls": BALLS, "pair": PAIR}, tool="tip")
+    simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")
+    names = [name for name, *_ in _inputs(simulation, 2.0, 1.0, 0.0)]
+    assert names == ["clearance balls"]
+
+
+def test_a_scenario_says_what_is_estimated(robot):
+    from jointplay.scenario.summary import _facts
+    from jointplay.simulation.run import Run
+
+    mechanism = jp.Mechanism(robot, {"balls": BALLS}, tool="tip")
+    simulation = jp.Simulation(mechanism, drive=jp.loads.Free(), duration=0.01, limits="ignore")
+    text = _facts(Run(simulation))["joint balls"]
+    assert "free 13.5 um across" in text
+    assert "estimated: pitch diameter 65 mm" in text
+    assert "shaft interference" not in text  # none
+    assert "play none (preloaded)" in repr(jp.Mechanism(robot, {"pair": PAIR}, tool="tip"))

@@ -749,6 +749,11 @@ class RollingBearing(Clearance):
         return replace(self, radial_clearance=factor * self.bought_clearance, clearance_class=None)
 
     @property
+    def play_words(self) -> str:
+        """The play across the axis in operation, or that there is none by preload."""
+        return "none (preloaded)" if self.preloaded else readable(round(self.radial_room, 9), "m")
+
+    @property
     def words(self) -> str:
         """Name, size and clearance, for a line of text."""
         name = self.designation or f"{1e3 * self.d_bore:g} x {1e3 * self.d_outside:g} mm"
