@@ -300,7 +300,7 @@ def test_bearings_neither_wear_nor_are_identified(robot):
         wear(simulation, "balls", 1e-6)
     with pytest.raises(JointplayError, match=r"rolling bearings \(balls\) have a rating life"):
         maintenance(simulation, 1e-3)
-    with pytest.raises(JointplayError, match="cannot be identified.*--known"):
+    with pytest.raises(JointplayError, match="cannot be identified"):
         plan_measurement(mechanism)
 
 

@@ -336,7 +336,9 @@ def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
                 result.plot.forms(joint, ax=forms)
             result.plot.contacts(joint, ax=contacts)
             result.plot.gaps(joint, ax=gaps)
-            figure.suptitle(f"{label}, {joint}: modes, forms, contacts, gaps", color=colour)
+            ring = analysis.rolls(result, joint)
+            shown = "loads and gaps of elements" if ring else "modes, forms, contacts, gaps"
+            figure.suptitle(f"{label}, {joint}: {shown}", color=colour)
             yield f"{label}, {joint}", figure
             figure = new_figure(7.0, 4.0)
             left, right = figure.subplots(1, 2)

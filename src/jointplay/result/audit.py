@@ -254,11 +254,14 @@ class Audit(Described):
         if self.impacts:
             steps = self.shortest_contact_steps
             shortest = f"shortest {steps} steps" if steps else "none ended"
+            deepest = f"  largest penetration: {self.largest_penetration:.3g} m, "
+            deepest += f"{100 * self.penetration_over_clearance:.2g} % of the clearance"
+            if not self.penetration_over_clearance:  # of rolling elements alone, which have none
+                deepest = f"  largest deflection of an element: {self.largest_penetration:.3g} m"
             lines += [
                 f"  contacts: {self.impacts}, {shortest}, "
                 f"{self.under_resolved} under {WELL_RESOLVED_STEPS} steps",
-                f"  largest penetration: {self.largest_penetration:.3g} m, "
-                f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
+                deepest,
             ]
         if self.peak_force is not None:
             lines.append(f"  {self.headline}")

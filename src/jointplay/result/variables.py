@@ -43,7 +43,7 @@ class Term:
 TERMS = (
     Term("drive", "drive_work", "work of the drives", lost=False),
     Term("normal_dissipation", "normal_dissipation", "lost in normal contact"),
-    Term("friction_dissipation", "friction_dissipation", "lost in sliding"),
+    Term("friction_dissipation", "friction_dissipation", "lost in sliding and rolling"),
     Term("joint_friction", "joint_friction_loss", "lost in joint friction"),
     Term("gear_dissipation", "gear_dissipation", "lost in gears"),
     Term("film_dissipation", "film_dissipation", "lost in oil"),

@@ -3,7 +3,7 @@
 // is drawn halfway between both rings, wherever it is free.
 
 const NO_LOAD = 0x9fb0bd, SOME_LOAD = 0xf2b134, FULL_LOAD = 0xc8244c;
-const LONGEST_BAR = 2.2;   // of the largest load of the run, in diameters of an element
+const LONGEST_BAR = 1.6;   // of the largest load of the run, in diameters of an element
 const DEEP = 0.38;         // how far the rings' shoulders are from the pitch circle, in diameters
 const OPEN = 0.12;         // the same of the lips between which crossed rollers lie
 const HALF_GROOVE = 0.47;  // half width of a groove, in diameters
@@ -174,7 +174,7 @@ class RollingCloseUp extends CloseUp {
                 const length = Math.min(load * scale, this.longest);
                 r.turn.setFromUnitVectors(UP, r.push);
                 if (i === 0 && row === 0) {
-                    this.first.position.copy(r.at).addScaledVector(r.along.z > 0.9 ? UP : r.along, 0.5 * e.diameter);
+                    this.first.position.copy(r.at).addScaledVector(e.rollers ? r.along : UP, 0.5 * e.diameter);
                 }
                 r.at.addScaledVector(r.push, e.diameter / 2);
                 r.size.set(load > 0 ? 1 : 0, load > 0 ? 1 : 0, length);
