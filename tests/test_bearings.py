@@ -15,8 +15,8 @@ import jointplay as jp
 from jointplay.contact import rolling
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.design.static_budget import budget
-from jointplay.loads.drive import Prescribed
 from jointplay.joints.bearings import catalogue, listed_kind, point_contact_stiffness
+from jointplay.loads.drive import Prescribed
 
 DEEP = jp.BallBearing(designation="6010/C3")
 PAIR = jp.BallBearing(designation="7206 B DB", preload=120.0)

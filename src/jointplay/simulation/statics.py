@@ -223,7 +223,7 @@ class ElasticJoint:
         return out
 
     def inner_load(self, pose: np.ndarray) -> float:
-        """What its contacts press with against each other, of which the wrench shows nothing [N]."""
+        """With what its contacts press against each other, which the wrench does not show [N]."""
         return 0.0
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
