@@ -48,8 +48,9 @@ class Player {
         const reach = Math.max(...contents.cases.map(c => c.reach));
         const joints = this.cases.flatMap(c => c.entry.joints);
         const typical = Math.max(1e-9, ...joints.map(j => j.typical));
-        const typicalContact = Math.max(1e-9, ...joints.map(j => j.typical_contact));
-        const radius = Math.min(0.1, ...joints.map(j => Math.min(...j.shape.size)));
+        const journals = joints.filter(j => !j.elements);  // rolling bearings have scales of their own
+        const typicalContact = Math.max(1e-9, ...journals.map(j => j.typical_contact));
+        const radius = Math.min(0.1, ...journals.map(j => Math.min(...j.shape.size)));
         this.reach = reach;
         this.view = {
             deviation: 1,
