@@ -222,8 +222,8 @@ def energies(cases):
             if state.energy == 0.0:
                 continue
             pose = np.concatenate([centre, axes.ravel()])[None]
-            out = resultant.answers(bearing.law, bearing.rolling, pose, cage)[0]
-            taken = bearing.rolling[resultant.RATIO] * out[resultant.CAGE_SLOPE]
+            out = resultant.answers(bearing.law, bearing.resultant, pose, cage)[0]
+            taken = bearing.resultant[resultant.RATIO] * out[resultant.CAGE_SLOPE]
             wrench = state.wrench.copy()
             wrench[3:] += taken * axes[:, 2]  # the cage stands
             scale = np.array([1.0] * 3 + [2.0 / bearing.d_pitch] * 3)

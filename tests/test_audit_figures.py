@@ -55,7 +55,7 @@ def bearing(*rooms, film=None, kinds=("rim", "rim")):
         rooms=rooms,
         normal=Law(),
         film=film,
-        rolling=None,
+        resultant=None,
         contact_properties=lambda k: kinds[k],
     )
 

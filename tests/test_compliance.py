@@ -93,7 +93,7 @@ def test_a_curve_is_followed_and_stores_its_area():
     poses = np.zeros((3, 12))
     poses[:, 3:] = np.eye(3).ravel()
     poses[:, 0] = [0.5e-5, -2e-5, 4e-5]
-    found = resultant.answers(joint.law, joint.rolling, poses)
+    found = resultant.answers(joint.law, joint.resultant, poses)
     assert found[:, 0] == pytest.approx([-55.0, 320.0, -740.0])
     areas = [0.5 * 50 * 0.5e-5, 0.5e-3 + 1e-5 * 200, 0.5e-3 + 2e-5 * 300 + 1e-5 * 600]
     springs = 0.5e6 * poses[:, 0] ** 2
@@ -107,7 +107,7 @@ def test_a_matrix_couples_directions():
     turned = np.zeros(6)
     turned[0], turned[4] = 1e-6, 1e-4
     pose = np.concatenate([turned[:3], _rotation(turned[3:]).ravel()])
-    wrench = resultant.answers(joint.law, joint.rolling, pose[None])[0, :6]
+    wrench = resultant.answers(joint.law, joint.resultant, pose[None])[0, :6]
     assert wrench[:5] == pytest.approx(-whole @ turned[:5], rel=1e-6, abs=1e-6)
 
 

@@ -81,7 +81,9 @@ def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
-    joint, length = name_and_value(options.joint[0])
+    from jointplay.joints.bearings import listed_kind
+
+    joint, length = name_and_value(options.joint[0], is_value=listed_kind)
     stem = joint.replace("/", "_")
     endings = [ending for one in options.format or FORMATS for ending in FORMATS[one]]
     names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]

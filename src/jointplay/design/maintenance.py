@@ -148,9 +148,15 @@ def maintenance(
         raise JointplayError(f"the wear rates' factor must be >= 1, got {factor:g}")
     wearing = all_wearing(simulation)
     if not wearing:
-        have = ", ".join(simulation.mechanism.clearance) or "none"
+        joints = simulation.mechanism.clearance
+        rolling = [name for name, joint in joints.items() if joint.resultant is not None]
+        have = ", ".join(name for name in joints if name not in rolling) or "none"
+        life = (
+            f"; rolling bearings ({', '.join(rolling)}) have a rating life instead of a wear rate"
+        )
         raise JointplayError(
             f"no joint wears: give a joint with clearance (there is: {have}) a wear_rate"
+            + (life if rolling else "")
         )
     motion = simulation.motion
     if motion is None:

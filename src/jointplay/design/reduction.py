@@ -27,12 +27,13 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
+from jointplay.analysis.bearings import element_loads
 from jointplay.analysis.runs import fitting_step
 from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.schema import plain
 from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
-from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
+from jointplay.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.impact import elastic_energy
@@ -102,6 +103,8 @@ _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 _DAMPED = 0.3
 """Damping ratio of the largest damping tried for a gear that loses energy by friction."""
 _STEP_S = 2e-5
+_BEYOND = 1e-3
+"""Part of the play by which a bearing's ring must lean further to tell a chord."""
 _LOOPED = (
     "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
     "two ends; jointplay budget and allocate accept loops"
@@ -145,7 +148,8 @@ class Reduction:
     axial: float = 0.0
     """How far it can be along, either way [m]."""
     contact_stiffness: float = 0.0
-    """Of a radial contact at the resting load: chord of the law [N/m]."""
+    """Of a radial contact at the resting load: chord of the law; of rolling bearings the mean
+    stiffness across the axis [N/m]."""
     load: tuple[float, ...] = (0.0,) * 6
     """Gravity on the bearing in its axes: force [N] and moment [N m]."""
     pose: Mapping[str, float] = field(default_factory=dict)
@@ -332,7 +336,11 @@ def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str,
     speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
     settled = result.time >= SETTLED * result.time[-1]
     slides = settled & (speed > _MOVING * speed.max())
-    torque = clearance.hinge.radius * force.sum(axis=1)[slides]
+    if isinstance(clearance, RollingBearing):
+        loads = element_loads(result, joint).values[slides].sum(axis=1)
+        torque = clearance.drag + clearance.friction_lever * loads
+    else:
+        torque = clearance.hinge.radius * force.sum(axis=1)[slides]
     if not len(torque):
         return {}
     shape = np.column_stack([np.ones(len(torque)), speed[slides]])
@@ -430,6 +438,8 @@ def _across(
         return {}
     hinge = clearance.hinge
     load = sources(mechanism, pose).load[0, 0]
+    if isinstance(clearance, RollingBearing):
+        return _across_elements(clearance, load)
     _, tilt = clearance.play(second_order=False).reach
     arm = hinge.length / 2.0
     # Each rim carries half the force, and what the moment over the length asks for.
@@ -446,6 +456,27 @@ def _across(
         tilting = 2.0 * stiffness * arm**2
         found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
     return found
+
+
+def _across_elements(bearing: RollingBearing, load: np.ndarray) -> dict[str, Any]:
+    """The same of a rolling bearing: the chord of its moment beyond the play, at rest."""
+    hinge = bearing.hinge
+    tilt = float(bearing.play(second_order=False).reach[1])
+    rest = bearing.deflection(load[:3], [load[3], load[4], 0.0])
+    stiffness = bearing.load(rest).stiffness
+    moment, lean = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
+    tangent = float(np.linalg.eigvalsh(stiffness[3:5, 3:5]).mean())
+    if moment > 0.0 and lean > (1.0 + _BEYOND) * tilt:
+        tangent = moment / (lean - tilt)
+    return {
+        "lateral": hinge.lateral,
+        "axial": hinge.axial,
+        "contact_stiffness": float(np.linalg.eigvalsh(stiffness[:2, :2]).mean()),
+        "load": tuple(float(x) for x in load),
+        "tilt": tilt,
+        "tilt_stiffness": tangent,
+        "half_length": hinge.length / 2.0,
+    }
 
 
 def _chord(clearance: Clearance, radius: float, force: float) -> float:

@@ -75,6 +75,13 @@ def all_wearing(simulation: Simulation) -> dict[str, BoreWear]:
 def _bore(simulation: Simulation, joint: str) -> BoreWear:
     wearing = all_wearing(simulation)
     if joint not in wearing:
+        one = simulation.mechanism.clearance.get(joint)
+        if one is not None and one.resultant is not None:
+            raise JointplayError(
+                f"joint {joint!r} has a rolling bearing, whose clearance does not grow by "
+                "Archard's law: it has no wear rate; jointplay run and jointplay report say its "
+                "rating life L10 over the motion"
+            )
         raise MissingName("joint with a wear rate", joint, wearing)
     return wearing[joint]
 

@@ -197,7 +197,8 @@ class Machine:
             known: labels or names of unknowns that are taken from the scenario.
 
         Raises:
-            JointplayError: nothing is sought; an unknown name in `also` or `known`.
+            JointplayError: nothing is sought; an unknown name in `also` or `known`; the clearance
+                of a rolling bearing, unless it is known.
         """
         mechanism, friction = self.mechanism, self.friction
         if not mechanism.clearance and not mechanism.gears:
@@ -232,6 +233,10 @@ class Machine:
             found.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
         _check(also, known, found)
         kept = tuple(one for one in found if not {one.label, one.name} & set(known))
+        for one in kept:
+            bought = mechanism.clearance.get(one.joint)
+            if bought is not None and one.name in bought.clearances:
+                _refuse_rolling(bought, one)
         if not any(one.sought for one in kept):
             raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
@@ -294,6 +299,15 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
         else:
             known |= {f"{label} {way}": one for way in (WAYS if rigid else ("torsional",))}
     return known
+
+
+def _refuse_rolling(joint: Clearance, sought: Parameter) -> None:
+    if joint.resultant is not None:
+        raise JointplayError(
+            f"the clearance of the rolling bearing in {sought.joint!r} cannot be identified: its "
+            "balls or rollers give way under load by as much as its play, which the static model "
+            f"of identification leaves out; take it as known: --known {sought.label!r}"
+        )
 
 
 def friction_of(joint: Clearance) -> float | None:

@@ -260,13 +260,13 @@ class Clearance(Described, ABC):
         return self.radial_room
 
     @property
-    def rolling(self) -> tuple[float, ...] | None:
+    def resultant(self) -> tuple[float, ...] | None:
         """Numbers of its rolling elements or springs; None where surfaces slide (`law`)."""
         return None
 
     @property
     def law(self) -> int:
-        """Which law of `contact.resultant` goes by the numbers of `rolling`."""
+        """Which law of `contact.resultant` goes by the numbers of `resultant`."""
         return resultant.ELEMENTS
 
     @property

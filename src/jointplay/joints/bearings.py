@@ -49,6 +49,8 @@ BALL_SHARE = 0.2945
 """Ball diameter over outside less bore, the mean of seven catalogue bearings (0.291 to 0.298)."""
 FILLING = 0.58
 """Part of the pitch circle that balls fill, the same seven (0.56 to 0.60)."""
+ANGULAR_FILLING = 0.85
+"""The same of angular contact bearings with machined cages, from memory of a 7206's 13 balls."""
 STATIC_FACTOR = 15.0
 """f_0 of C_0 = f_0 Z D^2 [N/mm^2], of the same seven 13 to 16."""
 ROLLER_FILLING, ROLLER_LENGTH, ROLLER_STATIC = 0.75, 0.9, 44.0
@@ -384,8 +386,20 @@ class RollingBearing(Clearance):
         own = typical if self.rolling_friction is None else self.rolling_friction
         return own * 0.5 * self.d_bore
 
+    @property
+    def reach(self) -> float:
+        """r_i - r_o of balls, C_r of rollers; see `contact.rolling` [m]."""
+        reach: float = self._numbers["reach"]
+        return reach
+
+    @property
+    def cage_ratio(self) -> float:
+        """Turn of the cage over that of the inner ring."""
+        ratio: float = self._numbers["ratio"]
+        return ratio
+
     @cached_property
-    def rolling(self) -> tuple[float, ...]:
+    def resultant(self) -> tuple[float, ...]:
         """Numbers by which compiled code knows the bearing."""
         numbers = resultant.bearing_numbers(
             rollers=self.roller_elements,
@@ -480,34 +494,59 @@ class RollingBearing(Clearance):
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
         pose = np.concatenate([centre, axes.ravel()])[None]
-        out = resultant.answers(self.law, self.rolling, pose, cage)[0]
-        u, axis = out[resultant.SEAT :], axes[:, 2]
-        loads, angles = self._element_loads(centre - u[:3], axis - [u[3], u[4], 0.0], cage)
+        out = resultant.answers(self.law, self.resultant, pose, cage)[0]
+        loads, angles = self.element_loads(centre, axes[:, 2], cage)
         stiffness = out[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6).copy()
         return BearingState(out[:6].copy(), float(out[resultant.ENERGY]), loads, angles, stiffness)
 
-    def _element_loads(
-        self, centre: np.ndarray, axis: np.ndarray, cage: float
+    def element_loads(
+        self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Loads and contact angles, row by row, in numpy: the law said a second time."""
+        """Loads and contact angles of all elements at one or many places of the inner ring.
+
+        Args:
+            centre: of the inner ring in the outer one's axes, shape (..., 3) [m].
+            axis: its axis there, shape (..., 3).
+            cage: azimuth of the first element, shape (...) [rad].
+
+        Returns:
+            Loads [N] and contact angles [rad], row by row, shape (..., rows * Z).
+        """
+        if self.seat is not None:
+            shift = self._seat_shift(centre, axis, cage)
+            centre, lean = centre - shift[..., :3], shift[..., 3:]
+            axis = axis - np.concatenate([lean, np.zeros((*lean.shape[:-1], 1))], axis=-1)
+        # In numpy: the law of `contact.rolling` said a second time.
         d = self._numbers
-        phi = cage + 2.0 * np.pi * np.arange(self.count) / self.count
+        phi = np.asarray(cage)[..., None] + 2.0 * np.pi * np.arange(self.count) / self.count
         c, s = np.cos(phi), np.sin(phi)
-        lie, across = c * axis[0] + s * axis[1], c * centre[0] + s * centre[1]
+        lie = c * axis[..., 0, None] + s * axis[..., 1, None]
+        across = c * centre[..., 0, None] + s * centre[..., 1, None]
+        rise, steep = centre[..., 2, None], axis[..., 2, None] - 1.0
         loads, angles = [], []
         for h, y in self.rooms_of_rows:
             if self.roller_elements:
                 way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
-                delta = across - d["reach"] + way * (y + centre[2] - d["radius"] * lie)
+                delta = across - d["reach"] + way * (y + rise - d["radius"] * lie)
                 delta, exponent = np.sqrt(0.5) * delta, resultant.ROLLER_EXPONENT
-                angles.append(way * np.pi / 4.0)
+                angles.append(np.broadcast_to(way * np.pi / 4.0, delta.shape))
             else:
                 x = d["reach"] + across + (h - 0.5 * d["radius"] * lie) * lie
-                up = y + centre[2] + h * (axis[2] - 1.0) - d["radius"] * lie
+                up = y + rise + h * steep - d["radius"] * lie
                 delta, exponent = np.hypot(x, up) - d["distance"], resultant.BALL_EXPONENT
                 angles.append(np.arctan2(up, x))
             loads.append(self.stiffness_of_element * np.maximum(delta, 0.0) ** exponent)
-        return np.concatenate(loads), np.concatenate(angles)
+        return np.concatenate(loads, axis=-1), np.concatenate(angles, axis=-1)
+
+    def _seat_shift(
+        self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
+    ) -> np.ndarray:
+        """By how much the outer ring is displaced in its seat, and leans, (..., 5) [m, 1]."""
+        poses = np.zeros((*centre.shape[:-1], 12))
+        poses[..., :3], poses[..., [5, 8, 11]] = centre, axis
+        turns = np.broadcast_to(cage, centre.shape[:-1]).reshape(-1)
+        found = resultant.answers(self.law, self.resultant, poses.reshape(-1, 12), turns)
+        return found[:, resultant.SEAT :].reshape(*centre.shape[:-1], resultant.WAYS)
 
     def _tangent(
         self, centre: np.ndarray, axes: np.ndarray, cage: float, depth: float
@@ -523,7 +562,7 @@ class RollingBearing(Clearance):
                 move = way * np.eye(6)[k]
                 turned = _rotation(move[3:]) @ axes
                 poses.append(np.concatenate([centre + move[:3], turned.ravel()]))
-        ends = resultant.answers(self.law, self.rolling, np.array(poses), cage)[:, :6]
+        ends = resultant.answers(self.law, self.resultant, np.array(poses), cage)[:, :6]
         fall: np.ndarray = ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
         return fall
 
@@ -543,12 +582,22 @@ class RollingBearing(Clearance):
     def _estimated_ratings(self) -> tuple[float, float]:
         """C and C_0 of one row by the geometry [N]."""
 
-    @abstractmethod
     def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
         """Basic reference rating life L10 at lasting element loads, in revolutions.
 
         Args:
             loads: of each element, row by row, shape (rows * Z,) [N].
+            outer_turns: the outer ring turns against the load, not the inner one.
+        """
+        used = float(self.damage_of_turn(np.asarray(loads, float).reshape(1, -1), outer_turns)[0])
+        return math.inf if used == 0.0 else 1.0 / used
+
+    @abstractmethod
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """Part of the life L10 that one revolution takes at element loads, shape (n,).
+
+        Args:
+            loads: of each element, row by row, shape (n, rows * Z) [N].
             outer_turns: the outer ring turns against the load, not the inner one.
         """
 
@@ -567,7 +616,7 @@ class RollingBearing(Clearance):
     @property
     def dimensions(self) -> tuple[float, ...]:
         """The numbers of the law."""
-        return self.rolling
+        return self.resultant
 
     @property
     def exponent(self) -> float:
@@ -606,7 +655,7 @@ class RollingBearing(Clearance):
     @property
     def preloaded(self) -> bool:
         """Whether elements bear load with both rings centred: then nothing is free."""
-        return bool(self._element_loads(np.zeros(3), np.eye(3)[2], 0.0)[0].max() > 0.0)
+        return bool(self.element_loads(np.zeros(3), np.eye(3)[2], 0.0)[0].max() > 0.0)
 
     @cached_property
     def radial_room(self) -> float:
@@ -715,6 +764,11 @@ class RollingBearing(Clearance):
     def scaled(self, factor: float) -> RollingBearing:
         """The bearing with C_r multiplied, as bought; axial and tilt play follow their own law."""
         return replace(self, radial_clearance=factor * self.bought_clearance, clearance_class=None)
+
+    @property
+    def play_words(self) -> str:
+        """The play across the axis in operation, or that there is none by preload."""
+        return "none (preloaded)" if self.preloaded else readable(round(self.radial_room, 9), "m")
 
     @property
     def words(self) -> str:
@@ -871,17 +925,22 @@ class BallBearing(RollingBearing):
         if listed:
             return 1e-3 * float(listed)
         if "static" in entry:
-            filled = FILLING * math.pi * 1e3 * self.d_pitch * math.cos(self.alpha)
+            filled = self._filling * math.pi * 1e3 * self.d_pitch * math.cos(self.alpha)
             factor = float(entry.get("f0", STATIC_FACTOR))
             return 1e-3 * float(entry["static"]) / (factor * filled)
         return BALL_SHARE * (self.d_outside - self.d_bore)
+
+    @property
+    def _filling(self) -> float:
+        """Part of the pitch circle that balls fill."""
+        return ANGULAR_FILLING if self.alpha > 0.0 else FILLING
 
     @property
     def count(self) -> int:
         """Z."""
         if self.elements is not None:
             return int(self.elements)
-        filled = FILLING * math.pi * self.d_pitch / self.d_element
+        filled = self._filling * math.pi * self.d_pitch / self.d_element
         return int(self._entry.get("balls", round(filled)))
 
     @property
@@ -891,10 +950,12 @@ class BallBearing(RollingBearing):
         if self.element_diameter is None and "ball_diameter" not in entry:
             how = f"{BALL_SHARE:g} of outside less bore"
             if "static" in entry:
-                how = f"from the static rating, {100 * FILLING:g} % of the pitch circle filled"
+                how = (
+                    f"from the static rating, {100 * self._filling:g} % of the pitch circle filled"
+                )
             said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {how}"
         if self.elements is None and "balls" not in entry:
-            said["elements"] = f"{self.count}: {FILLING:g} of the pitch circle filled"
+            said["elements"] = f"{self.count}: {self._filling:g} of the pitch circle filled"
         if self.pitch_diameter is None:
             said["pitch_diameter"] = f"{1e3 * self.d_pitch:.4g} mm: mean of bore and outside"
         if self.radial_clearance is None and self.preload is None:
@@ -1037,20 +1098,21 @@ class BallBearing(RollingBearing):
         dynamic = factor * math.cos(self.alpha) ** 0.7 * z ** (2.0 / 3.0) * d**1.8
         return dynamic, STATIC_FACTOR * z * d * d * math.cos(self.alpha)
 
-    def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
-        """See `RollingBearing.life`; ISO/TS 16281, equations 19 to 29."""
-        loads = np.asarray(loads, float).reshape(len(self.rooms_of_rows), self.count)
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """See `RollingBearing.damage_of_turn`; ISO/TS 16281, equations 19 to 29."""
+        loads = np.asarray(loads, float).reshape(-1, len(self.rooms_of_rows), self.count)
         c, z = self.ratings()[0], self.count
         factor, cosine = self._life_factor(1.044), math.cos(self.alpha) ** 0.7
         inner = c / (0.407 * z * cosine) * (1.0 + factor ** (10.0 / 3.0)) ** 0.3
         outer = c / (0.389 * z * cosine) * (1.0 + factor ** (-10.0 / 3.0)) ** 0.3
         turning, standing = (
-            np.mean(loads**power, axis=1) ** (1.0 / power) for power in (3.0, 10.0 / 3.0)
+            np.mean(loads**power, axis=2) ** (1.0 / power) for power in (3.0, 10.0 / 3.0)
         )
         on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
         used = (on_inner / inner) ** (10.0 / 3.0) + (on_outer / outer) ** (10.0 / 3.0)
-        whole = float(np.sum(used))  # rows: a product of probabilities, (sum)^(-9/10) as for rings
-        return math.inf if whole == 0.0 else 1e6 * whole**-0.9
+        # Rows: a product of probabilities, (sum)^(-9/10) as for rings.
+        whole: np.ndarray = 1e-6 * np.sum(used, axis=1) ** 0.9
+        return whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -1190,15 +1252,15 @@ class CrossedRollerBearing(RollingBearing):
         static = ROLLER_STATIC * (1.0 - gamma) * size * math.sqrt(0.5)
         return 0.75 * static, static
 
-    def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
-        """See `RollingBearing.life`; ISO/TS 16281 for radial roller bearings, one slice each."""
-        loads, c, z = np.asarray(loads, float).reshape(-1), self.ratings()[0], self.count
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """See `RollingBearing.damage_of_turn`; ISO/TS 16281 for radial rollers, one slice each."""
+        loads, c, z = np.asarray(loads, float), self.ratings()[0], self.count
         gamma = self.d_element * math.cos(math.pi / 4.0) / self.d_pitch
         factor = 1.038 * ((1.0 - gamma) / (1.0 + gamma)) ** (143.0 / 108.0)
         share = c / (0.83 * z * math.cos(math.pi / 4.0))
         inner = share / 0.378 * (1.0 + factor**4.5) ** (2.0 / 9.0)
         outer = share / 0.364 * (1.0 + factor**-4.5) ** (2.0 / 9.0)
-        turning, standing = (np.mean(loads**power) ** (1.0 / power) for power in (4.0, 4.5))
+        turning, standing = (np.mean(loads**power, axis=1) ** (1.0 / power) for power in (4.0, 4.5))
         on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
-        whole = float((on_inner / inner) ** 4.5 + (on_outer / outer) ** 4.5)
-        return math.inf if whole == 0.0 else 1e6 * whole ** (-8.0 / 9.0)
+        used: np.ndarray = (on_inner / inner) ** 4.5 + (on_outer / outer) ** 4.5
+        return 1e-6 * used ** (8.0 / 9.0)

@@ -183,10 +183,10 @@ class CompliantJoint(Clearance):
     @property
     def dimensions(self) -> tuple[float, ...]:
         """The numbers of the law."""
-        return self.rolling
+        return self.resultant
 
     @cached_property
-    def rolling(self) -> tuple[float, ...]:
+    def resultant(self) -> tuple[float, ...]:
         """Numbers by which compiled code knows the springs; see `contact.elastic`."""
         head = resultant.bearing_numbers(
             rollers=False, count=0, stiffness=0.0, radius=0.0, reach=0.0, distance=0.0, ratio=0.0,

@@ -269,7 +269,7 @@ def _judge_contacts(run, moved):
                 _judge_onset(run, joint, contact)
             if run.time < contact.braking_end:
                 most = max(most, contact.braking)  # an impact: its error is never nothing
-            if joint.rolling != 0:
+            if joint.resultant != 0:
                 squares += element_frequency(run, joint)
             elif not run.time < contact.braking_end:
                 squares += contact.compliance * _stiffness(joint, contact)

@@ -54,7 +54,7 @@ def _contact_place(joint, k):
 @internal
 def contact_gap(joint, k):
     """Gap of contact k at the joint's pose."""
-    if joint.rolling != 0:
+    if joint.resultant != 0:
         return element_gap(joint)
     return _contact_place(joint, k)[0]
 
@@ -65,7 +65,7 @@ def find_gaps(run, j, joint):
 
     Elastic forces follow, for they depend on the depth alone.
     """
-    if joint.rolling != 0:
+    if joint.resultant != 0:
         return find_elements(run, j, joint)
     touching = False
     for k in range(joint.count):
@@ -228,7 +228,7 @@ def _add_slope(joint, contact, b):
 @internal
 def add_contact_slope(run, j, joint):
     """Add the derivative of the wrench by the twist; after `add_contact_forces`."""
-    if joint.rolling != 0:
+    if joint.resultant != 0:
         add_element_slope(joint)
         return
     for k in range(joint.count):
@@ -260,7 +260,7 @@ def add_contact_slope(run, j, joint):
 @internal
 def add_contact_forces(run, j, joint):
     """Add the contact forces at the joint's twist to its wrench."""
-    if joint.rolling != 0:
+    if joint.resultant != 0:
         add_element_forces(run, j, joint)
         return
     wrench = joint.wrench
@@ -292,7 +292,7 @@ def add_contact_forces(run, j, joint):
 @internal
 def add_dissipation(run, j, joint):
     """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
-    if joint.rolling != 0:
+    if joint.resultant != 0:
         add_element_losses(run, joint)
         return
     for k in range(joint.count):

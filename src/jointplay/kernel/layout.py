@@ -211,7 +211,7 @@ JOINT = _record(
     element_law=_INT,  # of a rolling bearing, whose numbers are `dimensions`; and
     elements=_INT,  # what it answers, see `contact.rolling`
     # What it is.
-    rolling=_INT,
+    resultant=_INT,  # whether a law answers for all of it (`rolling`)
     bristles=_INT,
     shape=_INT,
     count=_INT,

@@ -199,7 +199,7 @@ def advance_cages(run, v, elapsed):
     """Turn all cages by what they go in `elapsed` [s] at velocities v."""
     for j in range(run.nj):
         joint = joints(run)[j]
-        if joint.rolling != 0:
+        if joint.resultant != 0:
             joint.cage += elapsed * cage_rate(joint, v)
 
 
@@ -208,7 +208,7 @@ def advance_cages_by_stage(run, v, stage, weight, ahead):
     """Do the same in a stage of Runge-Kutta's, from the step's start on."""
     for j in range(run.nj):
         joint = joints(run)[j]
-        if joint.rolling == 0:
+        if joint.resultant == 0:
             continue
         rate = cage_rate(joint, v)
         if stage == 0:

@@ -62,7 +62,7 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)
-    if not touching and joint.sections == 0 and joint.rolling == 0:
+    if not touching and joint.sections == 0 and joint.resultant == 0:
         return
     find_twist(joint, v)
     if joint.sections > 0:

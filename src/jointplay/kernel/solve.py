@@ -106,7 +106,7 @@ def find_velocity_forces(run, q, half):
         find_pose(run, joint, q)
         touching = find_gaps(run, j, joint)
         run.touching += 1 if touching else 0
-        joint.touching = 1 if touching or joint.sections > 0 or joint.rolling != 0 else 0
+        joint.touching = 1 if touching or joint.sections > 0 or joint.resultant != 0 else 0
         for r in range(6):
             joint.wrench[r] = 0.0
         if joint.touching == 0:

@@ -185,7 +185,7 @@ class Workspace(PointerRecord):
         super().__init__(layout.RUN, ("joints", "loads"))
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
-        cages = len(sites) if any(site.record["rolling"][0] for site in sites) else 0
+        cages = len(sites) if any(site.record["resultant"][0] for site in sites) else 0
         refined = len(tables.refined_gears)
         self.fields, columns = record_columns(nv, len(sites), width, loads, cages, refined)
         # Views of single fields: to look a field up costs more than to read it.
@@ -317,7 +317,7 @@ class Workspace(PointerRecord):
             "signs": signs,
             "jacobian": np.zeros((6, len(support))),
             "sliding_work": self.sliding_work[j],
-            "elements": np.zeros(SEAT_ANSWERS if joint["rolling"] else 1),
+            "elements": np.zeros(SEAT_ANSWERS if joint["resultant"] else 1),
         }
         self._set_row_pointers(joint, arrays, "{}." + str(j))
         self._addresses["joints"] |= {*arrays, "normal_law", "friction_law"}

@@ -11,11 +11,11 @@ MARK = "jointplay figures"
 
 NAMES = (
     *("tool_displacement", "tool_velocity", "tool_path", "journal_orbit"),
-    *("force_x", "force_y", "force_z", "overview"),
+    *("force_x", "force_y", "force_z", "overview", "bearing_loads"),
 )
 """Figures that compare cases, in order."""
 
-PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(NAMES) if name != "overview"}
+PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(NAMES[:-2])}
 """Names of the paper's figures."""
 
 

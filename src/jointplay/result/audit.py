@@ -254,11 +254,14 @@ class Audit(Described):
         if self.impacts:
             steps = self.shortest_contact_steps
             shortest = f"shortest {steps} steps" if steps else "none ended"
+            deepest = f"  largest penetration: {self.largest_penetration:.3g} m, "
+            deepest += f"{100 * self.penetration_over_clearance:.2g} % of the clearance"
+            if not self.penetration_over_clearance:  # of rolling elements alone, which have none
+                deepest = f"  largest deflection of an element: {self.largest_penetration:.3g} m"
             lines += [
                 f"  contacts: {self.impacts}, {shortest}, "
                 f"{self.under_resolved} under {WELL_RESOLVED_STEPS} steps",
-                f"  largest penetration: {self.largest_penetration:.3g} m, "
-                f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
+                deepest,
             ]
         if self.peak_force is not None:
             lines.append(f"  {self.headline}")
@@ -450,7 +453,7 @@ class Auditor:
         for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
             for gap, room in zip(gaps, joint.rooms, strict=False):
                 depth = max(depth, -gap)
-                if joint.rolling is None:  # elements give way by more than they are free
+                if joint.resultant is None:  # elements give way by more than they are free
                     relative = max(relative, -gap / room)
         moved = np.max(self._variations, initial=0.0)
         before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}

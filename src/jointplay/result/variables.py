@@ -43,7 +43,7 @@ class Term:
 TERMS = (
     Term("drive", "drive_work", "work of the drives", lost=False),
     Term("normal_dissipation", "normal_dissipation", "lost in normal contact"),
-    Term("friction_dissipation", "friction_dissipation", "lost in sliding"),
+    Term("friction_dissipation", "friction_dissipation", "lost in sliding and rolling"),
     Term("joint_friction", "joint_friction_loss", "lost in joint friction"),
     Term("gear_dissipation", "gear_dissipation", "lost in gears"),
     Term("film_dissipation", "film_dissipation", "lost in oil"),
@@ -344,7 +344,7 @@ def contact_variables(
         for name in ("gap_min", "normal", "normal_peak", "tangential")
     }
     stored = np.zeros(n)
-    rolls = any(joint.rolling is not None for joint in mechanism.clearance.values())
+    rolls = any(joint.resultant is not None for joint in mechanism.clearance.values())
     moment, loaded = np.full((n, nj, 3), np.nan), np.full((n, nj), np.nan)
     cage = np.full((n, nj), np.nan)
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
@@ -353,13 +353,13 @@ def contact_variables(
         tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
         count = len(joint.contacts)
         at = [names.index(contact) for contact in joint.contacts]
-        if joint.rolling is None:
+        if joint.resultant is None:
             gap[:, j, at], mode[:, j], form[:, j] = classify_many(
                 int(joint.shape), np.array(joint.dimensions), count, poses
             )
         else:
             cage[:, j] = records.recorded("cage")[:, j]
-            found = resultant.answers(joint.law, joint.rolling, poses, cage[:, j])
+            found = resultant.answers(joint.law, joint.resultant, poses, cage[:, j])
             gap[:, j, at[0]], loaded[:, j] = (
                 -found[:, resultant.DEEPEST],
                 found[:, resultant.LOADED],
@@ -373,7 +373,7 @@ def contact_variables(
         for values in (force, peak, film):
             values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
         groups: dict[Any, list[int]] = {}
-        for k in range(count if joint.rolling is None else 0):
+        for k in range(count if joint.resultant is None else 0):
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
         for contact, members in groups.items():
             parameters = joint.normal.parameters(contact)

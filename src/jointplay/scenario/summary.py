@@ -8,6 +8,7 @@ from typing import Any
 from jointplay.contact.law import Law
 from jointplay.core.schema import fields_of
 from jointplay.core.units import readable
+from jointplay.joints import RollingBearing
 from jointplay.loads import Load
 from jointplay.loads.drive import assign
 from jointplay.loads.limits import LIMITS
@@ -53,7 +54,14 @@ def _facts(run: Run) -> dict[str, str]:
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         steps = contact_duration(mechanism, name, run.workspace.q) / step
-        facts[f"joint {name}"] = f"{joint.kind}: {_fields(joint)}; {steps:.0f} steps in an impact"
+        words = f"{joint.kind}: {_fields(joint)}"
+        if isinstance(joint, RollingBearing):
+            words = f"{joint.words}: {_fields(joint, zeros=False)}"
+            guessed = "; ".join(
+                f"{field.replace('_', ' ')} {text}" for field, text in joint.estimates.items()
+            )
+            words += f"; estimated: {guessed}" if guessed else ""
+        facts[f"joint {name}"] = f"{words}; {steps:.0f} steps in an impact"
     if not mechanism.clearance:
         facts["joints"] = "all ideal"
     for name, gear in mechanism.gears.items():
@@ -126,8 +134,8 @@ def _part(one: Any, unit: str) -> str:
     return readable(one, unit) if isinstance(one, float | int) else f"[{_fields(one)}]"
 
 
-def _fields(thing: Any, joint: Any = None) -> str:
-    """Fields of a value, with units; those not set left out."""
+def _fields(thing: Any, joint: Any = None, zeros: bool = True) -> str:
+    """Fields of a value, with units; those not set left out, and without `zeros` those of zero."""
     words = []
     kind: Any = type(thing)
     for name, field in fields_of(kind).items():
@@ -135,7 +143,7 @@ def _fields(thing: Any, joint: Any = None) -> str:
         slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
-        if value is None or value is False or name == "frame":
+        if value is None or value is False or name == "frame" or (value == 0 and not zeros):
             continue
         if value is True:
             words.append(name)

@@ -65,9 +65,9 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     record["normal_law"], record["friction_law"] = address(joint.normal), address(joint.friction)
     record["bristles"] = joint.friction.bristles
     record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
-    if joint.rolling is not None:
-        record["rolling"], record["element_law"] = 1, resultant.address(joint.law)
-        record["cage"] = joint.rolling[resultant.CAGE]
+    if joint.resultant is not None:
+        record["resultant"], record["element_law"] = 1, resultant.address(joint.law)
+        record["cage"] = joint.resultant[resultant.CAGE]
     record["wearing"] = len(joint.wear.widths) if joint.wear else 0
     record["limit"] = -joint.depth_limit
     record["rest_mass"] = mass / REST_SPEED**2
@@ -117,9 +117,9 @@ def _link_masses(mechanism: Mechanism, name: str) -> str:
 def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndarray) -> None:
     """Refuse a step [s] too large for the swing on springs or on a preloaded bearing."""
     joint = mechanism.clearance[name]
-    assert joint.rolling is not None
+    assert joint.resultant is not None
     centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
-    found = resultant.answers(joint.law, joint.rolling, centred[None])[0]
+    found = resultant.answers(joint.law, joint.resultant, centred[None])[0]
     stiffness = found[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
     jacobian = mechanism.relative_jacobian(name, q)
     inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
@@ -151,7 +151,7 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
         if step is None:
             continue
         joint = mechanism.clearance[name]
-        if joint.rolling is not None:
+        if joint.resultant is not None:
             _check_step_follows(mechanism, name, step, q)
         if joint.law == resultant.SPRINGS:  # nothing hits
             continue

@@ -190,7 +190,7 @@ class ElasticJoint:
 
     def __new__(cls, joint: Clearance) -> ElasticJoint:
         """Take what belongs to the kind of contact."""
-        return object.__new__(cls if joint.rolling is None else _ElasticElements)
+        return object.__new__(cls if joint.resultant is None else _ElasticElements)
 
     def __init__(self, joint: Clearance) -> None:
         """Gather what the compiled functions need."""
@@ -234,9 +234,9 @@ class _ElasticElements(ElasticJoint):
     """The elements of a rolling bearing, its cage where it starts."""
 
     def __init__(self, joint: Clearance) -> None:
-        assert joint.rolling is not None
-        self._law, self._numbers = joint.law, joint.rolling
-        self._cage = joint.rolling[resultant.CAGE]
+        assert joint.resultant is not None
+        self._law, self._numbers = joint.law, joint.resultant
+        self._cage = joint.resultant[resultant.CAGE]
         self.reach = float(np.linalg.norm(joint.outline.size))
 
     def _look(self, poses: np.ndarray) -> np.ndarray:
@@ -489,7 +489,7 @@ def limited_freedoms(joint: Clearance) -> list[str]:
     freedoms = []
     for axis, part in enumerate(VIRTUAL_LINK[:3]):
         centre = _ANGLE * np.eye(3)[axis]
-        held = joint.rolling is not None or joint.room_to_start.get(part, 0.0) > 0.0
+        held = joint.resultant is not None or joint.room_to_start.get(part, 0.0) > 0.0
         if part in joint.freedoms and held:
             _, follows = joint.ideal_part(np.eye(3), centre)
             freedoms += [part] if abs(follows[axis]) < 0.5 * _ANGLE else []
