@@ -16,6 +16,7 @@ from .tool_error import deviation as deviation
 from .tool_error import error_at as error_at
 from .tool_error import stops as stops
 from .twins import ROLLING_KINDS as ROLLING_KINDS
+from .twins import SLIDING_KINDS as SLIDING_KINDS
 from .twins import clearance_inputs as clearance_inputs
 from .twins import clearance_outline as clearance_outline
 from .twins import has_play as has_play

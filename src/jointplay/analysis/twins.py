@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core.errors import MissingName
-from jointplay.joints import JOINT_KINDS, VIRTUAL_LINK, RollingBearing, class_of
+from jointplay.joints import JOINT_KINDS, VIRTUAL_LINK, RollingBearing, SlidingClearance, class_of
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.result.result import Result
 from jointplay.result.stored import stored_coordinates
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
+
+SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
+"""Kinds of joint whose surfaces slide on each other."""
 
 ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
 """Kinds of joint with rolling elements."""

@@ -24,14 +24,14 @@ from jointplay.core.errors import (
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import half_sphere
-from jointplay.joints import BallBearing, Clearance, RollingBearing
-from jointplay.joints.bearings import CLASSES
+from jointplay.joints import Clearance, RollingBearing
+from jointplay.joints.bearings import PRELOADED
 from jointplay.mechanism.mechanism import Mechanism
 
 PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1": 1.0}
 """Price of a class relative to the usual one, unless it is given: assumed, of no catalogue."""
-PRELOADED, PRELOAD_PRICE = "preloaded", 2.0
-"""A pair without play, which costs so many times the usual class."""
+PRELOAD_PRICE = 2.0
+"""Of a preloaded pair, relative to the usual class."""
 _ROUNDS, _TIE = 60, 1e-6
 _CLIMBS = 5
 
@@ -113,20 +113,8 @@ def offers_of(
         if name not in known:
             raise MissingName("class of clearance", name, known)
         known[name] = require_non_negative(f"price of {name!r}", price, "")
-    found = []
-    for name in CLASSES:
-        try:
-            made = replace(joint, clearance_class=name, radial_clearance=None)
-        except MissingName:
-            continue
-        found.append(Offer(name, made, known[name]))
-    if isinstance(joint, BallBearing) and joint.alpha > 0.0:
-        found = [Offer("as given", joint, 1.0)]
-        if joint.pairing in ("DB", "DF"):
-            light = 1e-2 * joint.ratings()[1]
-            tight = replace(joint, preload=joint.preload or light, radial_clearance=None)
-            found.append(Offer(PRELOADED, tight, known[PRELOADED]))
-    return tuple(found)
+    made = joint.of_classes()
+    return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in made.items())
 
 
 def allocate_classes(

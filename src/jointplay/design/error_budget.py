@@ -36,7 +36,6 @@ from jointplay.design.levers import (
 from jointplay.design.rest import compliance_shift
 from jointplay.design.static_budget import half_sphere
 from jointplay.joints import Elasticity, RollingBearing
-from jointplay.joints.compliance import CompliantJoint
 from jointplay.joints.play import Play, Support
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -594,8 +593,8 @@ def _elastic(
     joint, gear = mechanism.clearance.get(name), mechanism.gears.get(name)
     carried = load.copy()
     carried[:, about] = 0.0
-    if isinstance(joint, CompliantJoint):
-        shift += _by_springs(joint.elasticity, carried)
+    if joint is not None and joint.springs is not None:
+        shift += _by_springs(joint.springs, carried)
         words.append("its springs")
     elif isinstance(joint, RollingBearing):
         play = joint.play(second_order=False)

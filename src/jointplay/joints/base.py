@@ -270,6 +270,11 @@ class Clearance(Described, ABC):
         return resultant.ELEMENTS
 
     @property
+    def springs(self) -> Any:
+        """`compliance.Elasticity` of a joint that springs alone hold; None for the others."""
+        return None
+
+    @property
     def rooms(self) -> tuple[float, ...]:
         """Clearance that belongs to each contact [m]."""
         return (self.radial_room,) * len(self.contacts)

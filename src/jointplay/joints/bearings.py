@@ -17,6 +17,7 @@ import re
 import tomllib
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -41,6 +42,9 @@ ARRANGEMENTS = ("single", "DB", "DF", "DT")
 
 CLASSES = ("C0", "C1", "C2", "C3", "C4", "CN", "CC0")
 """Of internal clearance, of which a bearing has some."""
+
+AS_GIVEN, PRELOADED = "as given", "preloaded"
+"""What an angular contact bearing can be instead of a class."""
 
 _SHIELDS = re.compile(r"[- ]?(2?ZZ?|2?RS[HLR12]?|DDU?|LLU)$")
 """What makers append for shields and seals, which change nothing here."""
@@ -356,6 +360,14 @@ class RollingBearing(Clearance):
         taken += EXPANSION * self.temperature_difference * self.d_pitch
         return self.bought_clearance - 0.5 * taken
 
+    def of_classes(self) -> dict[str, RollingBearing]:
+        """The same bearing in each class of clearance that there is of its size, by class."""
+        found: dict[str, RollingBearing] = {}
+        for name in CLASSES:
+            with suppress(MissingName):
+                found[name] = replace(self, clearance_class=name, radial_clearance=None)
+        return found
+
     # The law.
 
     @cached_property
@@ -481,7 +493,11 @@ class RollingBearing(Clearance):
                 there = centre + step[:3], _rotation(np.array([*step[3:], 0.0])) @ axes
                 trial = self._state(*there, turn)
                 now = (trial.wrench + given)[:5] * weight
-                if np.linalg.norm(now) < error:
+                # Downhill in the energy of bearing and load, or nearer to balance at its bottom.
+                rise = trial.energy - state.energy - float(given[:5] @ step)
+                if rise < -_ROUNDING * (state.energy + trial.energy) or (
+                    np.linalg.norm(now) < error
+                ):
                     break
                 held *= 8.0
             else:
@@ -783,7 +799,7 @@ class RollingBearing(Clearance):
         )
 
 
-_MOST_TRIALS, _BALANCED, _ROUNDING = 200, 1e-9, 1e-14
+_MOST_TRIALS, _BALANCED, _ROUNDING = 600, 1e-8, 1e-14
 
 
 def _rotation(vector: np.ndarray) -> np.ndarray:
@@ -950,9 +966,7 @@ class BallBearing(RollingBearing):
         if self.element_diameter is None and "ball_diameter" not in entry:
             how = f"{BALL_SHARE:g} of outside less bore"
             if "static" in entry:
-                how = (
-                    f"from the static rating, {100 * self._filling:g} % of the pitch circle filled"
-                )
+                how = f"static rating, {100 * self._filling:g} % of the pitch circle filled"
             said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {how}"
         if self.elements is None and "balls" not in entry:
             said["elements"] = f"{self.count}: {self._filling:g} of the pitch circle filled"
@@ -976,6 +990,19 @@ class BallBearing(RollingBearing):
     @property
     def _class_size(self) -> float:
         return self.d_bore
+
+    def of_classes(self) -> dict[str, RollingBearing]:
+        """See `RollingBearing.of_classes`; of a pair of angular contact bearings it and preloaded.
+
+        The preload, if none is given, is a hundredth of the static rating.
+        """
+        if self.alpha == 0.0:
+            return super().of_classes()
+        found: dict[str, RollingBearing] = {AS_GIVEN: self}
+        if self.pairing in ("DB", "DF"):
+            force = self.preload or 1e-2 * self.ratings()[1]
+            found[PRELOADED] = replace(self, preload=force, radial_clearance=None)
+        return found
 
     def class_range(self) -> tuple[float, float]:
         """See `RollingBearing.class_range`; angular contact bearings have no such classes."""

@@ -171,6 +171,11 @@ class CompliantJoint(Clearance):
     """How stiff it is."""
 
     @property
+    def springs(self) -> Elasticity:
+        """Those of `elasticity`."""
+        return self.elasticity
+
+    @property
     def contacts(self) -> tuple[str, ...]:
         """One, which always holds."""
         return ("springs",)

@@ -551,12 +551,12 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
     return {
         "always": True,
         "clearance": bool(moving),
-        "sliding": bool(kinds - analysis.ROLLING_KINDS),
+        "sliding": bool(kinds & analysis.SLIDING_KINDS),
         "rolling": bool(kinds & analysis.ROLLING_KINDS),
         "dry": any(
             not joint.get("lubricant")
             for joint in bearings
-            if joint["kind"] not in analysis.ROLLING_KINDS
+            if joint["kind"] in analysis.SLIDING_KINDS
         ),
         "oil": any(joint.get("lubricant") for joint in bearings),
         "worn": any(joint.get("worn") for joint in bearings),
