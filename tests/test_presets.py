@@ -76,6 +76,21 @@ def test_it_is_a_name_of_the_package():
     assert isinstance(jp.presets.preset("so101"), Preset)
 
 
+@pytest.mark.parametrize(
+    ("name", "robot"),
+    (ARMS | {"so101": "so101", "x-scara": "scara", "printed-servo": "so101"}).items(),
+)
+def test_every_preset_runs_with_its_drives(name, robot, tmp_path, capsys):
+    """Drives tuned to the rigid arm, their encoders on the link, made elastic gears diverge."""
+    run = ["run", robot, "--preset", name, "--duration", "0.4", "--no-figures",
+           "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
+    assert cli.main(run) == 0, capsys.readouterr().err
+    result = jp.Result.load(tmp_path / "result.nc")
+    assert result.time[-1] == pytest.approx(0.4)
+    if result.joints:
+        assert np.abs(result["joint_force"]).max() < 1000.0
+
+
 def test_the_command_line_lists_and_uses_them(tmp_path, capsys):
     assert cli.main(["presets"]) == 0
     shown = capsys.readouterr().out

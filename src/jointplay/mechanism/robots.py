@@ -31,8 +31,8 @@ SHIPPED = "jointplay:"
 PREFIX = f"{PACKAGE}:"
 """Marks a robot's name where a path could stand, as in ``example-robot-data:ur5``."""
 
-OWN = {"so101": "so101.urdf"}
-"""Robots whose URDF ships with this package, by name."""
+OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
+"""Robots whose URDF ships with this package, by name; they hide others of that name."""
 
 _NO_MASS = 1e-12
 """A joint whose entry on the mass matrix's diagonal is no larger moves nothing [kg m^2 or kg]."""
@@ -89,7 +89,7 @@ def robots() -> tuple[str, ...]:
     Raises:
         JointplayError: see `share`.
     """
-    return tuple(sorted((*OWN, *_table(share() / "robots"))))
+    return tuple(sorted({*OWN, *_table(share() / "robots")}))
 
 
 def robot_urdf(name: str) -> Path:

@@ -24,7 +24,13 @@ def is_paper_robot(urdf: str) -> bool:
     return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
 
 
-def file_names(paper: bool) -> list[str]:
-    """Names of all files that `figures.save` may write, for the paper's robot or for another."""
-    names = [PAPER.get(name, name) if paper else name for name in NAMES]
+def file_names(paper: bool, rolling: bool = True) -> list[str]:
+    """Names of all files that `figures.save` may write.
+
+    Args:
+        paper: for the paper's robot, whose figures have its numbers.
+        rolling: whether there may be rolling bearings.
+    """
+    shown = NAMES if rolling else NAMES[:-1]
+    names = [PAPER.get(name, name) if paper else name for name in shown]
     return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]

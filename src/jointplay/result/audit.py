@@ -216,7 +216,7 @@ class Audit(Described):
     @property
     def headline(self) -> str:
         """How the run began and its largest force, and from when on that is judged; a line."""
-        began = f"journals start {'at rest' if self.start == 'rest' else 'centred'}"
+        began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual is not None:
             reason = "" if self.start == "rest" else ", because no equilibrium was found"
             began += (

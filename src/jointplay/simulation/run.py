@@ -64,6 +64,9 @@ EXPLICIT_DECAY = 0.2
 LONG_STEP_S = 1e-4
 """Step for which that is asked where steps go by their error [s]."""
 
+FASTEST_SHOWN = 4
+"""Coordinates that the message on a run that diverged has."""
+
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
@@ -77,16 +80,25 @@ def end_message(
         return f"completed {workspace.time:g} s in {workspace.steps} steps"
     if status == Status.INTERRUPTED:
         return f"interrupted {at}; {workspace.rows} records kept"
-    state = ", ".join(
+    state = [
         f"{name} = {q:.6g} ({v:.4g}/s)"
         for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)
-    )
+    ]
+    fast = sorted(np.argsort(-np.abs(workspace.v), kind="stable")[:FASTEST_SHOWN])
+    shown = ", ".join(state[k] for k in fast)
+    if len(fast) < len(state):
+        shown += f" (the fastest of {len(state)} coordinates)"
     joint, contact = workspace.bad_contact
     if status == Status.BAD_LOAD:
         what, remedy = f"the load {loads[joint]!r} gave a non-finite value", "correct it"
     elif status == Status.RUN_AWAY:
         what = "the state diverged or is not a number"
         remedy = "reduce the step or the drive's bandwidth"
+        if mechanism.gears:
+            remedy += (
+                ", which an elastic gear limits when the encoder is on the link "
+                '(encoder = "motor" puts it before the gear)'
+            )
     else:
         name = list(mechanism.clearance)[joint]
         law = mechanism.clearance[name]
@@ -104,7 +116,7 @@ def end_message(
                 f"returned a non-finite value ({place})"
             )
             remedy = "correct the law"
-    return f"stopped {at}: {what}; {remedy}. State: {state}"
+    return f"stopped {at}: {what}; {remedy}. State: {shown}"
 
 
 @dataclass(frozen=True)
