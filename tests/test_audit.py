@@ -180,8 +180,7 @@ def test_figures_that_are_not_given_are_none():
         ),
         (
             {"start_residual": 0.2, "start_load": 3.0},
-            "starts centred, because no equilibrium was found "
-            "(residual force 0.2 N of 3 N)",
+            "starts centred, because no equilibrium was found (residual force 0.2 N of 3 N)",
         ),
         (
             {

@@ -14,7 +14,7 @@ from jointplay.commands import (
     name_and_value,
     quantity,
 )
-from jointplay.commands.mechanism import add_poses, add_robot, task
+from jointplay.commands.mechanism import add_poses, add_robot, preset_chosen, task
 from jointplay.core.errors import JointplayError
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
@@ -68,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.design.allocation import allocate
     from jointplay.joints import RollingBearing
 
-    if options.clearance is None and not str(options.robot).endswith(".toml"):
+    chosen = preset_chosen(options)
+    named = str(options.robot).endswith(".toml") or (chosen is not None and chosen.bearings)
+    if options.clearance is None and not named:
         options.clearance = options.axial or 1e-4  # sizes are what is sought
     work = task(options)
     if options.verify is not None and work.motion is None:

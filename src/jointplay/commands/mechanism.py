@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jointplay.joints import Clearance
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.motion.reference import Motion
+    from jointplay.scenario.presets import Preset
     from jointplay.simulation.simulation import Simulation
 
 
@@ -191,10 +192,7 @@ def _mechanism(
     else:
         clearance = _clearance(options, plain, tool, notes, simulation)
     gears = dict(simulation.mechanism.gears) if simulation is not None else {}
-    if options.preset is not None:
-        from jointplay.scenario.presets import preset, preset_of
-
-        chosen = preset(options.preset) if options.preset else preset_of(str(options.robot))
+    if (chosen := preset_chosen(options)) is not None:
         made = chosen.mechanism(description.path, allow_unphysical=allowed)
         clearance = {**made.clearance, **clearance}
         gears = {**made.gears, **gears}
@@ -209,6 +207,15 @@ def _mechanism(
         allow_unphysical=allowed,
     )
     return mechanism, simulation, notes
+
+
+def preset_chosen(options: argparse.Namespace) -> Preset | None:
+    """What --preset selects."""
+    from jointplay.scenario.presets import preset, preset_of
+
+    if options.preset is None:
+        return None
+    return preset(options.preset) if options.preset else preset_of(str(options.robot))
 
 
 def _clearance(

@@ -22,6 +22,7 @@ from jointplay.core.tables import columns, csv_text
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
 from jointplay.design.wear import (
+from jointplay.joints import RollingBearing
     Depths,
     all_wearing,
     check_blocks,
@@ -149,8 +150,8 @@ def maintenance(
     wearing = all_wearing(simulation)
     if not wearing:
         joints = simulation.mechanism.clearance
-        rolling = [name for name, joint in joints.items() if joint.resultant is not None]
-        have = ", ".join(name for name in joints if name not in rolling) or "none"
+        rolling = [name for name, one in joints.items() if isinstance(one, RollingBearing)]
+        have = ", ".join(n for n, one in joints.items() if one.resultant is None) or "none"
         life = (
             f"; rolling bearings ({', '.join(rolling)}) have a rating life instead of a wear rate"
         )

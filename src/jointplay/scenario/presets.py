@@ -27,6 +27,8 @@ from jointplay.mechanism.urdf import Description, read
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
 
+__all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
+
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
 """Tables of a scenario by what a preset calls a joint's."""
 
@@ -69,6 +71,11 @@ class Preset:
     ordered: tuple[Mapping[str, Any], ...]
     """Tables by the order of joints from the base on; the last is for all that follow."""
     origins: tuple[Origin, ...]
+
+    @property
+    def bearings(self) -> bool:
+        """Whether it says which bearings there are."""
+        return any("bearing" in one for one in (self.every, *self.ordered))
 
     @property
     def assumed(self) -> bool:
