@@ -22,7 +22,6 @@ from jointplay.core.tables import columns, csv_text
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
 from jointplay.design.wear import (
-from jointplay.joints import RollingBearing
     Depths,
     all_wearing,
     check_blocks,
@@ -30,6 +29,7 @@ from jointplay.joints import RollingBearing
     wear_blocks,
     with_worn,
 )
+from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
 
 _DEEPEST = 0.09
