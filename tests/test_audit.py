@@ -172,16 +172,15 @@ def test_figures_that_are_not_given_are_none():
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({}, "journals start centred"),
+        ({}, "starts centred"),
         (
             {"start": "rest", "start_residual": 1e-8, "start_load": 72.41, "peak_force": 82.7},
-            "journals start at rest (residual force 1e-08 N of 72.4 N); largest joint force "
+            "starts at rest (residual force 1e-08 N of 72.4 N); largest joint force "
             "82.7 N, judged from the start",
         ),
         (
             {"start_residual": 0.2, "start_load": 3.0},
-            "journals start centred, because no equilibrium was found "
-            "(residual force 0.2 N of 3 N)",
+            "starts centred, because no equilibrium was found (residual force 0.2 N of 3 N)",
         ),
         (
             {
@@ -190,7 +189,7 @@ def test_figures_that_are_not_given_are_none():
                 "peak_force": 4.0,
                 "peak_force_before": 9.0,
             },
-            "journals start centred; from 0.5 s on, 3 contacts began, largest joint force 4 N "
+            "starts centred; from 0.5 s on, 3 contacts began, largest joint force 4 N "
             "(before: 9 N)",
         ),
     ],

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jointplay.kernel.layout import FRICTION, POWERS
+from jointplay.mechanism.gear import Gear
 from jointplay.result import audit
 from jointplay.result import audit as audit_module
 from jointplay.result.audit import Audit, Judgement
@@ -54,6 +55,7 @@ def bearing(*rooms, film=None, kinds=("rim", "rim")):
         rooms=rooms,
         normal=Law(),
         film=film,
+        resultant=None,
         contact_properties=lambda k: kinds[k],
     )
 
@@ -62,7 +64,7 @@ def bearing(*rooms, film=None, kinds=("rim", "rim")):
 def mechanism():
     return SimpleNamespace(
         clearance={"b": bearing(1e-4, 2e-4), "c": bearing(1e-5, 1e-6)},
-        gears={"g": SimpleNamespace(play=0.7)},
+        gears={"g": Gear(play=0.7, rotor_inertia=1.0, stiffness=1.0)},
         motor=lambda name: 1,
         coordinate=lambda name: 2,
     )
@@ -235,9 +237,9 @@ def test_run_without_records_has_no_limit_of_friction_nor_teeth(audited):
 def test_teeth_that_touch_are_resolved_by_the_first_records_duration(audited, mechanism):
     assert audited()[0].tooth_steps == pytest.approx(3e-4 / 2e-5)  # 0.6 rad apart, play 0.7
     assert audited(tolerance=1e-6)[0].tooth_steps == math.inf
-    mechanism.gears["g"].play = 1.2
+    mechanism.gears["g"] = Gear(1.2, 1.0, 1.0)
     assert audited()[0].tooth_steps == math.inf  # just not through the play
-    mechanism.gears["g"].play = 1.1
+    mechanism.gears["g"] = Gear(1.1, 1.0, 1.0)
     assert audited()[0].tooth_steps < math.inf
 
 

@@ -311,7 +311,7 @@ def test_the_slider_crank_from_rest_is_one_draw_of_many():
     assert "sensitive" in found.note
     peak, impacts = found["peak joint force"], found["impacts"]
     assert peak.error > abs(peak.value - 11.5e3)
-    assert impacts.error > abs(impacts.value - 14)
+    assert impacts.error > impacts.value
 
 
 def test_the_ideal_twin_of_an_adaptive_loop_can_run():

@@ -208,7 +208,7 @@ def test_run_away_keeps_what_was_computed(tmp_path):
     done = jointplay("run", "--bandwidth", "1e6", "--out", tmp_path, *SHORT)
     assert done.returncode == 1
     assert "stopped at t = " in done.stdout
-    assert "joint_b.yaw = " in done.stdout
+    assert re.search(r"joint_b\.\w+ = .*the fastest of \d+ coordinates", done.stdout)
     result = Result.load(tmp_path / "result.nc")
     assert result.status != Status.COMPLETED
     assert len(result.time) > 0

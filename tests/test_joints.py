@@ -6,6 +6,8 @@ import math
 import pytest
 
 from jointplay import (
+    BallBearing,
+    CrossedRollerBearing,
     JointplayError,
     Material,
     PrismaticClearance,
@@ -13,7 +15,7 @@ from jointplay import (
     SphericalClearance,
 )
 from jointplay.contact import CustomFriction, Hertz, LuGre
-from jointplay.joints import Clearance, RoundClearance
+from jointplay.joints import Clearance, RoundClearance, SlidingClearance
 
 
 def test_clearances_give_the_journal():
@@ -116,6 +118,9 @@ KINDS = {
     "ball": SphericalClearance(radial_clearance=2e-4),
     "slider": PrismaticClearance(clearance=2e-4, clearance_y=3e-4),
     "planar slider": PrismaticClearance(clearance=2e-4, planar=True),
+    "deep groove": BallBearing(designation="6010/C3"),
+    "angular contact pair": BallBearing(designation="7206 B DB", radial_clearance=5e-6),
+    "crossed rollers": CrossedRollerBearing(designation="RB5013"),
 }
 
 
@@ -133,7 +138,9 @@ def test_every_kind_names_its_clearances_and_takes_others_in_the_same_bearing(jo
 
 
 def test_a_kind_must_say_how_it_touches_and_what_it_looks_like_only():
-    assert Clearance.__abstractmethods__ == {"contacts", "contact_properties", "outline"}
+    whole = {"contacts", "contact_properties", "outline"}
+    assert SlidingClearance.__abstractmethods__ == whole
+    assert Clearance.__abstractmethods__ == whole | {"shape", "dimensions"}
     assert RoundClearance.__abstractmethods__ == {"contacts", "outline"}
 
 

@@ -178,7 +178,8 @@ def test_every_robot_is_surveyed():
     assert not found["a1"].serial
     assert "LFinger21" in found["romeo"].massless
     assert "move links without mass" in found["romeo"].remarks[0]
-    assert found["so101"].unphysical == ("gripper_frame_link",)
+    assert found["anymal_b"].unphysical == ("base",)
+    assert not found["so101"].unphysical
     assert not found["quadrotor_base"].moving
     astray = found["alex_psyonic_hands"]
     assert astray.astray["Left_index_q2"] == "index_q1"
@@ -209,7 +210,8 @@ def test_command_lists_one_robot(capsys):
     out = capsys.readouterr().out
     for name in JOINTS["so101"]:
         assert re.search(rf"^ +{name} +revolute\b", out, re.MULTILINE)
-    assert "option: --allow-unphysical gripper_frame_link" in out
+    assert main(["robots", "pr2"]) == 0
+    assert "option: --allow-unphysical sensor_mount_link,double_" in capsys.readouterr().out
     assert main(["robots", "r2d2"]) == 2
 
 

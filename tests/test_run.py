@@ -271,7 +271,7 @@ def test_falling_journals_are_not_judged_in_long_runs(arm):
 
 def test_still_machine_says_how_it_began(arm):
     audit = jp.Simulation(arm, still(arm, 1e-3)).run().audit
-    assert "journals start at rest (residual force" in audit.headline
+    assert "starts at rest (residual force" in audit.headline
 
 
 def test_the_twin_takes_of_a_state_what_it_has(arm):

@@ -225,3 +225,76 @@ def test_help_imports_nothing_heavy():
 def test_shipped_files_include_scenarios():
     for name in ("scara.toml", "slider_crank.toml", "four_bar.toml", "four_bar.urdf"):
         assert shipped(name).is_file()
+
+
+GEARED = """
+[robot]
+urdf = "scara.urdf"
+
+[gears.joint_a]
+kind = "strain-wave"
+catalogue = "CSF-17-50"
+rotor_inertia = "0.1 kg*m^2"
+rated_torque = "16 N*m"
+hysteresis = "0.5 arcmin"
+stated_lost_motion = "1 arcmin"
+error_amplitude = "25 arcsec"
+efficiency = 0.75
+damping = 5
+
+[gears.joint_b]
+kind = "train"
+rotor_inertia = "0.03 kg*m^2"
+stiffness = "2000 N*m/rad"
+damping = 2
+
+[[gears.joint_b.stages]]
+ratio = 4
+backlash = "0.5 deg"
+efficiency = 0.95
+
+[[gears.joint_b.stages]]
+ratio = 5
+backlash = "0.1 deg"
+
+[motion]
+times = [0, "50 ms"]
+joints.joint_a = [0, "2 deg"]
+joints.joint_b = [0, "2 deg"]
+
+[drive]
+kind = "computed-torque"
+encoder = "motor"
+
+[drives.joint_b]
+kind = "servo"
+catalogue = "STS3215"
+voltage = "7.4 V"
+p_gain = "60 V/rad"
+dead_band = "0.1 deg"
+period = "1 ms"
+"""
+
+
+def test_gears_of_every_kind_run_from_a_scenario(tmp_path):
+    path = tmp_path / "geared.toml"
+    (tmp_path / "scara.urdf").write_text(shipped("scara.urdf").read_text())
+    path.write_text(GEARED)
+    done = jointplay("check", path)
+    assert done.returncode == 0, done.stderr
+    assert "from memory, to be checked: ratio, torque_1, torque_2" in done.stdout
+    assert "stages ([ratio 4" in done.stdout
+    assert "servo (catalogue STS3215, voltage 7.4 V" in done.stdout
+    done = jointplay("run", path, "--no-error-estimate", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    (file,) = (tmp_path / "out").rglob("*.nc")
+    result = Result.load(file)
+    assert list(result["gear_torque"]["gear"].values) == ["joint_a", "joint_b"]
+    assert result.audit.energy_residual < 1e-4 * result.audit.energy_exchanged
+    path.write_text(GEARED.replace('"CSF-17-50"', '"CSF-17-5"'))
+    done = jointplay("check", path)
+    assert done.returncode != 0
+    assert "gears.joint_a.catalogue" in done.stderr
+    assert 'did you mean "CSF-17-50"' in done.stderr
+    path.write_text(GEARED.replace('"train"', '"trian"'))
+    assert 'did you mean "train"' in jointplay("check", path).stderr

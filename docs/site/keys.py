@@ -19,7 +19,7 @@ from jointplay.core.schema import (
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gear import Gearing
 from jointplay.scenario.model import (
     HeldPayload,
     IntegrationTable,
@@ -36,7 +36,7 @@ SECTION = re.compile(
 KINDS = {
     **{"Robot": Robot, "LoopEnds": LoopEnds, "Clearance": Clearance, "MotionTable": MotionTable},
     **{"NormalForceLaw": NormalForceLaw, "FrictionLaw": FrictionLaw, "FilmLaw": FilmLaw},
-    **{"Drive": Drive, "JointFriction": JointFriction, "Gear": Gear, "Load": Load},
+    **{"Drive": Drive, "JointFriction": JointFriction, "Gearing": Gearing, "Load": Load},
     **{"HeldPayload": HeldPayload, "IntegrationTable": IntegrationTable, "Output": Output},
 }
 """Classes whose keys have a table on the page."""

@@ -19,7 +19,11 @@ from .exports import export as export
 from .identification import Measurement as Measurement
 from .identification import identify as identify
 from .identification.planning import plan_measurement as plan_measurement
+from .joints import BallBearing as BallBearing
+from .joints import CompliantJoint as CompliantJoint
+from .joints import CrossedRollerBearing as CrossedRollerBearing
 from .joints import CylindricalClearance as CylindricalClearance
+from .joints import Elasticity as Elasticity
 from .joints import Material as Material
 from .joints import PrismaticClearance as PrismaticClearance
 from .joints import RevoluteClearance as RevoluteClearance
@@ -29,7 +33,11 @@ from .joints.materials import oil as oil
 from .kernel import Status as Status
 from .mechanism import Mechanism as Mechanism
 from .mechanism.export import to_urdf as to_urdf
+from .mechanism.gear import CycloidalGear as CycloidalGear
 from .mechanism.gear import Gear as Gear
+from .mechanism.gear import GearStage as GearStage
+from .mechanism.gear import GearTrain as GearTrain
+from .mechanism.gear import StrainWaveGear as StrainWaveGear
 from .mechanism.loop import Loop as Loop
 from .mechanism.payload import Payload as Payload
 from .mechanism.robots import robots as robots
@@ -39,6 +47,7 @@ from .player import play as play
 from .reports import report as report
 from .result import Result as Result
 from .scenario import Scenario as Scenario
+from .scenario import presets as presets
 from .scenario.robot import robot_scenario as robot_scenario
 from .scenario.schema import schema as schema
 from .simulation import Run as Run

@@ -52,9 +52,10 @@ def test_the_bearing_of_a_hanging_body_bears_its_weight_at_every_record(
     result = hung(law, integrator=method, step=step, down=down, duration=1e3 * step).finish()
     force = result["joint_force"].values[:, 0] @ -np.array(down)
     assert force.mean() == pytest.approx(WEIGHT, rel=1e-6)
-    assert np.abs(force - WEIGHT).max() < 2e-5 * WEIGHT
+    # The velocity solve's tolerance, as a momentum over half a step, is 6e-4 N at 10 us.
+    assert np.abs(force - WEIGHT).max() < 5e-5 * WEIGHT
     peak = np.linalg.norm(result["joint_force_peak"].values[1:, 0], axis=1)
-    assert np.abs(peak - WEIGHT).max() < 2e-5 * WEIGHT
+    assert np.abs(peak - WEIGHT).max() < 5e-5 * WEIGHT
     assert not [text for text in result.audit.warnings if "restitution" not in text]
 
 

@@ -116,7 +116,7 @@ def test_a_machine_rests_in_one_place_whatever_the_way_to_it(urdf):
     q = np.zeros(robot.model.nq)
     drives = dict.fromkeys("ab", jp.loads.Prescribed())
     balance = StaticEquilibrium(
-        robot, robot.model, q, q, drives, (), np.zeros(0), {}, StaticLoads({}, robot, []), q
+        robot, robot.model, q, q, drives, (), (), np.zeros(0), {}, StaticLoads({}, robot, []), q
     )
     random, places = np.random.default_rng(2), []
     for _ in range(5):

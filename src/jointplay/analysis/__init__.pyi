@@ -1,3 +1,7 @@
+from .bearings import BearingLife as BearingLife
+from .bearings import bearing_life as bearing_life
+from .bearings import element_loads as element_loads
+from .bearings import rolling_bearings as rolling_bearings
 from .certification import certify as certify
 from .certification import estimate as estimate
 from .contact_statistics import Contacts as Contacts
@@ -11,6 +15,8 @@ from .tool_error import accuracy as accuracy
 from .tool_error import deviation as deviation
 from .tool_error import error_at as error_at
 from .tool_error import stops as stops
+from .twins import ROLLING_KINDS as ROLLING_KINDS
+from .twins import SLIDING_KINDS as SLIDING_KINDS
 from .twins import clearance_inputs as clearance_inputs
 from .twins import clearance_outline as clearance_outline
 from .twins import has_play as has_play
@@ -18,5 +24,6 @@ from .twins import ideal_simulation as ideal_simulation
 from .twins import inputs as inputs
 from .twins import is_twin as is_twin
 from .twins import places as places
+from .twins import rolls as rolls
 from .twins import task as task
 from .twins import twin as twin

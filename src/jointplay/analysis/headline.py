@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointplay.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
 from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.core.errors import JointplayError
@@ -16,7 +18,10 @@ from jointplay.result.result import Result
 if TYPE_CHECKING:
     import xarray as xr
 
-HISTORIES = ("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak")
+HISTORIES = (
+    *("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak"),
+    *("q", "cage_angle"),
+)
 """What `headline` looks at, in the run and in the ideal mechanism's."""
 
 MOST_STOPS = 6
@@ -53,6 +58,7 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
         lines += _tool(result, deviation(result, ideal), start, since)
     if result.joints:
         lines += [_force(result, joint, start, since) for joint in result.joints]
+        lines += _bearings(result, since)
         lines.append(
             f"contacts{since} {result.audit.judged_impacts} in {len(result.joints)} joint(s)"
         )
@@ -103,6 +109,21 @@ def _force(result: Result, joint: str, start: float, since: str) -> str:
     sizes = np.linalg.norm(forces, axis=1)
     at = float(result.time[judged][int(sizes.argmax())])
     return f"peak force in {joint}{since} {sizes.max():.4g} N at t = {at:.4g} s"
+
+
+def _bearings(result: Result, since: str) -> list[str]:
+    if np.count_nonzero(result.time >= result.judge_from) < 2:
+        return []
+    lines = []
+    for joint in rolling_bearings(result):
+        life = bearing_life(result, joint)
+        lines.append(f"{joint}{since}: {life}")
+        if life.oscillates and math.isfinite(life.revolutions):
+            lines.append(
+                f"  it swings by {math.degrees(life.swing):.3g} deg, less than its elements are "
+                f"apart ({math.degrees(life.spacing):.3g} deg): L10 is meant for rings that turn"
+            )
+    return lines
 
 
 def _mm(metres: float) -> str:

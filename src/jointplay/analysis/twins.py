@@ -9,13 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core.errors import MissingName
-from jointplay.joints import VIRTUAL_LINK, class_of
+from jointplay.joints import JOINT_KINDS, VIRTUAL_LINK, RollingBearing, SlidingClearance, class_of
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.result.result import Result
 from jointplay.result.stored import stored_coordinates
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
+
+SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
+"""Kinds of joint whose surfaces slide on each other."""
+
+ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
+"""Kinds of joint with rolling elements."""
 
 _MAY_DIFFER = (
     *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
@@ -36,17 +42,26 @@ def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
     return {name: given[name] for name in result.joints if name in given}
 
 
+def rolls(result: Result, joint: str) -> bool:
+    """Whether a joint with clearance has rolling elements: by the inputs, nothing is built."""
+    return clearance_inputs(result).get(joint, {}).get("kind") in ROLLING_KINDS
+
+
 def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
     """Closed line within which the journal's centre can move untilted, bearing x and y [m].
 
     Returns:
-        (2, n): the clearance circle, or for a slider the rectangle of its clearances; None if the
-        inputs tell neither.
+        (2, n): the clearance circle, that of a rolling bearing in operation, or for a slider the
+        rectangle of its clearances; None if the inputs tell neither, or without play.
     """
     given = clearance_inputs(result).get(joint, {})
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)
+    circle = np.array([np.cos(angle), np.sin(angle)])
+    if rolls(result, joint):
+        room = result.simulation.mechanism.clearance[joint].radial_room
+        return room * circle if room > 0.0 else None
     if given.get("radial_clearance") is not None:
-        angle = np.linspace(0.0, 2.0 * np.pi, 361)
-        return float(given["radial_clearance"]) * np.array([np.cos(angle), np.sin(angle)])
+        return float(given["radial_clearance"]) * circle
     if given.get("clearance") is not None:
         x = float(given["clearance"])
         y = 0.0 if given.get("planar") else float(given.get("clearance_y") or x)

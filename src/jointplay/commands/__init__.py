@@ -19,7 +19,8 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
 MODULES = (
-    *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "urdf"),
+    *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "presets"),
+    "urdf",
     *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
     *("shares", "sweep", "plot_sweep", "uncertainty"),
 )
@@ -109,8 +110,12 @@ def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def name_and_value(text: str, names: Collection[str] = ()) -> tuple[str, str | None]:
+def name_and_value(
+    text: str, names: Collection[str] = (), is_value: Callable[[str], Any] | None = None
+) -> tuple[str, str | None]:
     """Name and number of ``NAME=NUMBER``; None if there is no number.
+
+    What `is_value` is true for counts as one, too.
 
     Names may have signs of equality of their own: the number comes after the last one. A name that
     would be mistaken may stand in double quotes.
@@ -122,7 +127,8 @@ def name_and_value(text: str, names: Collection[str] = ()) -> tuple[str, str | N
         with suppress(ValueError):
             return str(json.loads(quoted[1])), quoted[2]
     name, equals, value = text.rpartition("=")
-    if equals and (name in names or re.match(r"\s*[+-]?\.?\d", value)):
+    given = re.match(r"\s*[+-]?\.?\d", value) or (is_value is not None and is_value(value))
+    if equals and (name in names or given):
         return name, value
     return text, None
 

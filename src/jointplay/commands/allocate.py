@@ -14,7 +14,7 @@ from jointplay.commands import (
     name_and_value,
     quantity,
 )
-from jointplay.commands.mechanism import add_poses, add_robot, task
+from jointplay.commands.mechanism import add_poses, add_robot, preset_chosen, task
 from jointplay.core.errors import JointplayError
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
@@ -42,6 +42,12 @@ def add(commands: Any) -> None:
     )
     add_option(parser, "--cost", "cost of a clearance c: 1/c, 1/c^2 or -c", COSTS[0], choices=COSTS)
     add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost (default 1)")
+    add_repeatable(
+        parser,
+        "--price CLASS=X",
+        "price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1, preloaded), relative; "
+        "joints given as NAME=BEARING are allocated by class",
+    )
     add_option(parser, "--least LENGTH", "smallest possible clearance (default 2 um)")
     add_option(parser, "--most LENGTH", "largest possible clearance (default 1 mm)")
     add_option(
@@ -60,8 +66,11 @@ def run(options: argparse.Namespace) -> int:
     """Allocate, verify, print."""
     out = Outputs(options.out, ["allocation.csv", "allocation.png"])
     from jointplay.design.allocation import allocate
+    from jointplay.joints import RollingBearing
 
-    if options.clearance is None and not str(options.robot).endswith(".toml"):
+    chosen = preset_chosen(options)
+    named = str(options.robot).endswith(".toml") or (chosen is not None and chosen.bearings)
+    if options.clearance is None and not named:
         options.clearance = options.axial or 1e-4  # sizes are what is sought
     work = task(options)
     if options.verify is not None and work.motion is None:
@@ -73,6 +82,9 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
         weights[name] = quantity(value, "", f"--weight {name}")
     out.claim()
+    bearings = [isinstance(one, RollingBearing) for one in work.mechanism.clearance.values()]
+    if any(bearings):
+        return _by_class(options, work, out)
     allotment = allocate(
         work.mechanism,
         work.q,
@@ -105,6 +117,32 @@ def run(options: argparse.Namespace) -> int:
         from jointplay.plots.design import allocation
 
         out.write({"allocation.csv": _csv(allotment), "allocation.png": allocation(allotment)})
+    return 0
+
+
+def _by_class(options: argparse.Namespace, work: Any, out: Outputs) -> int:
+    """Choose classes of rolling bearings."""
+    from jointplay.design.class_allocation import allocate_classes
+
+    for name in ("quantile", "least", "most", "verify"):
+        if getattr(options, name) is not None:
+            raise JointplayError(
+                f"--{name} is for clearances that can be any; bearings have classes"
+            )
+    prices = {}
+    for text in options.price:
+        name, value = name_and_value(text)
+        if value is None:
+            raise JointplayError(f"--price must read CLASS=X, got {text!r}")
+        prices[name] = quantity(value, "", f"--price {name}")
+    found = allocate_classes(
+        work.mechanism, work.q, options.target, prices=prices, driven=work.driven
+    )
+    print("\n".join([*work.notes, f"at: {work.poses}", str(found)]))
+    if not prices:
+        print("prices of the classes are assumed; give your own with --price CLASS=X")
+    if options.out:
+        out.write({"allocation.csv": found.csv()})
     return 0
 
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from jointplay.commands import Outputs, add_option, add_switch, quantity
+from jointplay.commands import Outputs, add_option, add_switch, listed, quantity
 from jointplay.commands.mechanism import add_poses, add_robot, task
 from jointplay.core.errors import JointplayError
 
@@ -39,17 +39,31 @@ def add(commands: Any) -> None:
         "for budget.csv, find the position at rest at every pose, not only the worst one (0.4 s "
         "per pose with one joint, up to 3.5 s with six)",
     )
-    add_option(parser, "--out DIR", "folder for budget.csv and the figures")
+    add_option(
+        parser,
+        "--whole CLASS",
+        "the whole error: besides play elasticity, encoders, gears, geometry and heat, of a robot "
+        "of this class where nothing else is known (calibrated-industrial, industrial, printed)",
+    )
+    add_option(
+        parser,
+        "--causes LIST",
+        "causes that count in --whole, such as play,elasticity (default: all)",
+        type=listed,
+    )
+    add_option(parser, "--out DIR", "folder for budget.csv (errors.csv) and the figures")
 
 
 def run(options: argparse.Namespace) -> int:
     """Compute, print, draw."""
-    out = Outputs(options.out, ["budget.csv"])
+    out = Outputs(options.out, ["errors.csv" if options.whole else "budget.csv"])
     from jointplay.design.static_budget import FOLLOW, budget
     from jointplay.loads.drive import Drive
 
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
+    if options.whole:
+        return _whole(options, work, force, out)
     out.names += ["bars.png", "robot.png", "reach.png"]
     out.names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
     out.claim()
@@ -93,6 +107,21 @@ def run(options: argparse.Namespace) -> int:
     if work.kind == "workspace":
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
+    return 0
+
+
+def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: Outputs) -> int:
+    """Print the whole error budget."""
+    from jointplay.design.error_budget import CAUSES, error_budget
+
+    out.claim()
+    errors = error_budget(
+        work.mechanism, work.q, force=force, kind=options.whole, causes=options.causes or CAUSES
+    )
+    print("\n".join([*work.notes, f"at: {work.poses}"]))
+    print(errors.table())
+    if options.out:
+        out.write({"errors.csv": errors.csv()})
     return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jointplay.joints import Clearance
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.motion.reference import Motion
+    from jointplay.scenario.presets import Preset
     from jointplay.simulation.simulation import Simulation
 
 
@@ -58,15 +59,23 @@ def add_robot(parser: Any) -> None:
     add_option(group, "--clearance LENGTH", "radial clearance of the joints given by --joint")
     add_repeatable(
         group,
-        "--joint NAME[=LENGTH]",
-        "joint with clearance, and optionally its radial clearance; by default all joints that "
-        "move the tool",
+        "--joint NAME[=LENGTH|=BEARING]",
+        "joint with clearance, and optionally its radial clearance, or the designation of its "
+        'rolling bearing, such as elbow="6010/C3"; by default all joints that move the tool',
     )
     add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
     add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")
     add_option(group, "--bearing-length LENGTH", "L_i (default 40 mm)")
     add_repeatable(
         group, "--gear NAME=ANGLE", 'total play of a joint\'s gear, such as elbow="2 arcmin"'
+    )
+    group.add_argument(
+        "--preset",
+        metavar="NAME",
+        nargs="?",
+        const="",
+        help="joints and gears as they are publicly known, or assumed for a class of robots "
+        "(jointplay presets lists them; without NAME that of ROBOT); --joint and --gear count more",
     )
     group = parser.add_argument_group("robot")
     add_option(group, "--tool FRAME", "frame whose error is computed")
@@ -183,6 +192,11 @@ def _mechanism(
     else:
         clearance = _clearance(options, plain, tool, notes, simulation)
     gears = dict(simulation.mechanism.gears) if simulation is not None else {}
+    if (chosen := preset_chosen(options)) is not None:
+        made = chosen.mechanism(description.path, allow_unphysical=allowed)
+        clearance = {**made.clearance, **clearance}
+        gears = {**made.gears, **gears}
+        notes += [f"preset {chosen.name}: {one}" for one in chosen.origins]
     mechanism = Mechanism(
         description.path,
         {**plain.given_joints, **clearance},
@@ -193,6 +207,15 @@ def _mechanism(
         allow_unphysical=allowed,
     )
     return mechanism, simulation, notes
+
+
+def preset_chosen(options: argparse.Namespace) -> Preset | None:
+    """What --preset selects."""
+    from jointplay.scenario.presets import preset, preset_of
+
+    if options.preset is None:
+        return None
+    return preset(options.preset) if options.preset else preset_of(str(options.robot))
 
 
 def _clearance(
@@ -206,7 +229,9 @@ def _clearance(
 
     With loops, those are all joints; one that closes a loop keeps its kind and its bearing.
     """
-    from jointplay.joints import JOINT_KINDS, replacing
+    from jointplay.core.schema import read
+    from jointplay.joints import JOINT_KINDS, Clearance, replacing
+    from jointplay.joints.bearings import listed_kind
     from jointplay.mechanism.mechanism import frame_index
 
     entries = plain.description.joints
@@ -234,6 +259,9 @@ def _clearance(
     clearances = {}
     for name, length in own.items():
         radial = options.clearance
+        if length is not None and (bearing := listed_kind(length)) is not None:
+            clearances[name] = read(Clearance, {"kind": bearing, "designation": length})
+            continue
         if length is not None:
             radial = quantity(length, "m", f"--joint {name}")
         known = simulation.mechanism.clearance.get(name) if simulation is not None else None
@@ -269,7 +297,12 @@ def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, An
             raise JointplayError(f"--gear must read JOINT=ANGLE, got {text!r}")
         whole = quantity(angle, "rad", f"--gear {name}")
         # Statics need the play only; a scenario's gear keeps the rest.
-        gears[name] = replace(present.get(name, Gear(0.0, 0.1, 1e4)), play=whole)
+        gear = present.get(name, Gear(0.0, 0.1, 1e4))
+        if "play" not in (one.name for one in fields(gear)):
+            raise JointplayError(
+                f"--gear {name}: the play of a gear of kind {gear.kind} follows from its stages"
+            )
+        gears[name] = replace(gear, play=whole)
     return gears
 
 

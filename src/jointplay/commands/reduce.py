@@ -81,7 +81,9 @@ def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
-    joint, length = name_and_value(options.joint[0])
+    from jointplay.joints.bearings import listed_kind
+
+    joint, length = name_and_value(options.joint[0], is_value=listed_kind)
     stem = joint.replace("/", "_")
     endings = [ending for one in options.format or FORMATS for ending in FORMATS[one]]
     names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]
@@ -164,6 +166,13 @@ def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> A
         for option in ("gear-stiffness", "rotor-inertia"):
             if option.replace("-", "_") not in values:
                 raise JointplayError(f"--{option} is missing: a gear with play needs it")
+    for name, gear in mechanism.gears.items():
+        if values and gear.kind != "backlash":
+            option = next(iter(values)).replace("_", "-")
+            raise JointplayError(
+                f"--{option} is for gears of kind backlash; that of {name!r} is of kind "
+                f"{gear.kind}: change it in the scenario"
+            )
     fields = {name.removeprefix("gear_"): value for name, value in values.items()}
     gears = {name: replace(gear, **fields) for name, gear in mechanism.gears.items()}
     return mechanism.with_clearance(mechanism.clearance, gears)

@@ -15,6 +15,7 @@ from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
+    from jointplay.scenario.presets import Preset
     from jointplay.scenario.settings import Setting
 
 
@@ -329,9 +330,19 @@ def add_inputs(run: Any) -> dict[str, Any]:
     add_shared(groups["robot"], "--allow-unphysical")
     add_repeatable(
         groups["clearance joint"],
-        "--joint NAME[=LENGTH]",
-        "joint with clearance, optionally with its radial clearance; the options of this group "
-        "and the next apply to these joints",
+        "--joint NAME[=LENGTH|=BEARING]",
+        "joint with clearance, optionally with its radial clearance or the designation of its "
+        'rolling bearing, such as elbow="6010/C3"; the options of this group and the next apply to '
+        "these joints",
+    )
+    groups["clearance joint"].add_argument(
+        "--preset",
+        metavar="NAME",
+        nargs="?",
+        const="",
+        help="joints, gears and drives as they are publicly known, or assumed for a class of "
+        "robots (jointplay presets lists them; without NAME that of ROBOT); other options count "
+        "more",
     )
     for flag in FLAGS:
         several = len(flag.metavar) > 1
@@ -424,7 +435,23 @@ def simulation_of(options: argparse.Namespace) -> Any:
 
 
 def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
-    """The scenario of a bare robot."""
+    """The scenario of a bare robot, of a preset if that is asked for."""
+    if options.preset is None:
+        return _stepped(options, target, [], given)
+    chosen, settings = _of_preset(options.preset, target)
+    scenario = _stepped(options, target, settings, given)
+    scenario.assumptions.append(f"preset {chosen.name}: {chosen.words}")
+    scenario.assumptions.extend(f"preset {chosen.name}: {one}" for one in chosen.origins)
+    return scenario
+
+
+def _stepped(
+    options: argparse.Namespace,
+    target: str | None,
+    preset: Sequence[Setting],
+    given: Sequence[Setting],
+) -> Scenario:
+    """The scenario of a bare robot, with steps chosen where none are given."""
     from jointplay.kernel.integrators import DEFAULT
     from jointplay.result.settings import Integration, Recording
     from jointplay.scenario.robot import TOLERANCE, robot_scenario, step_for
@@ -435,7 +462,7 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
     for name in ("case", "jobs", "trust"):
         if getattr(options, name):
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
-    settings = [*option_settings(options, joints), *own, *given]
+    settings = [*preset, *option_settings(options, joints), *own, *given]
     scenario = robot_scenario(target, joints, settings, options.ideal)
     data = scenario.data(scenario.cases[0])
     integration = data.get("integration", {})
@@ -461,17 +488,41 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
     return scenario
 
 
+def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:
+    """A preset, by its name or that of the robot, and its tables as settings."""
+    from jointplay.mechanism.robots import urdf_of
+    from jointplay.mechanism.urdf import read
+    from jointplay.scenario.presets import preset, preset_of
+    from jointplay.scenario.robot import SCARA, resolve
+    from jointplay.scenario.settings import Setting
+
+    place = SCARA if target is None else target
+    chosen = preset(name) if name else preset_of("scara" if target is None else target)
+    path = resolve(place) if ":" in place else urdf_of(place)
+    return chosen, [
+        Setting((table, joint, key), value, f"--preset {chosen.name}")
+        for table, joints in chosen.tables(read(path)).items()
+        for joint, keys in joints.items()
+        for key, value in keys.items()
+    ]
+
+
 def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:
-    """Names of joints, and the clearance of those that are given as NAME=LENGTH."""
+    """Names of joints, and the clearance or bearing of those given as NAME=LENGTH or =BEARING."""
+    from jointplay.joints.bearings import listed_kind
     from jointplay.scenario.settings import Setting
 
     names, lengths = [], []
     for entry in entries:
-        name, length = name_and_value(entry)
+        name, length = name_and_value(entry, is_value=listed_kind)
         names.append(name)
-        if length is not None:
-            key = ("joints", name, "clearance")
-            lengths.append(Setting(key, number(length), f"--joint {entry}"))
+        if length is None:
+            continue
+        said = {"clearance": number(length)}
+        if (kind := listed_kind(length)) is not None:
+            said = {"kind": kind, "designation": length}
+        for key, value in said.items():
+            lengths.append(Setting(("joints", name, key), value, f"--joint {entry}"))
     return names, lengths
 
 

@@ -6,13 +6,17 @@ and where it has several answers a pointer to them.
 
 from __future__ import annotations
 
+from numba import types
+
 from jointplay.contact.bristle import BristleLaw
 from jointplay.contact.compiled import law_signature
 from jointplay.contact.film import FilmLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
-from jointplay.core.compiler import calling
+from jointplay.core.compiler import NUMBERS, calling
 
 call_normal = calling(law_signature(NormalForceLaw.state, NormalForceLaw.answers))
 call_friction = calling(law_signature(FrictionLaw.state, FrictionLaw.answers))
 call_bristle = calling(law_signature(BristleLaw.state, BristleLaw.answers))
 call_film = calling(law_signature(FilmLaw.state, FilmLaw.answers))
+call_elements = calling(types.void(NUMBERS, NUMBERS, NUMBERS, types.int64))
+"""Of `rolling.find_element_forces`."""

@@ -121,13 +121,15 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
         return [passes]
 
 
-part = njit(
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    pipeline_class=PartCompiler,
-)
-"""For functions that only compiled code calls."""
+def part(**options: Any) -> Any:
+    """Decorator of functions that only compiled code calls."""
+    return njit(
+        error_model="numpy",
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        pipeline_class=PartCompiler,
+        **options,
+    )
 
 
 _load = IndexDataCacheFile.load

@@ -325,7 +325,7 @@ def add(base: type, kind: type) -> None:
     """Let files name a class of one's own, by the word that it has: one of a family's, from now on.
 
     Args:
-        base: `Load`, `Drive`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
+        base: `Load`, `Drive`, `Gearing`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
         kind: its subclass.
 
     Raises:

@@ -33,6 +33,11 @@ WORDS = {
     "Pa*s": ("viscosity", "0.1 Pa*s"),
     "1/m": ("bristle stiffness", "1e5 1/m"),
     "s/m": ("bristle damping", "10 s/m"),
+    "V": ("voltage", "12 V"),
+    "ohm": ("resistance", "2.7 ohm"),
+    "N*m/A": ("torque constant", "1.2 N*m/A"),
+    "V/rad": ("voltage per angle", "50 V/rad"),
+    "V*s/rad": ("voltage per angular speed", "0.1 V*s/rad"),
     "m^3/(N*m)": ("specific wear rate", "1e-5 mm^3/(N*m)"),
 }
 """Units of the package by their text: what they measure, and an example for messages."""

@@ -363,10 +363,11 @@ def allocate(
 
     Raises:
         JointplayError: a target that the least clearances miss, which says what can be reached;
-            values that cannot be.
+            values that cannot be; rolling bearings.
         MissingName: no such cost or joint.
     """
     names = tuple(mechanism.clearance)
+    _refuse_rolling(mechanism)
     _check(names, target, quantile, cost, weights or {}, least, most)
     weight = np.array([(weights or {}).get(name, 1.0) for name in names])
     seed = require_whole("seed", seed)
@@ -409,6 +410,21 @@ def allocate(
         bound,
         model.with_clearance(clearances),
     )
+
+
+def _refuse_rolling(mechanism: Mechanism) -> None:
+    joints = mechanism.clearance
+    for name, joint in joints.items():
+        if not joint.clearances:
+            raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
+    rolling = [name for name, joint in joints.items() if joint.resultant is not None]
+    if rolling:
+        raise JointplayError(
+            f"the clearance of rolling bearings cannot be allocated ({', '.join(rolling)}): they "
+            "are bought in classes, and their play along the axis and in tilt is not proportional "
+            "to their radial clearance; choose classes with allocate_classes, or "
+            f"jointplay allocate --joint {rolling[0]}=6010"
+        )
 
 
 def _check(

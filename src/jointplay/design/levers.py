@@ -52,7 +52,7 @@ _FITS = 1e-9
 
 @dataclass(frozen=True)
 class TurnPlay(Play):
-    """A gear's backlash: the joint turns about its axis while the motor stands."""
+    """A gear's play and hysteresis: the joint turns about its axis while the motor stands."""
 
     half: float
     """Half of the whole play [rad]."""
@@ -216,7 +216,7 @@ def sources(
     for name in set(gears) & set(mechanism.clearance):
         raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")
     plays = [joint.play(second_order) for joint in mechanism.clearance.values()]
-    plays += [TurnPlay(gear.play / 2.0) for gear in mechanism.gears.values()]
+    plays += [TurnPlay(gear.unloaded_range / 2.0) for gear in mechanism.gears.values()]
     joints = [*mechanism.clearance, *mechanism.gears]
     moves, loads = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
     closing = ClosedLoops(mechanism, q[0], driven) if mechanism.loops else None
@@ -227,7 +227,7 @@ def sources(
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
         for j, name in enumerate(joints):
             if name not in mechanism.loops:
-                moves[j, i], loads[j, i] = _lever(mechanism, name, tool.translation, push)
+                moves[j, i], loads[j, i] = lever(mechanism, name, tool.translation, push)
         if closing is not None:
             ties.append(_follow(closing, q, i, joints, push, moves, loads))
     most = max((one.shape[1] for one in ties), default=0)
@@ -325,7 +325,7 @@ def tool_place(mechanism: Mechanism, q: np.ndarray) -> pin.SE3:
     return mechanism.data.oMf[mechanism.tool_frame].copy()
 
 
-def _lever(
+def lever(
     mechanism: Mechanism, name: str, tool: np.ndarray, push: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tool's displacement per displacement of the child at a joint (6, 6), and the joint's load.

@@ -161,7 +161,7 @@ class _Path:
             total -= weight * np.einsum("ni,ni->n", aim[some], place)
             for wall in one.walls:
                 left = wall.room - place @ wall.along
-                inside = left**2 - ((place @ wall.across.T) ** 2).sum(axis=1)
+                inside = left**2 - ((place @ wall.across.T + wall.centre) ** 2).sum(axis=1)
                 good = (left > 0.0) & (inside > 0.0)
                 total -= np.where(good, np.log(np.where(good, inside, 1.0)), -np.inf)
         return total
@@ -171,7 +171,7 @@ def _barrier(cones: Cones, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slope (n, m) and curvature (n, m, m) of -sum log((room - along . y)^2 - |across @ y|^2)."""
     slope, bend = np.zeros_like(y), np.zeros((*y.shape, y.shape[1]))
     for wall in cones.walls:
-        aside = y @ wall.across.T
+        aside = y @ wall.across.T + wall.centre
         left = wall.room - y @ wall.along
         inside = left**2 - (aside**2).sum(axis=1)
         own = 2.0 * (left[:, None] * wall.along + aside @ wall.across) / inside[:, None]

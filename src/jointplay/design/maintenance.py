@@ -29,6 +29,7 @@ from jointplay.design.wear import (
     wear_blocks,
     with_worn,
 )
+from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
 
 _DEEPEST = 0.09
@@ -148,9 +149,15 @@ def maintenance(
         raise JointplayError(f"the wear rates' factor must be >= 1, got {factor:g}")
     wearing = all_wearing(simulation)
     if not wearing:
-        have = ", ".join(simulation.mechanism.clearance) or "none"
+        joints = simulation.mechanism.clearance
+        rolling = [name for name, one in joints.items() if isinstance(one, RollingBearing)]
+        have = ", ".join(n for n, one in joints.items() if one.resultant is None) or "none"
+        life = (
+            f"; rolling bearings ({', '.join(rolling)}) have a rating life instead of a wear rate"
+        )
         raise JointplayError(
             f"no joint wears: give a joint with clearance (there is: {have}) a wear_rate"
+            + (life if rolling else "")
         )
     motion = simulation.motion
     if motion is None:

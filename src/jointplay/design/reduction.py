@@ -19,7 +19,7 @@ to one side.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,14 +27,15 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
+from jointplay.analysis.bearings import element_loads
 from jointplay.analysis.runs import fitting_step
 from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.schema import plain
 from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
-from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
+from jointplay.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.loads.drive import JointFriction, Prescribed
-from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -99,7 +100,11 @@ _MOVING = 0.05
 """Part of the largest speed above which a contact slides for certain."""
 _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
+_DAMPED = 0.3
+"""Damping ratio of the largest damping tried for a gear that loses energy by friction."""
 _STEP_S = 2e-5
+_BEYOND = 1e-3
+"""Part of the play by which a bearing's ring must lean further to tell a chord."""
 _LOOPED = (
     "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
     "two ends; jointplay budget and allocate accept loops"
@@ -143,7 +148,8 @@ class Reduction:
     axial: float = 0.0
     """How far it can be along, either way [m]."""
     contact_stiffness: float = 0.0
-    """Of a radial contact at the resting load: chord of the law [N/m]."""
+    """Of a radial contact at the resting load: chord of the law; of rolling bearings the mean
+    stiffness across the axis [N/m]."""
     load: tuple[float, ...] = (0.0,) * 6
     """Gravity on the bearing in its axes: force [N] and moment [N m]."""
     pose: Mapping[str, float] = field(default_factory=dict)
@@ -236,12 +242,15 @@ def reduce(
     time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
     motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
     begin = float(full[0]), float(v[0, alone.coordinate(joint)])
-    gear, reduced = gears.get(joint), full
+    gear: Gearing | None = gears.get(joint)
+    reduced = full
     teeth: dict[str, Any] = {}
     if gear is not None:
-        damping, reduced = link.fit(time, motor, gear, begin, full)
-        teeth = {"dead_band": gear.play, "stiffness": gear.stiffness, "damping": damping}
-        teeth["rotor_inertia"] = gear.rotor_inertia
+        plain, damping, reduced = link.fit(
+            time, motor, _plain_gears(gear, result, link.inertia), begin, full
+        )
+        teeth = {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
+        teeth["rotor_inertia"] = plain.rotor_inertia
     difference = reduced - full
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
     leans: dict[str, Any] = {}
@@ -261,6 +270,26 @@ def reduce(
         pose=positions,
         history=history,
     )
+
+
+def _plain_gears(gear: Gearing, result: Result, inertia: float) -> list[Gear]:
+    """What a dead band, one stiffness and a damper can say of a gear of any kind, to be tried.
+
+    The stiffness is that up to the largest torque of the run. Hysteresis is a dead band where the
+    load turns its sign, and none where it does not; a damper stands for what it loses.
+    """
+    if isinstance(gear, Gear):
+        return [gear]
+    stiffness = float(gear.curve().slopes[0])
+    if gear.refined:
+        top = float(np.abs(result["gear_torque"].values).max())
+        wound = float(gear.wound_up(top)) - gear.play / 2.0
+        stiffness = top / wound if wound > 0.0 else stiffness
+    damping = gear.damping
+    if gear.bristles[0] > 0.0:
+        damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))
+    bands = dict.fromkeys([gear.play, gear.unloaded_range])
+    return [Gear(band, gear.rotor_inertia, stiffness, damping) for band in bands]
 
 
 def _full_run(
@@ -307,7 +336,11 @@ def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str,
     speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
     settled = result.time >= SETTLED * result.time[-1]
     slides = settled & (speed > _MOVING * speed.max())
-    torque = clearance.hinge.radius * force.sum(axis=1)[slides]
+    if isinstance(clearance, RollingBearing):
+        loads = element_loads(result, joint).values[slides].sum(axis=1)
+        torque = clearance.drag + clearance.friction_lever * loads
+    else:
+        torque = clearance.hinge.radius * force.sum(axis=1)[slides]
     if not len(torque):
         return {}
     shape = np.column_stack([np.ones(len(torque)), speed[slides]])
@@ -352,17 +385,18 @@ class _Link:
         self,
         time: np.ndarray,
         motor: np.ndarray,
-        gear: Gear,
+        gears: Sequence[Gear],
         start: tuple[float, float],
         full: np.ndarray,
-    ) -> tuple[float, np.ndarray]:
-        """Damping [N m s/rad] with which the link comes closest to `full`, and its angle then."""
+    ) -> tuple[Gear, float, np.ndarray]:
+        """Gear and damping [N m s/rad] whose link comes closest to `full`, and its angle then."""
         tried = {}
-        for part in _DAMPINGS:
-            damping = part * gear.damping
-            tried[damping] = self._run(time, motor, gear, damping, start)
+        for gear in gears:
+            for part in _DAMPINGS:
+                damping = part * gear.damping
+                tried[gear, damping] = self._run(time, motor, gear, damping, start)
         best = min(tried, key=lambda one: float(np.square(tried[one] - full).sum()))
-        return best, tried[best]
+        return *best, tried[best]
 
     def _run(
         self,
@@ -404,6 +438,8 @@ def _across(
         return {}
     hinge = clearance.hinge
     load = sources(mechanism, pose).load[0, 0]
+    if isinstance(clearance, RollingBearing):
+        return _across_elements(clearance, load)
     _, tilt = clearance.play(second_order=False).reach
     arm = hinge.length / 2.0
     # Each rim carries half the force, and what the moment over the length asks for.
@@ -420,6 +456,27 @@ def _across(
         tilting = 2.0 * stiffness * arm**2
         found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
     return found
+
+
+def _across_elements(bearing: RollingBearing, load: np.ndarray) -> dict[str, Any]:
+    """The same of a rolling bearing: the chord of its moment beyond the play, at rest."""
+    hinge = bearing.hinge
+    tilt = float(bearing.play(second_order=False).reach[1])
+    rest = bearing.deflection(load[:3], [load[3], load[4], 0.0])
+    stiffness = bearing.load(rest).stiffness
+    moment, lean = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
+    tangent = float(np.linalg.eigvalsh(stiffness[3:5, 3:5]).mean())
+    if moment > 0.0 and lean > (1.0 + _BEYOND) * tilt:
+        tangent = moment / (lean - tilt)
+    return {
+        "lateral": hinge.lateral,
+        "axial": hinge.axial,
+        "contact_stiffness": float(np.linalg.eigvalsh(stiffness[:2, :2]).mean()),
+        "load": tuple(float(x) for x in load),
+        "tilt": tilt,
+        "tilt_stiffness": tangent,
+        "half_length": hinge.length / 2.0,
+    }
 
 
 def _chord(clearance: Clearance, radius: float, force: float) -> float:

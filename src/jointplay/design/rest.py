@@ -163,6 +163,7 @@ class Standing:
             nothing,
             drives,
             tables.drives,
+            tables.servos,
             reference.table[0],
             {},
             StaticLoads(loads, mechanism, sites),
@@ -226,7 +227,8 @@ class Standing:
         xi = np.zeros(6)
         if name in self._gears:
             own = name.removesuffix(GEAR)
-            xi[5] = there[mechanism.coordinate(own)] - there[mechanism.motor(own)]
+            motor, link = there[mechanism.motor(own)], there[mechanism.coordinate(own)]
+            xi[5] = -mechanism.gears[own].twist(motor, link)
             return xi
         if name not in mechanism.loops:
             columns = _coordinates(mechanism, q, name)
@@ -248,9 +250,12 @@ class Standing:
             unpressed = dict(zip(plays.names, self.unpressed(pose), strict=True))
             names = [name for name in plays.names if name not in self._gears]
             friction = [self.coefficients[name] for name in names]
-            found, pressed = _held_states(
-                plays.subset(slice(len(names))), friction, self._bend(pose, names)
-            )
+            found: list[np.ndarray] = []
+            pressed: list[Pressed | None] = []
+            if names:
+                found, pressed = _held_states(
+                    plays.subset(slice(len(names))), friction, self._bend(pose, names)
+                )
             for j, name in enumerate(names):
                 contacts, joint = pressed[j], self.mechanism.clearance[name]
                 if contacts is None:
@@ -260,7 +265,7 @@ class Standing:
                 if unpressed[name]:
                     continue
                 if len(found[j]):
-                    errors[name] = (found[j] + _compliance_shift(joint, contacts)) @ move[j].T
+                    errors[name] = (found[j] + compliance_shift(joint, contacts)) @ move[j].T
                 else:  # no friction, and one place of rest only
                     own = self.rest(pose)[0][j : j + 1, :3]
                     if not np.isnan(own).any():
@@ -271,7 +276,9 @@ class Standing:
                 half, load = plays.plays[j].reach[1], plays.load[j, 0, 5]
                 resists = grip.get(joint_name, 0.0)
                 ends = np.array([load - resists, load + resists])
-                angle = half * np.sign(ends) + ends / self.mechanism.gears[joint_name].stiffness
+                gear = self.mechanism.gears[joint_name]
+                held = gear.bristles[0] * np.array([-1.0, 1.0])
+                angle = gear.wound_up(ends + held)
                 if ends[0] <= 0.0 <= ends[1]:
                     angle = np.array([-half, half])
                 errors[name] = np.outer(angle, move[j][:, 5])
@@ -437,7 +444,7 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
     return np.asarray(chosen)
 
 
-def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
+def compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
     """How far journals go on because their contacts give way, (m, 6)."""
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):

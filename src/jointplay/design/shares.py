@@ -45,6 +45,7 @@ from jointplay.core.errors import (
 )
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import GEAR
+from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
 
 RECORD_S = 1e-3
@@ -293,9 +294,16 @@ Input = tuple[str, tuple[float, float], Callable[[Simulation, float], Simulation
 
 def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> list[Input]:
     """What varies: name, range, and how a simulation takes a value."""
-    joints = {n: j for n, j in base.mechanism.clearance.items() if not getattr(j, "ideal", False)}
+    joints = {
+        name: joint
+        for name, joint in base.mechanism.clearance.items()
+        if not getattr(joint, "ideal", False)
+        and not (isinstance(joint, RollingBearing) and joint.preloaded)
+    }
     if not joints:
-        raise JointplayError("no joint has clearance that could vary")
+        raise JointplayError(
+            "no joint has clearance that could vary (preloaded bearings have none)"
+        )
     range_ = (1.0 / spread, spread)
 
     inputs: list[Input] = [(f"clearance {name}", range_, partial(_wider, name)) for name in joints]
@@ -318,7 +326,7 @@ def _wider(name: str, one: Simulation, factor: float) -> Simulation:
 def _rougher(one: Simulation, factor: float) -> Simulation:
     """All coefficients of friction in the bearings multiplied."""
     joints = {
-        name: replace(joint, friction=joint.friction.scaled(factor))
+        name: joint.with_friction(joint.friction.scaled(factor))
         for name, joint in one.mechanism.clearance.items()
     }
     return replace(one, mechanism=one.mechanism.with_clearance(joints))

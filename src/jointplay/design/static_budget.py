@@ -303,6 +303,9 @@ def budget(
             f"a {drive.kind} drive holds no position: the budget's drives must follow a motion, "
             "such as ComputedTorque() or Prescribed()"
         )
+    if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
+        exact = {name: gear.without_error() for name, gear in mechanism.gears.items()}
+        mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
     q = configurations(mechanism, poses, driven)
     plays = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)
     n = len(q)

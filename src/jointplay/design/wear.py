@@ -29,6 +29,7 @@ from jointplay.analysis.runs import MOST_RUNS, check_numbers
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
 from jointplay.core.tables import csv_text
+from jointplay.joints import RollingBearing
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
 from jointplay.simulation.ensemble import run_in_order
@@ -75,6 +76,13 @@ def all_wearing(simulation: Simulation) -> dict[str, BoreWear]:
 def _bore(simulation: Simulation, joint: str) -> BoreWear:
     wearing = all_wearing(simulation)
     if joint not in wearing:
+        one = simulation.mechanism.clearance.get(joint)
+        if isinstance(one, RollingBearing):
+            raise JointplayError(
+                f"joint {joint!r} has a rolling bearing, whose clearance does not grow by "
+                "Archard's law: it has no wear rate; jointplay run and jointplay report say its "
+                "rating life L10 over the motion"
+            )
         raise MissingName("joint with a wear rate", joint, wearing)
     return wearing[joint]
 

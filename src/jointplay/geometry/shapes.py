@@ -23,6 +23,7 @@ class Shape(IntEnum):
                        on the journal (3), 0 or 1 for a wall across x or y, and the wall's side +-1
     WORN_CYLINDER          as CYLINDER, then `worn_bore` of end A and of end B
     WORN_ALIGNED_CYLINDER  as ALIGNED_CYLINDER, then `worn_bore`
+    ROLLING            elements between two rings, `contact.rolling`: no contact of `touch`
 
     Where a shape is asked for, a kind of joint may give the address of its own function instead
     (`contacts`): all numbers above the last of these are taken for one.
@@ -34,9 +35,12 @@ class Shape(IntEnum):
     BLOCK = 3
     WORN_CYLINDER = 4
     WORN_ALIGNED_CYLINDER = 5
+    ROLLING = 6
 
 
-_CYLINDER, _ALIGNED_CYLINDER, _BALL, _BLOCK, _WORN, _WORN_ALIGNED = (int(shape) for shape in Shape)
+(
+    _CYLINDER, _ALIGNED_CYLINDER, _BALL, _BLOCK, _WORN, _WORN_ALIGNED, _ROLLING,
+) = (int(shape) for shape in Shape)  # fmt: skip
 
 LAST_SHAPE = int(max(Shape))
 """Numbers above are addresses."""

@@ -49,6 +49,7 @@ from jointplay.identification.parameters import (
     Parameter,
     compliances,
     friction_of,
+    known_gears,
     with_clearance,
 )
 from jointplay.identification.restitution import (
@@ -544,7 +545,7 @@ def with_restitution(found: Identification, bounced: Sequence[Restitution]) -> M
     joints = dict(found.mechanism.clearance)
     for one in bounced:
         if not one.reason and np.isfinite(one.nominal):
-            joints[one.joint] = replace(joints[one.joint], restitution=one.nominal)
+            joints[one.joint] = joints[one.joint].with_restitution(one.nominal)
     return found.mechanism.with_clearance(joints) if joints else found.mechanism
 
 
@@ -686,7 +687,7 @@ def apply(
     reasons: Sequence[str],
 ) -> Mechanism:
     """The mechanism with those values that are identified."""
-    joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
+    joints, gears = dict(mechanism.clearance), known_gears(mechanism)
     for one, value, why_not in zip(sought, theta, reasons, strict=True):
         if why_not or not one.joint:
             continue
@@ -774,7 +775,7 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
             taken.append(f"{joint} dry friction {own.coulomb:g} N m")
         if own.viscous:
             taken.append(f"{joint} viscous friction {own.viscous:g} N m s/rad")
-    for joint, gear in mechanism.gears.items():
+    for joint, gear in known_gears(mechanism).items():
         if (joint, "gear_play") not in sought:
             taken.append(f"{joint} gear play {1e3 * gear.play:.4g} mrad")
         given = f"{joint} torsional" in machine.compliances

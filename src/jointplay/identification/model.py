@@ -41,6 +41,7 @@ from jointplay.identification.parameters import (
     Machine,
     Parameter,
     friction_of,
+    known_gears,
     with_clearance,
 )
 from jointplay.joints import Clearance
@@ -217,7 +218,7 @@ class StaticModel:
     def _give(self, name: str) -> float:
         """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
         one = self.machine.compliance(f"{name} torsional")
-        gear = self.mechanism.gears.get(name)
+        gear = known_gears(self.mechanism).get(name)
         return 1.0 / gear.stiffness if gear is not None and math.isinf(one.spread) else one.value
 
     def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:

@@ -16,6 +16,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.joints import Clearance
 from jointplay.joints.play import JournalPlay
 from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import Mechanism
 
 SCALES = {
@@ -115,6 +116,24 @@ Given = Mapping[str, float | tuple[float, float]]
 """Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
 
 
+def known_gears(mechanism: Mechanism) -> dict[str, Gear]:
+    """The gears of a mechanism, by joint.
+
+    Raises:
+        JointplayError: one that is more than play and one stiffness.
+    """
+    known = {}
+    for joint, gear in mechanism.gears.items():
+        if not isinstance(gear, Gear):
+            raise JointplayError(
+                f"the gear of joint {joint!r} is of kind {gear.kind}: identification knows play "
+                f"and one stiffness only; describe it as a {Gear.kind} gear",
+                ("gears", joint, "kind"),
+            )
+        known[joint] = gear
+    return known
+
+
 @dataclass(frozen=True)
 class Machine:
     """A mechanism with expected play, and what is known of it before a measurement."""
@@ -124,6 +143,16 @@ class Machine:
     """Of the joints besides their bearings'."""
     compliances: Mapping[str, Compliance]
     """By label, see `compliances`."""
+
+    def __post_init__(self) -> None:
+        """Refuse gears that are more than play and one stiffness."""
+        for joint, gear in self.mechanism.gears.items():
+            if not isinstance(gear, Gear):
+                raise JointplayError(
+                    f"the gear of joint {joint!r} is of kind {gear.kind}: identification knows "
+                    f"play and one stiffness only; describe it as a {Gear.kind} gear",
+                    ("gears", joint, "kind"),
+                )
 
     def compliance(self, label: str) -> Compliance:
         """What is known of a compliance."""
@@ -168,7 +197,8 @@ class Machine:
             known: labels or names of unknowns that are taken from the scenario.
 
         Raises:
-            JointplayError: nothing is sought; an unknown name in `also` or `known`.
+            JointplayError: nothing is sought; an unknown name in `also` or `known`; the clearance
+                of a rolling bearing, unless it is known.
         """
         mechanism, friction = self.mechanism, self.friction
         if not mechanism.clearance and not mechanism.gears:
@@ -184,7 +214,7 @@ class Machine:
             if coefficient := friction_of(bearing):
                 found.append(Parameter(joint, "friction", "", coefficient, coefficient, 2.0))
         rubs = any(one.name == "friction" for one in found)
-        for joint, gear in mechanism.gears.items():
+        for joint, gear in known_gears(mechanism).items():
             found.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
             found += self._compliance(joint, "gear_compliance", 1.0 / gear.stiffness)
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
@@ -203,6 +233,10 @@ class Machine:
             found.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
         _check(also, known, found)
         kept = tuple(one for one in found if not {one.label, one.name} & set(known))
+        for one in kept:
+            bought = mechanism.clearance.get(one.joint)
+            if bought is not None and one.name in bought.clearances:
+                _refuse_rolling(bought, one)
         if not any(one.sought for one in kept):
             raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
@@ -238,7 +272,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
     """
     known: dict[str, Compliance] = {}
     for name in mechanism.joints:
-        gear = mechanism.gears.get(name)
+        gear = known_gears(mechanism).get(name)
         spread = LINK if gear is None else max(LINK, 1.0 / gear.stiffness)
         known[f"{name} link"] = Compliance(0.0, spread)
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
@@ -267,6 +301,15 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
     return known
 
 
+def _refuse_rolling(joint: Clearance, sought: Parameter) -> None:
+    if joint.resultant is not None:
+        raise JointplayError(
+            f"the clearance of the rolling bearing in {sought.joint!r} cannot be identified: its "
+            "balls or rollers give way under load by as much as its play, which the static model "
+            f"of identification leaves out; take it as known: --known {sought.label!r}"
+        )
+
+
 def friction_of(joint: Clearance) -> float | None:
     """Friction coefficient of a journal's law; None where it has none that could be told."""
     value = joint.friction.coefficients.get("mu_d")
@@ -282,7 +325,7 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
         known, asked = joint.friction.coefficients, values["friction"]
         law = joint.friction.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
         rough: dict[str, float] = dict.fromkeys(known, asked)
-        changed = replace(changed, friction=law or replace(joint.friction, **rough))
+        changed = changed.with_friction(law or replace(joint.friction, **rough))
     return changed
 
 

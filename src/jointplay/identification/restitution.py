@@ -751,7 +751,7 @@ class _Comparison:
         mechanism, joints = self._simulation.mechanism, {}
         for (name, joint), value in zip(mechanism.clearance.items(), row.tolist(), strict=True):
             nominal = nominal_of(joint, value)
-            made = replace(joint, restitution=value if np.isnan(nominal) else nominal)
+            made = joint.with_restitution(value if np.isnan(nominal) else nominal)
             joints[name] = sampled_joint(made, self._spreads.get(name, {}), self._random)
         return replace(
             self._simulation, mechanism=mechanism.with_clearance(joints), seed=self._seed

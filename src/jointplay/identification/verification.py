@@ -18,7 +18,9 @@ from jointplay.core.errors import JointplayError
 from jointplay.identification.fit import basis
 from jointplay.identification.identification import NORMAL, Identification, spreads
 from jointplay.identification.measurement import tool_positions
+from jointplay.identification.parameters import known_gears
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
+from jointplay.joints import SlidingClearance
 from jointplay.result.result import AXES, Result
 from jointplay.simulation.ensemble import run_in_order
 from jointplay.simulation.simulation import Simulation
@@ -189,12 +191,12 @@ def _perturbed(simulation: Simulation, identification: Identification, number: i
     joints = {}
     for name, joint in mechanism.clearance.items():
         made = sampled_joint(joint, known.get(name, {}), random)
-        if name in bounced:
+        if name in bounced and isinstance(joint, SlidingClearance):
             shift = bounced[name].half_width / NORMAL * random.standard_normal()
             value = min(max(joint.restitution + shift, 0.02), 1.0)
-            made = replace(made, restitution=value)
+            made = made.with_restitution(value)
         joints[name] = made
-    gears = dict(mechanism.gears)
+    gears = known_gears(mechanism)
     for i, one in enumerate(identification.unknowns):
         if one.name == "gear_play" and not identification.reasons[i]:
             shift = identification.half_width[i] / NORMAL * random.standard_normal()

@@ -16,7 +16,10 @@ from jointplay.joints.base import (
     Material,
     Outline,
     RoundClearance,
+    SlidingClearance,
 )
+from jointplay.joints.bearings import BallBearing, CrossedRollerBearing, RollingBearing
+from jointplay.joints.compliance import CompliantJoint, Elasticity
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
@@ -24,7 +27,10 @@ from jointplay.joints.spherical import SphericalClearance
 
 JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
-    for kind in (RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance)
+    for kind in (
+        *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
+        *(BallBearing, CrossedRollerBearing, CompliantJoint),
+    )
 }
 
 
@@ -62,14 +68,20 @@ __all__ = [
     "RELATIVE",
     "UNNAMED_KIND",
     "VIRTUAL_LINK",
+    "BallBearing",
     "Clearance",
+    "CompliantJoint",
     "Coordinate",
+    "CrossedRollerBearing",
     "CylindricalClearance",
+    "Elasticity",
     "Material",
     "Outline",
     "PrismaticClearance",
     "RevoluteClearance",
+    "RollingBearing",
     "RoundClearance",
+    "SlidingClearance",
     "SphericalClearance",
     "class_of",
     "replacing",

@@ -12,7 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from jointplay.contact import (
     FrictionLaw,
     LankaraniNikravesh,
     NormalForceLaw,
+    resultant,
 )
 from jointplay.contact.compiled import compiled_touch, parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
@@ -186,44 +187,36 @@ class Clearance(Described, ABC):
 
     None where no dimension of the journal can be given instead.
     """
-    touch: ClassVar[Callable[..., Any]]
-    """Gap, place and normal of contact k as `geometry.touch` returns them; it is compiled.
-
-    ``touch(k, pose, ...)``: index of the contact and pose of the journal (`geometry.contacts`), and
-    then dimensions of the joint by the names of its attributes.
-    """
-
-    bearing_material: Material = field(default_factory=Material)
-    journal_material: Material = field(default_factory=Material)
-    restitution: float = quantity("", default=0.9)
-    """Nominal coefficient of restitution c_e, in (0, 1]."""
-    normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
-    friction: FrictionLaw = field(default_factory=Ambrosio)
-    stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
-    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
-    its own stiffness does not use it.
-    """
     exchanged: bool = False
     """The parent link carries the journal and the child link the bearing (Figure 1b)."""
     ideal: bool = False
     """Without clearance, to compare."""
 
+    if TYPE_CHECKING:  # a field of one kind, derived by another
+
+        @property
+        def normal(self) -> NormalForceLaw:
+            """Law of the normal force of each contact."""
+
+        @property
+        def friction(self) -> FrictionLaw:
+            """Law of friction of each contact."""
+
     def __post_init__(self) -> None:
         """Check what is common."""
         check_fields(self)
-        if not 0.0 < self.restitution <= 1.0:
-            raise JointplayError(
-                f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)
-            )
-        for name, kind in (("normal", NormalForceLaw), ("friction", FrictionLaw)):
-            if not isinstance(getattr(self, name), kind):
-                raise JointplayError(
-                    f"{name} must be a {kind.__name__} such as jointplay.contact offers, "
-                    f"got {getattr(self, name)!r}",
-                    where=(name,),
-                )
 
-    # What a kind must say, beside `touch`.
+    # What a kind must say.
+
+    @property
+    @abstractmethod
+    def shape(self) -> int:
+        """How the gaps are found: a `geometry.Shape`, or the address of a compiled `touch`."""
+
+    @property
+    @abstractmethod
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers that `geometry.touch` needs for this shape."""
 
     @property
     @abstractmethod
@@ -240,17 +233,6 @@ class Clearance(Described, ABC):
         """Form and size of the journal, and the room around it."""
 
     # What follows from it, and can be said otherwise.
-
-    @property
-    def shape(self) -> int:
-        """How the gaps are computed: a `geometry.Shape`, or the address of the compiled `touch`."""
-        return compiled_touch(type(self).touch)
-
-    @property
-    def dimensions(self) -> tuple[float, ...]:
-        """The numbers that `geometry.touch` needs for this shape."""
-        names = parameter_names(type(self).touch, ("k", "pose")) or ()
-        return tuple(getattr(self, name) for name in names)
 
     @property
     def freedoms(self) -> tuple[str, ...]:
@@ -271,6 +253,26 @@ class Clearance(Described, ABC):
     def radial_room(self) -> float:
         """Radius of the journal centre's clearance circle; across x, for a slider [m]."""
         return next(iter(self.clearances.values()))
+
+    @property
+    def search_room(self) -> float:
+        """A length on which the journal's place of rest is searched, never zero [m]."""
+        return self.radial_room
+
+    @property
+    def resultant(self) -> tuple[float, ...] | None:
+        """Numbers of its rolling elements or springs; None where surfaces slide (`law`)."""
+        return None
+
+    @property
+    def law(self) -> int:
+        """Which law of `contact.resultant` goes by the numbers of `resultant`."""
+        return resultant.ELEMENTS
+
+    @property
+    def springs(self) -> Any:
+        """`compliance.Elasticity` of a joint that springs alone hold; None for the others."""
+        return None
 
     @property
     def rooms(self) -> tuple[float, ...]:
@@ -404,6 +406,14 @@ class Clearance(Described, ABC):
         """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
         raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
 
+    def with_restitution(self, value: float) -> Self:
+        """The joint with another coefficient of restitution, of a kind that has one."""
+        raise JointplayError(f"contacts of a {self.kind} joint have no coefficient of restitution")
+
+    def with_friction(self, law: FrictionLaw) -> Self:
+        """The joint with another law of friction, of a kind that has one; else as it is."""
+        return self
+
     # What holds for all kinds.
 
     @classmethod
@@ -468,6 +478,67 @@ class Clearance(Described, ABC):
         import pinocchio as pin
 
         return offset, pin.log3(rotation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingClearance(Clearance):
+    """A joint whose surfaces hit and slide on each other: a plain bearing, a socket or a guide.
+
+    Raises:
+        JointplayError: a value that is missing, not positive, contradictory or impossible.
+    """
+
+    touch: ClassVar[Callable[..., Any]]
+    """Gap, place and normal of contact k as `geometry.touch` returns them; it is compiled.
+
+    ``touch(k, pose, ...)``: index of the contact and pose of the journal (`geometry.contacts`), and
+    then dimensions of the joint by the names of its attributes.
+    """
+
+    bearing_material: Material = field(default_factory=Material)
+    journal_material: Material = field(default_factory=Material)
+    restitution: float = quantity("", default=0.9)
+    """Nominal coefficient of restitution c_e, in (0, 1]."""
+    normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
+    friction: FrictionLaw = field(default_factory=Ambrosio)
+    stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
+    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
+    its own stiffness does not use it.
+    """
+
+    def __post_init__(self) -> None:
+        """Check the laws and the restitution."""
+        super().__post_init__()
+        if not 0.0 < self.restitution <= 1.0:
+            raise JointplayError(
+                f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)
+            )
+        for name, kind in (("normal", NormalForceLaw), ("friction", FrictionLaw)):
+            if not isinstance(getattr(self, name), kind):
+                raise JointplayError(
+                    f"{name} must be a {kind.__name__} such as jointplay.contact offers, "
+                    f"got {getattr(self, name)!r}",
+                    where=(name,),
+                )
+
+    @property
+    def shape(self) -> int:
+        """How the gaps are computed: a `geometry.Shape`, or the address of the compiled `touch`."""
+        return compiled_touch(type(self).touch)
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers that `geometry.touch` needs for this shape."""
+        names = parameter_names(type(self).touch, ("k", "pose")) or ()
+        return tuple(getattr(self, name) for name in names)
+
+    def with_restitution(self, value: float) -> Self:
+        """See `Clearance.with_restitution`."""
+        return replace(self, restitution=value)
+
+    def with_friction(self, law: FrictionLaw) -> Self:
+        """See `Clearance.with_friction`."""
+        return replace(self, friction=law)
 
     @property
     def combined_compliance(self) -> float:
@@ -559,7 +630,7 @@ def complete(
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoundClearance(Clearance):
+class RoundClearance(SlidingClearance):
     """A round journal of radius R_j in a round bearing of radius R_i (eqs 1, 11-13).
 
     Raises:

@@ -39,13 +39,15 @@ class Support(NamedTuple):
 
 
 class Cone(NamedTuple):
-    """What coordinates y, shape (m,), must keep to: |across @ y| <= room - along . y."""
+    """What coordinates y, shape (m,), must keep to: |across @ y + centre| <= room - along . y."""
 
     across: np.ndarray
     """Shape (k, m); no rows for a plane wall."""
     along: np.ndarray
     """Shape (m,)."""
     room: float
+    centre: np.ndarray | float = 0.0
+    """Shape (k,)."""
 
 
 class Cones(NamedTuple):

@@ -14,7 +14,7 @@ from jointplay.contact import ContactProperties
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
 from jointplay.geometry import Shape
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline
+from jointplay.joints.base import VIRTUAL_LINK, Outline, SlidingClearance
 
 _SIGNS = (1.0, -1.0)
 _ENDS = {1.0: "A", -1.0: "B"}
@@ -22,7 +22,7 @@ _MARK = {1.0: "+", -1.0: "-"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PrismaticClearance(Clearance):
+class PrismaticClearance(SlidingClearance):
     """A block-shaped slider (the journal) in a straight guide (the bearing) that is longer.
 
     z is the direction of sliding. Each of the slider's eight corners can touch the walls across x

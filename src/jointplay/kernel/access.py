@@ -14,7 +14,9 @@ from jointplay.kernel.layout import (
     HOLD,
     JOINT,
     LOAD,
+    REFINED_GEAR,
     RUN,
+    SERVO,
 )
 
 _CONTACT_SIZE = CONTACT.itemsize
@@ -24,6 +26,7 @@ _whole = pointer_to(types.int64)
 _joint, _contact = pointer_to(from_dtype(JOINT)), pointer_to(from_dtype(CONTACT))
 _drive, _friction = pointer_to(from_dtype(DRIVE_ROW)), pointer_to(from_dtype(FRICTION_ROW))
 _gear, _load = pointer_to(from_dtype(GEAR_ROW)), pointer_to(from_dtype(LOAD))
+_refined, _servo = pointer_to(from_dtype(REFINED_GEAR)), pointer_to(from_dtype(SERVO))
 _body, _hold = pointer_to(from_dtype(BODY)), pointer_to(from_dtype(HOLD))
 
 
@@ -64,6 +67,12 @@ def drives(run):
 
 
 @internal
+def servos(run):
+    """Records of the servos' controllers."""
+    return carray(_servo(run.servos), (run.ns,))
+
+
+@internal
 def frictions(run):
     """Records of the joints' friction."""
     return carray(_friction(run.frictions), (run.nf,))
@@ -71,8 +80,14 @@ def frictions(run):
 
 @internal
 def gears(run):
-    """Records of the gears."""
+    """Records of the gears that have only play, a spring and a damper."""
     return carray(_gear(run.gears), (run.ng,))
+
+
+@internal
+def refined_gears(run):
+    """Records of all others."""
+    return carray(_refined(run.refined_gears), (run.nr,))
 
 
 @internal

@@ -37,13 +37,14 @@ from jointplay.kernel.layout import STORED
 from jointplay.kernel.multirate import (
     add_work,
     check_prediction,
-    commit_all_contacts,
+    commit_memories,
     end_macro_step,
     evaluate,
     plan_macro_step,
     step_positions,
 )
 from jointplay.kernel.record import fill_row, is_due, write_interpolated
+from jointplay.kernel.rolling import element_frequency
 from jointplay.kernel.solve import SPEED, TRIALS, find_pose
 from jointplay.kernel.words import POWERS
 
@@ -268,7 +269,9 @@ def _judge_contacts(run, moved):
                 _judge_onset(run, joint, contact)
             if run.time < contact.braking_end:
                 most = max(most, contact.braking)  # an impact: its error is never nothing
-            else:
+            if joint.resultant != 0:
+                squares += element_frequency(run, joint)
+            elif not run.time < contact.braking_end:
                 squares += contact.compliance * _stiffness(joint, contact)
     run.braking = most
     run.stable_micro = run.longest_micro
@@ -381,7 +384,7 @@ def _try_steps(run):
         h = _time_to_onset(run, wanted)
         before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
         add_work(run, before)
-        commit_all_contacts(run, before + 0.5 * h)
+        commit_memories(run, before + 0.5 * h)
         records = due < last and due * run.dt < start + h - 1e-6 * run.dt
         if records:
             _keep_row(run)

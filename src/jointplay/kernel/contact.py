@@ -16,6 +16,13 @@ from jointplay.geometry import touch as touch_shape
 from jointplay.kernel.access import contacts, matrix, record_failure
 from jointplay.kernel.frames import add, add_scaled, cross, dot, get_vector, norm, scale, set_vector
 from jointplay.kernel.layout import FRICTION, MIN_APPROACH_SPEED, NORMAL, STORED
+from jointplay.kernel.rolling import (
+    add_element_forces,
+    add_element_losses,
+    add_element_slope,
+    element_gap,
+    find_elements,
+)
 from jointplay.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 
 _CYLINDER = int(Shape.CYLINDER)
@@ -47,6 +54,8 @@ def _contact_place(joint, k):
 @internal
 def contact_gap(joint, k):
     """Gap of contact k at the joint's pose."""
+    if joint.resultant != 0:
+        return element_gap(joint)
     return _contact_place(joint, k)[0]
 
 
@@ -56,6 +65,8 @@ def find_gaps(run, j, joint):
 
     Elastic forces follow, for they depend on the depth alone.
     """
+    if joint.resultant != 0:
+        return find_elements(run, j, joint)
     touching = False
     for k in range(joint.count):
         contact = contacts(run, j)[k]
@@ -217,6 +228,9 @@ def _add_slope(joint, contact, b):
 @internal
 def add_contact_slope(run, j, joint):
     """Add the derivative of the wrench by the twist; after `add_contact_forces`."""
+    if joint.resultant != 0:
+        add_element_slope(joint)
+        return
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
@@ -246,6 +260,9 @@ def add_contact_slope(run, j, joint):
 @internal
 def add_contact_forces(run, j, joint):
     """Add the contact forces at the joint's twist to its wrench."""
+    if joint.resultant != 0:
+        add_element_forces(run, j, joint)
+        return
     wrench = joint.wrench
     for k in range(joint.count):
         contact = contacts(run, j)[k]
@@ -275,6 +292,9 @@ def add_contact_forces(run, j, joint):
 @internal
 def add_dissipation(run, j, joint):
     """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
+    if joint.resultant != 0:
+        add_element_losses(run, joint)
+        return
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         if contact.touching == 0:

@@ -1,4 +1,7 @@
-"""What acts on single coordinates: drives, joint friction, gears with play."""
+"""What acts on single coordinates: drives, joint friction, gears with play.
+
+Gears that are more than play, a spring and a damper are in `gear`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 
 @internal
-def _reference_rows(run, time):
+def reference_rows(run, time):
     """Rows of the reference (2, 3, nu) around a time, and how far between them it is (0 to 1)."""
     place = time / run.reference_interval
     node = min(int(place), run.nref - 2)
@@ -25,7 +28,7 @@ def prescribe_motion(run, q, v, time):
 
     Cubic Hermite interpolation between the nodes of the reference.
     """
-    rows, s = _reference_rows(run, time)
+    rows, s = reference_rows(run, time)
     nu, h = run.nu, run.reference_interval
     effort = floats(run.drive, run.nv)
     for row in drives(run):
@@ -43,7 +46,7 @@ def prescribe_motion(run, q, v, time):
 @internal
 def apply_drives(run, q, v, time, tau):
     """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
-    rows, part = _reference_rows(run, time)
+    rows, part = reference_rows(run, time)
     nu = run.nu
     effort = floats(run.drive, run.nv)
     for one in drives(run):

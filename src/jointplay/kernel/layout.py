@@ -13,7 +13,7 @@ import numpy as np
 
 from jointplay.contact.compiled import MAX_PARAMETERS
 from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
-from jointplay.kernel.words import POWERS
+from jointplay.kernel.words import GEAR_BENDS, GEAR_ORDERS, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""
@@ -55,12 +55,12 @@ RUN = _record(
     weights=_INT,  # (nv,) 0 for prescribed coordinates, whose inertia is no real one
     drive=_INT,  # (nv,) efforts of the drives
     velocity_forces=_INT,  # (nv,) generalised forces of what depends on velocity
-    force_rates=_INT,  # (2, nv) how fast those of the last state changed, and they themselves
+    pushed=_INT,  # (3, nv) accelerations by these forces; how fast they changed; those before
     load_forces=_INT,  # (nv,) of the loads' part that does not
     minv=_INT,  # (nv, nv) inverse of the mass matrix now; then
     free=_INT,  # (nv,) acceleration without any of the forces reckoned here
     minv_rate=_INT,
-    free_rate=_INT,  # their rates; then as of the middle of the last macro step
+    free_rate=_INT,  # their rates along the present chord; then as of the last middle
     minv_middle=_INT,
     free_middle=_INT,
     minv_slope=_INT,  # first and second divided differences of the middles
@@ -98,8 +98,10 @@ RUN = _record(
     joints=_INT,
     contacts=_INT,
     drives=_INT,
+    servos=_INT,
     frictions=_INT,
     gears=_INT,
+    refined_gears=_INT,
     loads=_INT,
     bodies=_INT,
     holds=_INT,
@@ -110,12 +112,15 @@ RUN = _record(
     nu=_INT,
     nd=_INT,
     nf=_INT,
+    ns=_INT,
     ng=_INT,
+    nr=_INT,
     nl=_INT,
     nb=_INT,  # bodies, the ground among them; 0 if none need be placed
     nh=_INT,
     nref=_INT,
     record_columns=_INT,
+    cages=_INT,  # recorded: all joints if one of them is a rolling bearing
     nwindows=_INT,
     ncopies=_INT,
     # How to go on.
@@ -167,6 +172,7 @@ RUN = _record(
     middle_time=_FLOAT,
     mean_time=_FLOAT,  # of the last mean acceleration in `path`
     middles_apart=_FLOAT,  # the last two
+    chord_end=_FLOAT,  # until which time `minv_rate` and `free_rate` hold [s]
     micro_tolerance=_FLOAT,  # of micro steps, see `adaptive`
     shortest_micro=_FLOAT,  # micro step [s]
     longest_micro=_FLOAT,  # micro step that springs, gears and drives allow [s]
@@ -202,7 +208,10 @@ JOINT = _record(
     journal_rotation=_INT,
     journal_translation=_INT,
     sliding_work=_INT,
+    element_law=_INT,  # of a rolling bearing, whose numbers are `dimensions`; and
+    elements=_INT,  # what it answers, see `contact.rolling`
     # What it is.
+    resultant=_INT,  # whether a law answers for all of it (`rolling`)
     bristles=_INT,
     shape=_INT,
     count=_INT,
@@ -226,6 +235,9 @@ JOINT = _record(
     film_memory=(_FLOAT, (2, 5)),  # by section: force and velocity at the last step; whether known
     # Now.
     touching=_INT,  # whether it takes part in the velocity solve
+    cage=_FLOAT,  # azimuth of the first element [rad]
+    cage_start=_FLOAT,  # of Runge-Kutta's step, and
+    cage_sum=_FLOAT,  # the weighted sum of its rates so far
     pose=(_FLOAT, (POSE,)),
     sines=(_FLOAT, (4,)),  # sine and cosine of yaw, of pitch
     twist=(_FLOAT, (6,)),
@@ -299,10 +311,59 @@ DRIVE_ROW = _record(
     implicit=_INT,  # whether its damping is part of the velocity solve
     taken_at=_FLOAT,  # speed of the encoder at which its effort was found
 )
+SERVO = _record(
+    column=_INT,  # of the reference
+    coordinate=_INT,  # that it acts on
+    encoder=_INT,  # coordinate that its encoder measures
+    stall=_FLOAT,  # effort per voltage at rest
+    p_gain=_FLOAT,
+    d_gain=_FLOAT,
+    dead_band=_FLOAT,
+    resolution=_FLOAT,  # of its encoder, 0 for none
+    voltage=_FLOAT,  # largest
+    limit=_FLOAT,  # of the effort, infinite for none
+    period=_FLOAT,  # of its samples, 0 for none
+    next_sample=_FLOAT,
+    sampled_at=_FLOAT,
+    held=_FLOAT,  # voltage since the last sample, and before it
+    held_before=_FLOAT,
+)
+"""The controller of one servo; see `kernel.servo`."""
+
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )
 GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
+REFINED_GEAR = _record(
+    motor=_INT,
+    link=_INT,
+    half_play=_FLOAT,
+    damping=_FLOAT,
+    slopes=(_FLOAT, (GEAR_BENDS + 1,)),  # of the elastic curve beyond the play
+    bend_twists=(_FLOAT, (GEAR_BENDS,)),  # at which its slope changes, infinite for none
+    bend_torques=(_FLOAT, (GEAR_BENDS,)),
+    grip=_FLOAT,  # largest torque of its bristles
+    presliding=_FLOAT,  # angle in which they let go
+    orders=_INT,  # of its kinematic error, in cycles per turn of the joint
+    order=(_FLOAT, (GEAR_ORDERS,)),
+    amplitude=(_FLOAT, (GEAR_ORDERS,)),
+    phase=(_FLOAT, (GEAR_ORDERS,)),
+    running_torque=_FLOAT,  # friction on the motor without load
+    viscous=_FLOAT,
+    driving_loss=_FLOAT,  # friction per torque held where the motor drives, and where it is driven
+    driven_loss=_FLOAT,
+    # Now.
+    twist=_FLOAT,
+    lever=_FLOAT,  # turn of the joint per turn of the motor at constant twist
+    elastic=_FLOAT,  # torque, without sign
+    hysteresis=_FLOAT,
+    torque=_FLOAT,  # transmitted to the joint
+    # At the last state of the trajectory.
+    last_twist=_FLOAT,
+    last_hysteresis=_FLOAT,
+)
+"""One gear that is more than play, a spring and a damper; see `kernel.gear`."""
+
 BODY = _record(
     parent=_INT,  # place among the bodies; 0 is the ground
     coordinate=_INT,

@@ -28,10 +28,13 @@ from jointplay.kernel.drive import (
     prescribe_motion,
 )
 from jointplay.kernel.film import add_film_losses
+from jointplay.kernel.gear import add_gear_losses, commit_gears
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
+from jointplay.kernel.rolling import advance_cages
+from jointplay.kernel.servo import apply_servos
 from jointplay.kernel.solve import (
     ERROR,
     LEAST_COMPLIANCE,
@@ -73,6 +76,13 @@ GROWTH = 1.5
 
 LEAST_APART = 0.3
 """Middles nearer to each other than this, relative to the macro step, do not make a line."""
+
+CHORD_STEPS = 4
+"""Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
+itself is more memory than the nearest cache has beside what the velocity solve needs there."""
+
+CHORD_PART = 0.25
+"""Longest chord, relative to the macro step."""
 
 
 @internal
@@ -168,7 +178,7 @@ def _find_path_error(run):
 
 
 @internal
-def _fit_parabola(found, middle, slope, curve, value, rate, known, lengths):
+def _fit_parabola(found, middle, slope, curve, value, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
     `lengths`: half of the macro step, and how far apart the last two middles and those before are.
@@ -184,7 +194,6 @@ def _fit_parabola(found, middle, slope, curve, value, rate, known, lengths):
             slope[i] = 0.0
         curve[i], middle[i] = bend, found[i]
         value[i] = found[i] + s * (slope[i] + bend * (s + apart))
-        rate[i] = slope[i] + bend * (2.0 * s + apart)
 
 
 @internal
@@ -209,15 +218,14 @@ def _accept_middle(run):
     _fit_parabola(
         floats(run.found_minv, nv * nv), floats(run.minv_middle, nv * nv),
         floats(run.minv_slope, nv * nv), floats(run.minv_curve, nv * nv),
-        floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv), run.known_middles, lengths,
+        floats(run.minv, nv * nv), run.known_middles, lengths,
     )  # fmt: skip
     _fit_parabola(
         floats(run.found_free, nv), floats(run.free_middle, nv), floats(run.free_slope, nv),
-        floats(run.free_curve, nv), floats(run.free, nv), floats(run.free_rate, nv),
-        run.known_free, lengths,
+        floats(run.free_curve, nv), floats(run.free, nv), run.known_free, lengths,
     )  # fmt: skip
     run.events = 0
-    run.middle_time, run.middles_apart = now, apart
+    run.middle_time, run.middles_apart, run.chord_end = now, apart, run.path_start
     run.known_middles = min(run.known_middles + 1, 3)
     run.known_free = min(run.known_free + 1, 3)
 
@@ -311,6 +319,8 @@ def _base_velocity(run, q, half, v, base, h):
             if one.armature > 0.0:
                 half[one.coordinate] += q[one.coordinate] / run.dt_before
     apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
     for one in drives(run):
@@ -329,22 +339,23 @@ def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv, n = run.nv, run.active
     a, forces, minv = floats(run.a, nv), floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
+    pushed = floats(run.pushed, nv)
     if n == nv:
         trial = matrix(run.trial, TRIALS, nv)
         for i in range(nv):  # the residual, where the last trial ended, has the product with M^-1
-            a[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
+            pushed[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
     else:
         touched = integers(run.touched, nv)
         for i in range(nv):
-            a[i] = 0.0
+            pushed[i] = 0.0
         for b in range(n):
             row, force = minv[touched[b]], forces[touched[b]]
             for i in range(nv):
-                a[i] += force * row[i]
+                pushed[i] += force * row[i]
     size = square = 0.0
     for i in range(nv):
-        square += forces[i] * a[i]
-        v[i] = base[i] + h * a[i]
+        square += forces[i] * pushed[i]
+        v[i] = base[i] + h * pushed[i]
         a[i] = (v[i] - half[i]) / h
         size += abs(v[i])
     run.moved_by_forces = math.sqrt(max(square, 0.0))
@@ -360,7 +371,8 @@ def _powers(run, q, v):
     complete_drives(run, v)
     add_drive_power(run, v)
     add_joint_losses(run, q, v)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        add_gear_losses(run, v)
         find_load_powers(run, v)
     for j in range(run.nj):
         joint = joints(run)[j]
@@ -396,33 +408,59 @@ def evaluate(run):
         apply_loads(run, base, h)
     # A state that ends one macro step and begins the next is evaluated with both parabolas; what
     # it was found to need once is the best guess.
-    rates, new = matrix(run.force_rates, 2, nv), run.time != run.evaluated_at
-    if new:
-        for i in range(nv):
-            rates[1, i] = forces[i]
-            forces[i] += run.dt_before * rates[0, i]
+    pushed, new = matrix(run.pushed, 3, nv), run.time != run.evaluated_at
+    for i in range(nv):
+        guess = pushed[0, i]
+        if new:
+            pushed[2, i] = guess
+            guess += run.dt_before * pushed[1, i]
+        v[i] = base[i] + h * guess
     if run.active > 0:
         solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
             forces[i] = 0.0
-    if new:
-        for i in range(nv):
-            rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
     run.evaluated_at = run.time
     size = _complete_velocities(run, half, v, base, h)
+    if new:
+        for i in range(nv):
+            pushed[1, i] = (pushed[0, i] - pushed[2, i]) / run.dt_before
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
         record_failure(run, _RUN_AWAY, 0)
 
 
 @internal
-def _advance_parabolas(values, rates, curves, size, dt):
-    """Advance values along parabolas by `dt`."""
-    value, rate, curve = floats(values, size), floats(rates, size), floats(curves, size)
+def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span):
+    """Rates that lead values within `span` to where their parabolas are `s` after the middle."""
+    square, part = s * (s + apart), 1.0 / span  # a division takes as long as all the rest
+    for i in range(value.size):
+        rate[i] = part * (middle[i] + s * slope[i] + square * curve[i] - value[i])
+
+
+@internal
+def _aim_at_parabolas(run, span):
+    """Begin chords of the parabolas of inverse mass matrix and free acceleration."""
+    nv = run.nv
+    run.chord_end = run.time + span
+    s, apart = run.chord_end - run.middle_time, run.middles_apart
+    _aim_at_parabola(
+        floats(run.free, nv), floats(run.free_rate, nv), floats(run.free_middle, nv),
+        floats(run.free_slope, nv), floats(run.free_curve, nv), s, apart, span,
+    )  # fmt: skip
+    _aim_at_parabola(
+        floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv),
+        floats(run.minv_middle, nv * nv), floats(run.minv_slope, nv * nv),
+        floats(run.minv_curve, nv * nv), s, apart, span,
+    )  # fmt: skip
+
+
+@internal
+def _advance(values, rates, size, dt):
+    """Advance values at their rates by `dt`."""
+    value, rate = floats(values, size), floats(rates, size)
     for i in range(size):
-        value[i] += dt * (rate[i] + dt * curve[i])
-        rate[i] += 2.0 * dt * curve[i]
+        value[i] += dt * rate[i]
 
 
 @internal
@@ -433,9 +471,13 @@ def step_positions(run, dt):
     ratio = dt / run.dt_before
     for i in range(nv):
         half[i] = v[i] + ratio * (v[i] - half[i])
+    advance_cages(run, half, dt)
+    for i in range(nv):
         q[i] += dt * half[i]
-    _advance_parabolas(run.free, run.free_rate, run.free_curve, nv, dt)
-    _advance_parabolas(run.minv, run.minv_rate, run.minv_curve, nv * nv, dt)
+    if run.time + 0.5 * dt > run.chord_end:
+        _aim_at_parabolas(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt))
+    _advance(run.free, run.free_rate, nv, dt)
+    _advance(run.minv, run.minv_rate, nv * nv, dt)
     run.dt_before = dt
 
 
@@ -449,8 +491,10 @@ def add_work(run, duration):
 
 
 @internal
-def commit_all_contacts(run, duration):
-    """Accept all contacts as evaluated; their forces act for `duration` [s]."""
+def commit_memories(run, duration):
+    """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
+    if run.nr > 0:
+        commit_gears(run)
     for j in range(run.nj):
         commit_contacts(run, j, joints(run)[j], duration)
 
@@ -460,7 +504,7 @@ def _commit_state(run, dt, recorded):
     """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     add_work(run, before)
-    commit_all_contacts(run, before + 0.5 * dt)
+    commit_memories(run, before + 0.5 * dt)
     if recorded:
         write_record(run)
     add_work(run, 0.5 * dt)
@@ -531,15 +575,20 @@ def start_half_step(run):
     for i in range(nv):
         tau[i] = 0.0
     apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
     evaluate_velocity_forces(run, q, v)
     loaded = floats(run.load_forces, nv)
     for i in range(nv):
         tau[i] += loaded[i]
+    pushed = floats(run.pushed, nv)  # from which the first solve starts
     for i in range(nv):
-        a[i] = free[i]
+        a[i], pushed[i] = free[i], 0.0
         for k in range(nv):
-            a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + forces[k])
+            compliance = minv[i, k] if i <= k else minv[k, i]
+            a[i] += compliance * (tau[k] + forces[k])
+            pushed[i] += compliance * forces[k]
         half[i] = v[i] - 0.5 * run.dt * a[i]
     begin(run)
     run.fresh = 1

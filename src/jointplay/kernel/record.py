@@ -10,6 +10,7 @@ from jointplay.core.compiler import internal
 from jointplay.kernel.access import contacts, floats, joints, loads, matrix
 from jointplay.kernel.drive import add_prescribed_power
 from jointplay.kernel.frames import dot, get_vector, set_vector
+from jointplay.kernel.gear import record_gears
 from jointplay.kernel.load import complete_load_work, record_loads
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.words import POWERS
@@ -79,7 +80,13 @@ def fill_row(run, row):
             row[c] = row[c + 2 * width * nj] = normal
             row[c + width * nj] = tangential
             row[c + 3 * width * nj] = contact.gap
-    record_loads(run, row, at + 9 * nj + 4 * width * nj)
+    at += 9 * nj + 4 * width * nj
+    for j in range(run.cages):
+        row[at + j] = joints(run)[j].cage
+    at += run.cages
+    if run.nr > 0:
+        at = record_gears(run, row, at)
+    record_loads(run, row, at)
 
 
 @internal
@@ -160,9 +167,17 @@ def write_interpolated(run, time, elapsed, h):
 
 
 def record_columns(
-    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
+    nv: int,
+    nj: int,
+    width: int,
+    loads: Sequence[LoadSite],
+    cages: int = 0,
+    refined: int = 0,
 ) -> tuple[dict[str, slice], int]:
-    """Columns of a record by name, and their number."""
+    """Columns of a record by name, and their number.
+
+    `cages`: all joints, if any of them rolls; `refined`: how many gears are so.
+    """
     widths = {
         "time": 1,
         "q": nv,
@@ -176,6 +191,8 @@ def record_columns(
         "tangential": width * nj,
         "normal_peak": width * nj,
         "gap_min": width * nj,
+        "cage": cages,
+        "gear": 2 * refined,
         "load_force": sum(load.size for load in loads),
         "load_work": len(loads),
     }

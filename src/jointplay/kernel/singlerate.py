@@ -31,9 +31,17 @@ from jointplay.kernel.drive import (
 )
 from jointplay.kernel.film import add_film_forces, add_film_losses, commit_film
 from jointplay.kernel.frames import find_twist, pose_of_frames, pose_of_virtual_link, project_wrench
+from jointplay.kernel.gear import (
+    add_gear_losses,
+    apply_refined_gears,
+    commit_gears,
+    place_gears,
+)
 from jointplay.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_stage_work, apply_current_loads
 from jointplay.kernel.record import complete_step, is_due, write_record
+from jointplay.kernel.rolling import advance_cages, advance_cages_by_stage
+from jointplay.kernel.servo import apply_servos
 from jointplay.kernel.words import Status
 
 _NP = len(POWERS)
@@ -54,7 +62,7 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)
-    if not touching and joint.sections == 0:
+    if not touching and joint.sections == 0 and joint.resultant == 0:
         return
     find_twist(joint, v)
     if joint.sections > 0:
@@ -83,14 +91,22 @@ def _evaluate_state(run, q, v, time):
     for i in range(_NP):
         run.power[i] = 0.0
     apply_drives(run, q, v, time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
     add_joint_losses(run, q, v)
+    if run.nr > 0:
+        place_gears(run, q)
+        apply_refined_gears(run, v, tau)
+        add_gear_losses(run, v)
     apply_current_loads(run, q, v, time, tau)
     if not size < SPEED_LIMIT:  # true for NaN as well
         record_failure(run, _RUN_AWAY, 0)
     committed = run.commit != 0
+    if committed and run.nr > 0:
+        commit_gears(run)
     elapsed = run.dt if committed and run.step > 0 else time - run.time
     for j in range(run.nj):
         _evaluate_joint(run, j, q, v, tau, elapsed)
@@ -134,6 +150,8 @@ def semi_implicit_euler(run):
         write_record(run)
     for i in range(nv):
         v[i] += run.dt * a[i]
+    advance_cages(run, v, run.dt)
+    for i in range(nv):
         q[i] += run.dt * v[i]
     run.pending = 1
     run.step += 1
@@ -164,6 +182,7 @@ def runge_kutta_4(run):
     for j in range(run.nj):
         average_stage_forces(joints(run)[j], contacts(run, j), stage, weight / dt)
     ahead = dt if stage == 2 else 0.5 * dt
+    advance_cages_by_stage(run, v, stage, weight, ahead)
     for i in range(nv):
         if stage == 0:
             scratch[i] = q[i]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +26,8 @@ class JointSite:
     """Of the normal-force law, for each contact, shape (contacts, `layout.MAX_PARAMETERS`)."""
     dimensions: tuple[float, ...]
     """See `geometry.touch`."""
+    holds: bool = False
+    """Whether springs, not surfaces, connect its bodies."""
     carriers: Carriers | None = None
     """Pinocchio joint that carries the bearing, and the bearing's placement in it; the same of the
     journal. None where the coordinates of a virtual link, from `first` on, move the journal."""
@@ -80,10 +83,14 @@ class CoordinateTables:
 
     drives: np.ndarray
     """Of `layout.DRIVE_ROW`, see `drive_row`."""
+    servos: np.ndarray
+    """Of `layout.SERVO`."""
     frictions: np.ndarray
     """Of `layout.FRICTION_ROW`."""
     gears: np.ndarray
     """Of `layout.GEAR_ROW`."""
+    refined_gears: np.ndarray
+    """Of `layout.REFINED_GEAR`."""
     reference: np.ndarray
     """Rows of q, v and feed-forward effort of the nu driven coordinates, shape (nref, 3 nu),
     nref >= 2."""
@@ -129,6 +136,18 @@ def gear_row(
 ) -> np.ndarray:
     """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping."""
     return np.array([(motor, link, half_play, stiffness, damping)], layout.GEAR_ROW)
+
+
+def refined_gear_row(**given: Any) -> np.ndarray:
+    """Record of a gear that is more, shape (1,): fields of `layout.REFINED_GEAR`, lists shorter."""
+    row = np.zeros(1, layout.REFINED_GEAR)
+    row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
+    for name, value in given.items():
+        if np.ndim(value):
+            row[name][0, : len(value)] = value
+        else:
+            row[name] = value
+    return row
 
 
 def stacked(rows: Sequence[np.ndarray], kind: np.dtype) -> np.ndarray:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.core.compiler import internal
+from jointplay.core.compiler import contracted, internal
 from jointplay.kernel.access import drives, floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import (
@@ -43,10 +43,17 @@ from jointplay.kernel.frames import (
     project_slope,
     project_wrench,
 )
+from jointplay.kernel.gear import (
+    add_gear_slopes,
+    apply_refined_gears,
+    mark_gears,
+    place_gears,
+)
 from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
-"""Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
+"""Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
+kinetic energy [kg^0.5 m/s]."""
 
 RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
@@ -99,7 +106,7 @@ def find_velocity_forces(run, q, half):
         find_pose(run, joint, q)
         touching = find_gaps(run, j, joint)
         run.touching += 1 if touching else 0
-        joint.touching = 1 if touching or joint.sections > 0 else 0
+        joint.touching = 1 if touching or joint.sections > 0 or joint.resultant != 0 else 0
         for r in range(6):
             joint.wrench[r] = 0.0
         if joint.touching == 0:
@@ -118,7 +125,9 @@ def find_velocity_forces(run, q, half):
     for gear in gears(run):
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        place_gears(run, q)
+        mark_gears(run, marks)
         evaluate_loads(run, q, floats(run.v, nv), marks)
     n = 0
     for i in range(nv):
@@ -153,7 +162,8 @@ def evaluate_velocity_forces(run, q, v):
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
     apply_drive_damping(run, v, tau)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        apply_refined_gears(run, v, tau)
         apply_velocity_loads(run, v, tau)
 
 
@@ -175,11 +185,12 @@ def _evaluate_slopes(run, q, v):
         add_contact_slope(run, j, joint)
         project_slope(run, joint)
     add_joint_slopes(run, q, v)
-    if run.nl > 0:
+    if run.nl + run.nr > 0:
+        add_gear_slopes(run, v)
         add_load_slopes(run)
 
 
-@inlined
+@contracted
 def add_rows(rows, factors, total, n, size):
     """Put the sum of `n` rows, each times its factor, into the first `size` of `total`.
 
@@ -307,26 +318,23 @@ def _list_compliance(run, n):
 
 
 @inlined
-def _initial_guess(run, base, h, n):
-    """Start from the forces of the last step; returns the squared tolerance of the residual."""
+def _initial_guess(run, base, v, n):
+    """Start from the velocities `v`; returns the squared tolerance of the residual."""
     nv = run.nv
     touched, minv = integers(run.touched, nv), matrix(run.minv, nv, nv)
-    trial, tau = matrix(run.trial, TRIALS, nv), floats(run.velocity_forces, nv)
-    speed, inertia = trial[SPEED], trial[INERTIA]
+    trial = matrix(run.trial, TRIALS, nv)
+    inertia = trial[INERTIA]
     least = 0.0
     for a in range(n):
         i = touched[a]
         least = max(least, LEAST_COMPLIANCE * minv[i, i])
-        trial[BASE, a], trial[PUSH, a] = base[i], tau[i]
+        trial[BASE, a], trial[SPEED, a] = base[i], v[i]
     size = 0.0
     for a in range(n):
         i = touched[a]
         inertia[a] = 1.0 / max(minv[i, i], least)
         size += trial[BASE, a] * trial[BASE, a] * inertia[a]
-    add_rows(_listed_compliance(run, n), trial[PUSH], speed, n, n)
-    for a in range(n):
-        speed[a] = trial[BASE, a] + h * speed[a]
-    return TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
+    return n * TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 
 @internal
@@ -340,7 +348,7 @@ def _take_step(run, q, v, h, part):
 
 @internal
 def solve_velocity(run, q, base, v, h):
-    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method.
+    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method from `v`.
 
     The matrix of an earlier step is used as long as each trial brings the error down by
     `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
@@ -348,7 +356,7 @@ def solve_velocity(run, q, base, v, h):
     n = run.active
     if n < run.nv:
         _list_compliance(run, n)
-    limit = _initial_guess(run, base, h, SINGLE) if n == SINGLE else _initial_guess(run, base, h, n)
+    limit = _initial_guess(run, base, v, n)
     error, trials = _evaluate_trial(run, q, v, h), 1
     old = run.factored == n
     while not error <= limit:

@@ -26,6 +26,9 @@ SOURCES = (
     _PACKAGE.parent / "contact" / "compiled.py",
     _PACKAGE.parent / "contact" / "film.py",
     _PACKAGE.parent / "contact" / "law.py",
+    _PACKAGE.parent / "contact" / "elastic.py",
+    _PACKAGE.parent / "contact" / "resultant.py",
+    _PACKAGE.parent / "contact" / "rolling.py",
 )
 """Files whose change must compile the kernel again."""
 

@@ -55,6 +55,9 @@ AZIMUTHS = 72
 JOINT_FRICTION_SPEED = 1e-3
 """Speed over which dry joint friction changes its sign [rad/s or m/s]."""
 
+GEAR_BENDS, GEAR_ORDERS = 3, 4
+"""Bends that a gear's elastic curve can have, and orders of its kinematic error."""
+
 WELL_RESOLVED_STEPS = 10
 """A contact of fewer steps than this is not resolved."""
 

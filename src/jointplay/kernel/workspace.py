@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
+from jointplay.contact.resultant import SEAT_ANSWERS
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
 from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS
@@ -31,6 +32,9 @@ FIXED = (
     *("micro_tolerance", "shortest_micro", "longest_micro"),
 )
 """Floats that a snapshot does not change."""
+
+CACHE_LINE = 8
+"""Numbers in a cache line: vectors of numbers that cross two take twice as long to read."""
 
 LEFT_OUT = "reference"
 """Array that a simulation makes again and no copy needs."""
@@ -68,8 +72,11 @@ class PointerRecord:
         return array
 
     def _allocate(self, name: str, *shape: int) -> np.ndarray:
-        """Let the record's field `name` point to an array of zeros."""
-        return self._set_pointer(name, np.zeros(shape))
+        """Let the record's field `name` point to an array of zeros, which begins a cache line."""
+        size = math.prod(shape)
+        room = np.zeros(size + CACHE_LINE)
+        first = -(room.ctypes.data // room.itemsize) % CACHE_LINE
+        return self._set_pointer(name, room[first : first + size].reshape(shape))
 
     def _set_row_pointers(
         self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str
@@ -154,7 +161,7 @@ class Workspace(PointerRecord):
 
     Attributes:
         q, v: state, shape (nv,).
-        drives, frictions, gears: records of what acts on single coordinates.
+        drives, servos, frictions, gears, refined_gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
         middle: q and v in the middle of the macro step that is planned, shape (nv,).
@@ -178,7 +185,9 @@ class Workspace(PointerRecord):
         super().__init__(layout.RUN, ("joints", "loads"))
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
-        self.fields, columns = record_columns(nv, len(sites), width, loads)
+        cages = len(sites) if any(site.record["resultant"][0] for site in sites) else 0
+        refined = len(tables.refined_gears)
+        self.fields, columns = record_columns(nv, len(sites), width, loads, cages, refined)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
@@ -212,6 +221,7 @@ class Workspace(PointerRecord):
             width=width,
             nl=len(loads),
             record_columns=columns,
+            cages=cages,
             every=every,
             dt=dt,
             dt_before=dt,
@@ -227,7 +237,7 @@ class Workspace(PointerRecord):
         self._changing += [
             self._allocate(name, nv) for name in ("velocity_forces", "load_forces", "free")
         ]
-        self._changing.append(self._allocate("force_rates", 2, nv))
+        self._changing.append(self._allocate("pushed", 3, nv))
         self._changing.append(self._allocate("minv", nv, nv))
         self._changing += [self._allocate("free_rate", nv), self._allocate("minv_rate", nv, nv)]
         for name in ("free_middle", "free_slope", "free_curve"):
@@ -266,8 +276,12 @@ class Workspace(PointerRecord):
         weights = self._allocate("weights", nv)
         weights[:] = 1.0
         weights[self.drives["coordinate"][prescribed]] = 0.0
+        self.servos = self._set_pointer("servos", tables.servos)
+        self._changing.append(self.servos)
         self.frictions = self._set_pointer("frictions", tables.frictions)
         self.gears = self._set_pointer("gears", tables.gears)
+        self.refined_gears = self._set_pointer("refined_gears", tables.refined_gears)
+        self._changing.append(self.refined_gears)
         self.reference = self._set_pointer(
             "reference", np.ascontiguousarray(tables.reference, float)
         )
@@ -275,8 +289,10 @@ class Workspace(PointerRecord):
         self._set(
             nu=self.reference.shape[1] // 3,
             nd=len(self.drives),
+            ns=len(self.servos),
             nf=len(self.frictions),
             ng=len(self.gears),
+            nr=len(self.refined_gears),
             nref=tables.nodes,
             reference_interval=tables.interval,
             prescribed=int(prescribed.any()),
@@ -286,6 +302,8 @@ class Workspace(PointerRecord):
         self.joints[j] = site.record[0]
         joint = self.joints[j]
         self.contacts["parameters"][j, : len(site.parameters)] = site.parameters
+        if site.holds:
+            self.contacts["steps"][j] = 1.0  # it never begins
         self.sliding_work.append(np.zeros((joint["wearing"], AZIMUTHS)))
         if site.carriers is None:
             support, signs = joint["first"] + np.arange(6), np.ones(6, np.int64)
@@ -299,9 +317,11 @@ class Workspace(PointerRecord):
             "signs": signs,
             "jacobian": np.zeros((6, len(support))),
             "sliding_work": self.sliding_work[j],
+            "elements": np.zeros(SEAT_ANSWERS if joint["resultant"] else 1),
         }
         self._set_row_pointers(joint, arrays, "{}." + str(j))
-        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
+        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law"}
+        self._addresses["joints"] |= {"film_law", "element_law"}
 
     def _link_frames(
         self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data

@@ -5,7 +5,15 @@ from __future__ import annotations
 from jointplay.core.schema import Family, register
 from jointplay.loads.base import WORLD, Load
 from jointplay.loads.controller import Controller
-from jointplay.loads.drive import ComputedTorque, Drive, Free, JointFriction, Prescribed, Torque
+from jointplay.loads.drive import (
+    ComputedTorque,
+    Drive,
+    Free,
+    JointFriction,
+    Prescribed,
+    Servo,
+    Torque,
+)
 from jointplay.loads.friction import LoadedFriction
 from jointplay.loads.spring import CurveSpring, Spring, Stop, TorsionSpring
 from jointplay.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
@@ -42,6 +50,7 @@ __all__ = [
     "Load",
     "LoadedFriction",
     "Prescribed",
+    "Servo",
     "Spring",
     "Stop",
     "Torque",

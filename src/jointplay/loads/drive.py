@@ -6,16 +6,27 @@ clearance). A drive acts on joints of the URDF; joints that close loops follow.
 
 from __future__ import annotations
 
+import tomllib
 from abc import ABC
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from jointplay import kernel
 from jointplay.core.errors import JointplayError, MissingName, require_increasing
-from jointplay.core.schema import Described, Family, check_fields, choice, quantity, register
+from jointplay.core.schema import (
+    Described,
+    Family,
+    check_fields,
+    choice,
+    one_of,
+    quantity,
+    register,
+)
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -179,8 +190,130 @@ class Free(Drive):
     follows: ClassVar[bool] = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class Servo(Drive):
+    """A servo: a motor at the voltage that its own position controller sets.
+
+    V = p_gain <|q_r - q| - dead_band> sgn(q_r - q) + d_gain (qd_r - qd), cut to the supply's, with
+    q as the encoder reads it, in whole counts of its resolution; F = k/R (V - k qd_m) on the motor,
+    less its friction. All quantities are referred to the joint's side of its gear: the inertia of
+    the armature is the gear's `rotor_inertia`. A joint without gear is turned directly, by a motor
+    without inertia.
+
+    Raises:
+        JointplayError: no such servo in the catalogue, a value that cannot be, or one that neither
+            has.
+    """
+
+    kind: ClassVar[str] = "servo"
+    follows: ClassVar[bool] = True
+
+    catalogue: str | None = None
+    """Name of a servo whose numbers are taken where none are given here."""
+    voltage: float = quantity("V", above=0.0)
+    """Of the supply, the largest on the motor [V]."""
+    p_gain: float = quantity("V/rad", above=0.0, words="P gain")
+    """Voltage per error of position beyond the dead band [V/rad]."""
+    d_gain: float = quantity("V*s/rad", default=0.0, least=0.0, words="D gain")
+    """Voltage per error of speed [V s/rad]; the speed is not quantised."""
+    torque_constant: float = quantity("N*m/A", default=None, above=0.0, words="torque constant")
+    """Torque per current, referred to the joint [N m/A]; V s/rad of back-EMF as well."""
+    resistance: float = quantity("ohm", default=None, above=0.0)
+    """Of the winding [ohm]."""
+    friction: float = quantity("N*m", default=None, least=0.0, words="friction of a servo")
+    """Dry friction of the motor, referred to the joint [N m]; 0 if not given."""
+    viscous: float = quantity("N*m*s/rad", default=None, least=0.0, words="viscous friction")
+    """Viscous friction of the motor, referred to the joint [N m s/rad]; 0 if not given."""
+    dead_band: float = quantity("rad", default=0.0, least=0.0, words="dead band")
+    """Error of position up to which no voltage answers [rad]."""
+    dead_band_counts: float = quantity("", default=0.0, least=0.0, words="dead band in counts")
+    """The same in counts of the encoder."""
+    resolution: float = quantity("rad", default=0.0, least=0.0, words="resolution of the encoder")
+    """Angle of the joint in a count of the encoder [rad]; 0: it reads exactly."""
+    encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
+    """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
+    period: float | None = quantity("s", default=None, above=0.0, words="period of a servo")
+    """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
+
+    def __post_init__(self) -> None:
+        """Take what the catalogue has, and check all values."""
+        given = {} if self.catalogue is None else _servo(self.catalogue)
+        for name, item in given.items():
+            if name != "armature" and getattr(self, name) is None:
+                object.__setattr__(self, name, item["value"])
+        missing = [n for n in ("torque_constant", "resistance") if getattr(self, n) is None]
+        if missing:
+            raise JointplayError(f"a servo needs {', '.join(missing)}")
+        for name in ("friction", "viscous"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, 0.0)
+        check_fields(self)
+        if self.dead_band_counts and (self.dead_band or not self.resolution):
+            raise JointplayError(
+                "a dead band in counts needs the encoder's resolution and no dead_band beside it",
+                ("dead_band_counts",),
+            )
+
+    @classmethod
+    def of(cls, name: str, **more: Any) -> Servo:
+        """A servo by its name in the catalogue, with what that does not know.
+
+        Args:
+            name: such as ``STS3215``.
+            more: fields; they go before the catalogue's.
+        """
+        return cls(catalogue=name, **more)
+
+    @staticmethod
+    def armature_of(name: str) -> float:
+        """Inertia of the armature of a servo in the catalogue, referred to the joint [kg m^2].
+
+        It is the `rotor_inertia` of its gear.
+        """
+        return float(_servo(name)["armature"]["value"])
+
+    @property
+    def band(self) -> float:
+        """Error of position up to which no voltage answers [rad]."""
+        return self.dead_band or self.dead_band_counts * self.resolution
+
+    @property
+    def stall(self) -> float:
+        """Effort per voltage of a motor that stands [N m/V]."""
+        return self.torque_constant / self.resistance
+
+    @property
+    def braking(self) -> float:
+        """Effort per speed of a motor whose voltage is zero, by its back-EMF [N m s/rad]."""
+        return self.torque_constant * self.stall
+
+    def with_friction(self, losses: JointFriction) -> JointFriction:
+        """A joint's friction and that of the motor that turns it directly."""
+        static = losses.static
+        return replace(
+            losses,
+            coulomb=losses.coulomb + self.friction,
+            viscous=losses.viscous + self.viscous,
+            static=None if static is None else static + self.friction,
+        )
+
+
+@cache
+def _servos() -> dict[str, Any]:
+    with (Path(__file__).parent / "data" / "servos.toml").open("rb") as file:
+        return tomllib.load(file)
+
+
+def _servo(name: str) -> dict[str, Any]:
+    """Numbers of a servo in the catalogue by field: value, origin, source."""
+    if name not in _servos():
+        raise JointplayError(one_of("servo", name, _servos()), ("catalogue",))
+    entry: dict[str, Any] = _servos()[name]
+    return entry
+
+
 DRIVES: dict[str, type[Drive]] = {
-    drive.kind: drive for drive in (ComputedTorque, Prescribed, Torque, Free)
+    drive.kind: drive for drive in (ComputedTorque, Prescribed, Torque, Servo, Free)
 }
 
 

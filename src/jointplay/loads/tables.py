@@ -11,13 +11,14 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.kernel import layout
-from jointplay.kernel.sites import CoordinateTables, drive_row, friction_row, gear_row, stacked
+from jointplay.kernel.sites import CoordinateTables, drive_row, friction_row, stacked
 from jointplay.loads.drive import (
     PRESCRIBED_ARMATURE,
     ComputedTorque,
     Drive,
     JointFriction,
     Prescribed,
+    Servo,
     Torque,
 )
 from jointplay.mechanism.mechanism import Mechanism
@@ -172,12 +173,12 @@ def tabulate(
         ideal = IdealMotion(mechanism, motion, follows, end, start)
     columns: list[Any] = []
     efforts: dict[int, Efforts] = {}
-    rows = []
+    rows, servos, rubs = [], [], []
     model = mechanism.model
     own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
     armature: dict[int, float] = {}
-    for u, name in enumerate(driven):
-        drive, at = drives[name], mechanism.motor(name)
+    for name in driven:
+        drive, at, u = drives[name], mechanism.motor(name), len(columns)
         gear = mechanism.gears.get(name)
         losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
         if isinstance(drive, Torque):
@@ -185,6 +186,9 @@ def tabulate(
             row = drive_row(u, at, limit=limit)
         else:
             columns.append(k := follows.index(name))
+        measured = at
+        if isinstance(drive, ComputedTorque | Servo) and drive.encoder == "link":
+            measured = mechanism.coordinate(name)
         if isinstance(drive, Prescribed):
             armature[at] = PRESCRIBED_ARMATURE * own[at]
             row = drive_row(u, at, armature=armature[at])
@@ -193,10 +197,15 @@ def tabulate(
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = ideal.inertia[k] + rotor
             efforts[k] = partial(_effort, rotor, losses)
-            measured = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
             row = drive_row(u, at, measured, kp, kd, limit=limit)
+        if isinstance(drive, Servo):
+            servos.append(servo_row(drive, u, at, measured, limit))
+            columns.append(((0.0,), (0.0,)))  # back-EMF is damping against a speed of zero
+            row = drive_row(u + 1, at, kd=drive.braking)
+            if gear and (drive.friction or drive.viscous):
+                rubs.append(friction_row(at, drive.friction, 0.0, 1.0, drive.viscous))
         rows.append(row)
 
     def rows_at(times: np.ndarray, bar: bool) -> np.ndarray:
@@ -220,8 +229,9 @@ def tabulate(
     reference = Reference(rows_at, nodes, ideal, nodes_ahead(ahead), progress)
     tables = CoordinateTables(
         stacked(rows, layout.DRIVE_ROW),
-        _friction_rows(mechanism, friction),
-        gear_rows(mechanism),
+        stacked(servos, layout.SERVO),
+        stacked([*_friction_rows(mechanism, friction), *rubs], layout.FRICTION_ROW),
+        *gear_rows(mechanism),
         reference.table,
         REFERENCE_NODE_S,
         nodes,
@@ -241,9 +251,20 @@ def _effort(
     return effort
 
 
-def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) -> np.ndarray:
+def servo_row(servo: Servo, column: int, at: int, encoder: int, limit: float) -> np.ndarray:
+    """Record of a servo's controller, shape (1,): column of the reference, and coordinates."""
+    row = np.zeros(1, layout.SERVO)
+    for name in ("stall", "p_gain", "d_gain", "resolution", "voltage"):
+        row[name] = getattr(servo, name)
+    row["dead_band"] = servo.band
+    row["column"], row["coordinate"], row["encoder"] = column, at, encoder
+    row["limit"], row["period"], row["sampled_at"] = limit, servo.period or 0.0, -1.0
+    return row
+
+
+def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) -> list[np.ndarray]:
     """Records of the joints that have friction."""
-    rows = [
+    return [
         friction_row(
             mechanism.coordinate(name),
             losses.coulomb,
@@ -254,19 +275,11 @@ def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) 
         for name, losses in friction.items()
         if losses.coulomb or losses.excess or losses.viscous
     ]
-    return stacked(rows, layout.FRICTION_ROW)
 
 
-def gear_rows(mechanism: Mechanism) -> np.ndarray:
-    """Records of the gears."""
-    rows = [
-        gear_row(
-            mechanism.motor(name),
-            mechanism.coordinate(name),
-            gear.play / 2.0,
-            gear.stiffness,
-            gear.damping,
-        )
-        for name, gear in mechanism.gears.items()
-    ]
-    return stacked(rows, layout.GEAR_ROW)
+def gear_rows(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
+    """Records of the gears: of those with play, one stiffness and a damper, and of all others."""
+    rows: tuple[list[np.ndarray], list[np.ndarray]] = [], []
+    for name, gear in mechanism.gears.items():
+        rows[gear.refined].append(gear.row(mechanism.motor(name), mechanism.coordinate(name)))
+    return stacked(rows[0], layout.GEAR_ROW), stacked(rows[1], layout.REFINED_GEAR)

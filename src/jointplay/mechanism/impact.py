@@ -114,13 +114,13 @@ def tooth_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     """Duration of an impact of the teeth in a joint's gear, in configuration q [s].
 
     pi sqrt(J / k): the motor's inertia and the smallest that the joint can have, in series, on the
-    gear's spring. Loops without clearance are left open.
+    gear's spring where it is steepest. Loops without clearance are left open.
     """
     gear = mechanism.gears[joint]
     at = mechanism.coordinate(joint)
     inverse = pin.computeMinverse(mechanism.model, mechanism.data, q)
     inertia = 1.0 / (1.0 / gear.rotor_inertia + float(inverse[at, at]))
-    return math.pi * math.sqrt(inertia / gear.stiffness)
+    return math.pi * math.sqrt(inertia / gear.steepest)
 
 
 def friction_slope(law: FrictionLaw) -> float:

@@ -25,7 +25,7 @@ from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
 from jointplay.joints import MOTOR, RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.mechanism import urdf
-from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import Frame, build, parse
 from jointplay.mechanism.robots import urdf_of
@@ -92,7 +92,7 @@ class WrittenMechanism:
     tool: str
     allow_unphysical: tuple[str, ...]
     loops: dict[str, Loop] = field(default_factory=dict)
-    gears: dict[str, Gear] = field(default_factory=dict)
+    gears: dict[str, Gearing] = field(default_factory=dict)
 
 
 class Mechanism(Overview, Described):
@@ -132,7 +132,7 @@ class Mechanism(Overview, Described):
         clearance: Mapping[str, Clearance] | None = None,
         *,
         loops: Mapping[str, Loop] | None = None,
-        gears: Mapping[str, Gear] | None = None,
+        gears: Mapping[str, Gearing] | None = None,
         gravity: Sequence[float] | str = STANDARD_GRAVITY,
         tool: str | None = None,
         allow_unphysical: Collection[str] = (),
@@ -175,8 +175,8 @@ class Mechanism(Overview, Described):
             self._make(source, needed)
             self.tool_frame = frame_index(self.model, self.tool)
 
-    def _check_gear(self, name: str, gear: Gear) -> None:
-        if not isinstance(gear, Gear):
+    def _check_gear(self, name: str, gear: Gearing) -> None:
+        if not isinstance(gear, Gearing):
             raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
         entry = self.description.joints.get(name)
         if entry is None or not entry.turns:
@@ -304,7 +304,7 @@ class Mechanism(Overview, Described):
         )
 
     def with_clearance(
-        self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gear] | None = None
+        self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing] | None = None
     ) -> Mechanism:
         """The same mechanism with other joints with clearance, and other gears if given."""
         return Mechanism(
@@ -369,7 +369,10 @@ class Mechanism(Overview, Described):
             kind = self.loop_class(name).kind
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
         for name, gear in self.gears.items():
-            facts[f"gear {name}"] = f"play {readable(gear.play, 'rad')}"
+            words = [f"play {readable(gear.play, 'rad')}"]
+            if gear.kind != Gear.kind:
+                words = [gear.kind, *words, *([gear.notes] if gear.notes else [])]
+            facts[f"gear {name}"] = ", ".join(words)
         facts["tool"] = self.tool
         weight = " ".join(f"{g:g}" for g in self.gravity)
         facts["gravity"] = f"{weight} m/s^2" if any(self.gravity) else "none"

@@ -14,7 +14,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.files import temporary
 from jointplay.core.streams import caught_stderr
 from jointplay.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replacing
-from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.loop import Lock
 from jointplay.mechanism.urdf import Description
 
@@ -66,7 +66,7 @@ def _parsed(text: str, path: str) -> pin.Model:
 def build(
     source: pin.Model,
     joints: Mapping[str, Clearance],
-    gears: Mapping[str, Gear],
+    gears: Mapping[str, Gearing],
     locks: Mapping[str, Lock],
 ) -> tuple[pin.Model, tuple[Coordinate, ...]]:
     """Copy `source` joint by joint, those with clearance as virtual links; append the motors.

@@ -31,6 +31,9 @@ SHIPPED = "jointplay:"
 PREFIX = f"{PACKAGE}:"
 """Marks a robot's name where a path could stand, as in ``example-robot-data:ur5``."""
 
+OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
+"""Robots whose URDF ships with this package, by name; they hide others of that name."""
+
 _NO_MASS = 1e-12
 """A joint whose entry on the mass matrix's diagonal is no larger moves nothing [kg m^2 or kg]."""
 
@@ -86,7 +89,7 @@ def robots() -> tuple[str, ...]:
     Raises:
         JointplayError: see `share`.
     """
-    return tuple(_table(share() / "robots"))
+    return tuple(sorted({*OWN, *_table(share() / "robots")}))
 
 
 def robot_urdf(name: str) -> Path:
@@ -98,8 +101,10 @@ def robot_urdf(name: str) -> Path:
         JointplayError: the package is not installed.
         MissingName: no such robot; the message lists those whose names resemble it, or all.
     """
-    table = _table(share() / "robots")
     wanted = _normal(name)
+    if wanted in OWN:
+        return shipped(OWN[wanted])
+    table = _table(share() / "robots")
     variants = [known for known in table if known.startswith(f"{wanted}_")]
     if wanted not in table and len(variants) == 1:
         return table[variants[0]]

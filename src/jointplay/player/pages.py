@@ -56,7 +56,7 @@ def as_data(json: str) -> Markup:
     return Markup(json.replace("<", "\\u003c"))
 
 
-_SCRIPTS = ("tracks.js", "stage.js", "closeup.js", "player.js")
+_SCRIPTS = ("tracks.js", "stage.js", "closeup.js", "rolling.js", "player.js")
 
 
 def render(scene: Scene, title: str) -> bytes:

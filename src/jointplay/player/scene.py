@@ -20,11 +20,12 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.analysis.twins import ideal_simulation, is_twin
+from jointplay.contact import resultant
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.design.levers import sources
 from jointplay.design.static_budget import ellipsoids
 from jointplay.geometry import touch
-from jointplay.joints import Coordinate
+from jointplay.joints import Clearance, Coordinate, RollingBearing
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.meshes import Colour, Surface
@@ -61,6 +62,7 @@ class CloseUp:
         shift: d + w x x of that point, shape (n, m, 3) [m].
         normal_force: on the journal, shape (n, m, 3) [N].
         friction_force: on the journal, shape (n, m, 3) [N].
+        loads: of each rolling element, row by row, shape (n, rows * Z) [N]; None without any.
     """
 
     turn: np.ndarray
@@ -71,6 +73,7 @@ class CloseUp:
     shift: np.ndarray
     normal_force: np.ndarray
     friction_force: np.ndarray
+    loads: np.ndarray | None = None
 
 
 def close_up(
@@ -82,6 +85,7 @@ def close_up(
     acting: np.ndarray,
     normal: np.ndarray,
     friction: np.ndarray,
+    cage: np.ndarray | None = None,
 ) -> CloseUp:
     """How the journal of `joint` lies, and what acts on it, at some records of a run.
 
@@ -93,6 +97,7 @@ def close_up(
         acting: for each of them and each contact the record whose force is shown (the largest since
             the last one that is wanted, say), shape (n, m).
         normal, friction: magnitudes of those forces, shape (n, m) [N].
+        cage: azimuth of a rolling bearing's first element at all records, shape (all,) [rad].
     """
     clearance = mechanism.clearance[joint]
     n, m = acting.shape
@@ -107,7 +112,12 @@ def close_up(
     offset, direction = (np.zeros((n, m, 3)) for _ in range(2))
     dimensions = np.array(clearance.dimensions)
     then = np.searchsorted(needed, np.where(acts, acting, records[:, None]))
-    for i, k in zip(*np.nonzero(acts), strict=True):
+    bearing = clearance if isinstance(clearance, RollingBearing) else None
+    azimuth = np.zeros(len(needed)) if cage is None else cage[needed]
+    if bearing is not None:
+        at_peak = rotation[then[:, 0]], centre[then[:, 0]], azimuth[then[:, 0]]
+        offset[:, 0], direction[:, 0] = _most_loaded(bearing, *at_peak)
+    for i, k in zip(*np.nonzero(acts & (bearing is None)), strict=True):
         at = then[i, k]
         contact = touch(
             int(clearance.shape), dimensions, 0, int(k), *centre[at], rotation[at].reshape(9), 0
@@ -126,6 +136,9 @@ def close_up(
             last = np.maximum.accumulate(np.where(acts[:, k], np.arange(n), touches[0]))
             place[:, k], shift[:, k] = place[last, k], shift[last, k]
     now = np.searchsorted(needed, records)
+    loads = None
+    if bearing is not None:
+        loads, _ = bearing.element_loads(centre[now], rotation[now][:, :, 2], azimuth[now])
     turn = quaternions(ideal[now])
     continuous(turn)
     return CloseUp(
@@ -137,7 +150,25 @@ def close_up(
         shift,
         normal[:, :, None] * direction,
         friction[:, :, None] * against,
+        loads,
     )
+
+
+def _most_loaded(
+    bearing: RollingBearing, rotation: np.ndarray, centre: np.ndarray, cage: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the element that bears most touches the inner ring, and which way it pushes it.
+
+    Returns:
+        Both in bearing axes, the place from the ring's centre, shape (n, 3) [m].
+    """
+    pose = np.hstack([centre, rotation.reshape(-1, 9)])
+    found = resultant.answers(bearing.law, bearing.resultant, pose, cage)
+    c, s, h = found[:, resultant.COSINE], found[:, resultant.SINE], found[:, resultant.PLACE]
+    across, along = found[:, resultant.ACROSS], found[:, resultant.ALONG]
+    radius = 0.5 * (bearing.d_pitch - across * bearing.d_element)
+    place = np.column_stack([radius * c, radius * s, h - 0.5 * along * bearing.d_element])
+    return place, -np.column_stack([across * c, across * s, along])
 
 
 def _relative_motion(
@@ -262,6 +293,8 @@ MICRON, MICRORADIAN = 1e-6, 1e-6
 TWIN_RECORD_S = 1e-3
 """Time between two records of an ideal twin [s]."""
 
+MOST_MAGNIFIED = 1e4
+
 SHARPNESS = 2**14
 """Places of a surface's points along its largest extent."""
 
@@ -310,7 +343,7 @@ def build(
     if not cases:
         raise JointplayError("no result to play")
     if magnification is not None and not (
-        1.0 <= require_finite("magnification", magnification, "") <= 1e4
+        1.0 <= require_finite("magnification", magnification, "") <= MOST_MAGNIFIED
     ):
         raise JointplayError(f"magnification must lie between 1 and 10000, got {magnification:g}")
     budget = require_whole("budget", budget, 1)
@@ -342,7 +375,7 @@ def build(
         "cases": entries,
         "joints": names,
         "joint": joint or (names[0] if names else None),
-        "magnification": magnification or _magnification(taken),
+        "magnification": magnification,
         "notes": notes,
     }
     return Scene(contents, packer.deflated(), notes)
@@ -467,7 +500,10 @@ class _Case:
         # Recorded friction belongs to the instant of the record, the peak to one before it.
         now = np.take_along_axis(self.values("normal_force")[:, j, columns], acting, axis=0)
         rubbing *= np.divide(held, now, out=np.ones_like(held), where=now > 0.0)
-        view = close_up(mechanism, name, self.q, self.v, self.records, acting, held, rubbing)
+        cage = None
+        if isinstance(clearance, RollingBearing):
+            cage = np.ascontiguousarray(self.values("cage_angle")[:, j])
+        view = close_up(mechanism, name, self.q, self.v, self.records, acting, held, rubbing, cage)
         largest = float(size.max(initial=0.0))
         pressing = normal.max(axis=1)
         newton = max(1e-4 * largest, 1e-9)
@@ -485,6 +521,7 @@ class _Case:
             "largest": largest,
             "typical": _typical(size, hits),
             "typical_contact": _typical(pressing, hits),
+            "largest_contact": float(pressing.max(initial=0.0)),
             "impacts": {
                 "time": self.time[hits.records].tolist(),
                 "force": [float(f"{value:.4g}") for value in hits.force],
@@ -500,7 +537,61 @@ class _Case:
             "shift": packer.table(view.shift.reshape(n, -1), 0.2 * MICRON),
             "normal": packer.table(view.normal_force.reshape(n, -1), newton),
             "friction": packer.table(view.friction_force.reshape(n, -1), newton),
+            "magnification": self.magnification(name, j),
+            "elements": self._elements(packer, clearance, cage, view.loads),
         }
+
+    def _elements(
+        self,
+        packer: Packer,
+        clearance: Clearance,
+        cage: np.ndarray | None,
+        loads: np.ndarray | None,
+    ) -> dict[str, Any] | None:
+        """Rings and elements of a rolling bearing, and what they do; None of other kinds."""
+        if not isinstance(clearance, RollingBearing) or cage is None or loads is None:
+            return None
+        most = float(loads.max(initial=0.0))
+        rollers = clearance.roller_elements
+        return {
+            "rollers": rollers,
+            "count": clearance.count,
+            "diameter": clearance.d_element,
+            "length": getattr(clearance, "length", clearance.d_element),
+            "pitch": 0.5 * clearance.d_pitch,
+            "bore": 0.5 * clearance.d_bore,
+            "outside": 0.5 * clearance.d_outside,
+            "width": clearance.row_width or 1.25 * clearance.d_element,
+            "rows": clearance.rooms_of_rows,
+            "reach": 0.0 if rollers else clearance.reach,
+            "angle": math.pi / 4.0 if rollers else getattr(clearance, "alpha", 0.0),
+            "groove": 0.5 if rollers else getattr(clearance, "inner_groove", 0.52),
+            "room": max(float(clearance.cr), 0.0),
+            "largest": most,
+            "cage": packer.table(cage[self.records], 10 * MICRORADIAN),
+            "loads": packer.table(loads, max(most / 1000.0, 1e-9)),
+        }
+
+    def magnification(self, name: str, j: int) -> float:
+        """A round factor with which the widest gap is about as wide as its journal's radius.
+
+        With rolling bearings, as the play across is a third of an element, unless what the inner
+        ring did would take it further than an element then.
+        """
+        clearance = self.mechanism.clearance[name]
+        if isinstance(clearance, RollingBearing):
+            size, tilt = clearance.d_element, np.abs(self.values("tilt")[:, j]).max()
+            away = np.abs(self.values("journal_centre")[:, j]).max(axis=0)
+            went = max(float(np.hypot(away[0], away[1])), float(away[2]))
+            pairs = [(0.35 * size, clearance.radial_room)]
+            pairs.append((0.5 * size, went + float(tilt) * clearance.outline.size[0]))
+        else:
+            outline = clearance.outline
+            pairs = [(1.1 * a, b) for a, b in zip(outline.size, outline.room, strict=True)]
+        factor = max(min((size / room for size, room in pairs if room > 0.0), default=1.0), 1.0)
+        power = 10.0 ** math.floor(math.log10(factor))
+        round_one = max(step * power for step in (1, 2, 5) if step * power <= factor * 1.0001)
+        return float(min(round_one, MOST_MAGNIFIED))
 
 
 def _typical(force: np.ndarray, hits: ImpactTrack) -> float:
@@ -596,15 +687,3 @@ def _twin_tracks(
         tool[i] = data.oMf[mechanism.tool_frame].translation
     poses = _pack_poses(packer, _poses(mechanism, at, case.links))
     return poses | {"tool": packer.table(tool, 0.1 * MICRON)}
-
-
-def _magnification(cases: Sequence[_Case]) -> float:
-    """A round factor with which the widest gap is about as wide as its journal's radius."""
-    wanted = []
-    for case in cases:
-        for joint in case.mechanism.clearance.values():
-            pairs = zip(joint.outline.size, joint.outline.room, strict=True)
-            wanted += [1.1 * size / room for size, room in pairs if room > 0.0]
-    factor = max(min(wanted, default=1.0), 1.0)
-    power = 10.0 ** math.floor(math.log10(factor))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= factor * 1.0001))

@@ -245,9 +245,38 @@ def overview(cases: Cases) -> Figure:
     ordered_legend(figure, plan)
     label, result, colour = shown[-1]
     result.plot.orbit(ax=orbit, color=colour)
-    orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
+    ring = analysis.rolls(result, result.joints[0])
+    what = "inner ring in the outer one" if ring else "journal centre in its bearing"
+    orbit.set_title(f"{what}, {label}", fontsize=9)
     for panel in (plan, orbit):
         panel.set_aspect("equal", adjustable="box")
+    return figure
+
+
+def bearings_of(cases: Cases) -> list[tuple[str, str, Result, str]]:
+    """Rolling bearings of all cases: joint, label, result, colour."""
+    return [
+        (joint, *item)
+        for joint in joints_of(cases)
+        for item in coloured(cases)
+        if joint in item[1].joints and analysis.rolls(item[1], joint)
+    ]
+
+
+def bearing_loads(cases: Cases) -> Figure:
+    """Largest element load and number of loaded elements over time, a row a rolling bearing."""
+    shown = bearings_of(cases)
+    height = 0.6 + 2.0 * max(len(shown), 1)
+    figure, panels = _figure(9.0, height, max(len(shown), 1), 2, sharex=True)
+    for (load, loaded), (joint, label, result, colour) in zip(panels, shown, strict=True):
+        result.plot.contacts(joint, ax=load, color=colour)
+        load.set_ylim(bottom=0.0)
+        result.plot.loaded(joint, ax=loaded, color=colour, lw=0.6)
+        load.set_title(f"{label}, {joint}", fontsize=9, loc="left", color=colour)
+        for panel in (load, loaded):
+            panel.set_xlabel("")
+    for panel in panels[-1]:
+        panel.set_xlabel("time [s]")
     return figure
 
 
@@ -258,13 +287,16 @@ FIGURES: dict[str, Callable[[Cases], Figure]] = {
     "journal_orbit": journal_orbit,
     **{f"force_{axis}": partial(joint_force, axis=axis) for axis in AXES},
     "overview": overview,
+    "bearing_loads": bearing_loads,
 }
 NEEDS_CLEARANCE = ("journal_orbit", "overview")
 
 
 def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
     for name, draw in FIGURES.items():
-        if name not in NEEDS_CLEARANCE or joint_of(cases) is not None:
+        if name in NEEDS_CLEARANCE and joint_of(cases) is None:
+            continue
+        if name != "bearing_loads" or bearings_of(cases):
             yield name, draw(cases)
 
 
@@ -304,7 +336,9 @@ def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
                 result.plot.forms(joint, ax=forms)
             result.plot.contacts(joint, ax=contacts)
             result.plot.gaps(joint, ax=gaps)
-            figure.suptitle(f"{label}, {joint}: modes, forms, contacts, gaps", color=colour)
+            ring = analysis.rolls(result, joint)
+            shown = "loads and gaps of elements" if ring else "modes, forms, contacts, gaps"
+            figure.suptitle(f"{label}, {joint}: {shown}", color=colour)
             yield f"{label}, {joint}", figure
             figure = new_figure(7.0, 4.0)
             left, right = figure.subplots(1, 2)

@@ -93,38 +93,81 @@ class Plots:
         names: tuple[str, ...] = ALWAYS
         if self.result.joints:
             names += NEED_CLEARANCE
+            if any(analysis.rolls(self.result, joint) for joint in self.result.joints):
+                names += ("loaded",)
             names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
         return names + (("deviation",) if analysis.has_play(self.result) else ())
 
     def orbit(self, joint: str | None = None, **line: Any) -> Figure:
-        """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12)."""
+        """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12).
+
+        Of a rolling bearing the inner ring's centre in the outer ring's frame [µm].
+        """
         name = self._joint("orbit", joint)
+        ring = analysis.rolls(self.result, name)
+        scale, unit = (1e6, "µm") if ring else (1e3, "mm")
         with self._axes(line, 4.8, 5.0) as panel:
-            centre = 1e3 * self.result["journal_centre"].sel(joint=name).values
+            centre = scale * self.result["journal_centre"].sel(joint=name).values
             outline = analysis.clearance_outline(self.result, name)
             if outline is not None:
-                room = 1e3 * outline
+                room = scale * outline
                 panel.plot(*room, color="black", lw=1.0)
                 shape = "circle" if room.shape[1] > 5 else "rectangle"
-                panel.set_title(f"{name}, clearance {shape}, ±{room[0].max():g} mm")
+                size = f"{room[0].max():.3g}" if ring else f"{room[0].max():g}"
+                panel.set_title(f"{name}, clearance {shape}, ±{size} {unit}")
+            elif ring:
+                panel.set_title(f"{name}, no play across")
+                reach = 1.2 * max(float(np.abs(centre[:, :2]).max()), 1e-3)
+                panel.set(xlim=(-reach, reach), ylim=(-reach, reach))
             look: dict[str, Any] = {"color": COLOURS[1], "lw": 0.5} | line
             panel.plot(centre[:, 0], centre[:, 1], **look)
             panel.set_aspect("equal")
             for axis in (panel.xaxis, panel.yaxis):  # small panels have room for few
                 axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
-            panel.set(xlabel="x in the bearing frame [mm]", ylabel="y in the bearing frame [mm]")
+            frame = "outer ring's" if ring else "bearing"
+            panel.set(xlabel=f"x in the {frame} frame [{unit}]")
+            panel.set(ylabel=f"y in the {frame} frame [{unit}]")
         return figure_of(panel)
 
     def contacts(self, joint: str | None = None, **line: Any) -> Figure:
-        """Largest normal force at each of the joint's contacts since the last record [N]."""
+        """Largest normal force at each of the joint's contacts since the last record [N].
+
+        Of a rolling bearing the load of the most loaded element.
+        """
         name = self._joint("contacts", joint)
-        return self._of_contacts("normal_force_peak", name, 1.0, "normal force [N]", line)
+        force = "largest element load" if analysis.rolls(self.result, name) else "normal force"
+        return self._of_contacts("normal_force_peak", name, 1.0, f"{force} [N]", line)
+
+    def loaded(self, joint: str | None = None, **line: Any) -> Figure:
+        """How many balls or rollers of a rolling bearing bear load, over time.
+
+        Args:
+            joint: one with a rolling bearing; None takes the first that has one.
+        """
+        name = joint or next(
+            (name for name in self.result.joints if analysis.rolls(self.result, name)), None
+        )
+        name = self._joint("loaded", name)
+        if not analysis.rolls(self.result, name):
+            raise JointplayError(
+                f"plot 'loaded' is of rolling bearings, and joint {name!r} has none"
+            )
+        with self._axes(line) as panel:
+            values = self.result["loaded_elements"].sel(joint=name).values
+            look = {"color": COLOURS[1], "drawstyle": "steps-mid"} | line
+            panel.plot(self.result.time, values, **look)
+            panel.set_ylim(bottom=0)
+            panel.yaxis.set_major_locator(MaxNLocator(integer=True))
+            panel.set(xlabel="time [s]", ylabel="loaded elements")
+        return figure_of(panel)
 
     def gaps(self, joint: str | None = None, **line: Any) -> Figure:
         """Smallest gap at each of the joint's contacts since the last record; < 0 sunk in [mm]."""
         name = self._joint("gaps", joint)
         panel = line.get("ax")
-        figure = self._of_contacts("gap_min", name, 1e3, "gap [mm]", line)
+        ring = analysis.rolls(self.result, name)
+        scale, label = (1e6, "least gap of elements [µm]") if ring else (1e3, "gap [mm]")
+        figure = self._of_contacts("gap_min", name, scale, label, line)
         (panel or figure.axes[0]).axhline(0.0, color="black", lw=0.6)
         return figure
 
@@ -137,8 +180,17 @@ class Plots:
                 f"{text}\n{100 * share:.1f} %"
                 for text, share in zip(MODE_NAMES, shares.values(), strict=True)
             ]
+            modes, colours = list(Mode), list(MODE_COLOURS)
+            if analysis.rolls(self.result, name):
+                modes, colours = [modes[0], modes[2]], [MODE_COLOURS[0], MODE_COLOURS[2]]
+                rows = [
+                    f"{text}\n{100 * list(shares.values())[int(mode)]:.1f} %"
+                    for text, mode in zip(
+                        ("no element\nloaded", "elements\nloaded"), modes, strict=True
+                    )
+                ]
             values = self.result["mode"].sel(joint=name).values
-            timeline(panel, self.result.time, values, list(Mode), rows, MODE_COLOURS, bar)
+            timeline(panel, self.result.time, values, modes, rows, colours, bar)
         return figure_of(panel)
 
     def forms(self, joint: str | None = None, **bar: Any) -> Figure:
@@ -162,7 +214,7 @@ class Plots:
         return figure_of(panel)
 
     def tilt(self, joint: str | None = None, **line: Any) -> Figure:
-        """Angle between the axes of journal and bearing over time [mrad]."""
+        """Angle between the axes of journal and bearing, or of both rings, over time [mrad]."""
         name = self._joint("tilt", joint)
         with self._axes(line) as panel:
             values = 1e3 * self.result["tilt"].sel(joint=name).values
@@ -185,7 +237,9 @@ class Plots:
                 panel.plot(1e3 * place.duration, place.peak, **(look | dots))
             if any(len(place.peak) for place in places):
                 logarithmic(panel, "xy")
-            panel.set(xlabel="duration of the contact [ms]", ylabel="peak normal force [N]")
+            ring = analysis.rolls(self.result, name)
+            panel.set_xlabel(f"duration of the {'load' if ring else 'contact'} [ms]")
+            panel.set_ylabel(f"{'peak element load' if ring else 'peak normal force'} [N]")
             legend(panel, 2)
         return figure_of(panel)
 
@@ -400,7 +454,8 @@ class Plots:
                 look = {"label": contact.replace("_", " "), "lw": 0.7, **contact_line(i)}
                 panel.plot(self.result.time, scale * values, **(look | line))
             panel.set(xlabel="time [s]", ylabel=label)
-            legend(panel, 4)
+            if not analysis.rolls(self.result, joint):  # all elements are one place
+                legend(panel, 4)
         return figure_of(panel)
 
 

@@ -24,10 +24,12 @@ from jointplay.reports.sections import (
     accuracies,
     assumed,
     audits,
+    bearings,
     certificates,
     claim_rows,
     glance,
     modes,
+    ring_or_journal,
     singles,
     spectra,
 )
@@ -137,7 +139,9 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
             *("tool_velocity", "tool_velocity_error", "tool_path"),
         ),
         "Accuracy": accuracies(cases, start),
-        "Journal": chart("journal_orbit", "modes") + modes(cases, start),
+        ring_or_journal(cases): chart("journal_orbit", "modes", "loaded")
+        + modes(cases, start)
+        + bearings(cases, start),
         "Forces": chart("force_x", "force_y", "force_z"),
         "Impacts": impacts_section(cases, start)
         + chart("impacts")

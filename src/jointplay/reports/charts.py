@@ -172,6 +172,7 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         *_orbits(histories),
         *(_forces(histories, cases, axis, f"force_{axis}") for axis in AXES),
         *_modes(histories, paper),
+        _loaded(histories),
         *_places(histories, "normal_force_peak", 1.0, "contacts", "Normal force of each contact"),
         *_places(histories, "gap_min", 1e3, "gaps", "Gap of each contact"),
         *_impacts(cases, pack, start),
@@ -231,18 +232,26 @@ def _orbits(histories: list[ChartSeries]) -> list[Chart]:
     panels = []
     for h in histories:
         for joint in h.case.joints:
-            centre = 1e3 * h.result["journal_centre"].sel(joint=joint).values
+            # The play of rolling bearings is of the order of micrometres.
+            scale, unit = (1e6, "µm") if analysis.rolls(h.result, joint) else (1e3, "mm")
+            centre = scale * h.result["journal_centre"].sel(joint=joint).values
             outline = analysis.clearance_outline(h.result, joint)
             panels.append(
                 _panel(
-                    "y [mm]",
+                    f"y [{unit}]",
                     [h.curve(centre[:, 0], centre[:, 1], _COARSE)],
-                    across="x [mm]",
+                    across=f"x [{unit}]",
                     title=f"{h.case.label}, {joint}",
-                    outline=None if outline is None else np.round(1e3 * outline, 6).tolist(),
+                    outline=None if outline is None else np.round(scale * outline, 6).tolist(),
                 )
             )
-    title = "Journal centre in its bearing, with its clearance"
+    kinds = {analysis.rolls(h.result, joint) for h in histories for joint in h.case.joints}
+    what = {
+        (True,): "Inner ring's centre in the outer ring",
+        (False, True): "Centre in the bearing",
+    }
+    of = what.get(tuple(sorted(kinds)), "Journal centre in its bearing")
+    title = f"{of}, with its clearance"
     return [_chart("plane", "journal_orbit", title, panels)]
 
 
@@ -257,7 +266,9 @@ def _forces(histories: list[ChartSeries], cases: Sequence[Case], axis: str, name
                 force = h.result["reaction_force"].sel(moving_joint=joint).values[:, k]
             traces = [h.series(force, _COARSE)]
             panels.append(_panel(f"F{axis} [N]", traces, title=f"{h.case.label}, {joint}"))
-    title = f"Force on the journal along world {axis}"
+    kinds = {analysis.rolls(h.result, joint) for h in histories for joint in h.case.joints}
+    on = {(True,): "inner ring", (False, True): "journal or inner ring"}
+    title = f"Force on the {on.get(tuple(sorted(kinds)), 'journal')} along world {axis}"
     return _chart("time", name, title, panels, same=True)
 
 
@@ -265,6 +276,8 @@ def _modes(histories: list[ChartSeries], paper: bool) -> list[Chart]:
     panels = []
     for h in histories:
         for joint in h.case.joints:
+            if analysis.rolls(h.result, joint):
+                continue
             values = h.result["mode"].sel(joint=joint).values
             bars = [
                 h.spans(values, row, int(mode), color=colour, name=text)
@@ -274,6 +287,17 @@ def _modes(histories: list[ChartSeries], paper: bool) -> list[Chart]:
             ]
             panels.append(_panel("", bars, title=f"{h.case.label}, {joint}", rows=MODE_NAMES))
     return [_chart("time", "modes", f"Contact mode{' (Table 1)' if paper else ''}", panels)]
+
+
+def _loaded(histories: list[ChartSeries]) -> Chart:
+    panels = []
+    for h in histories:
+        for joint in h.case.joints:
+            if analysis.rolls(h.result, joint):
+                values = h.result["loaded_elements"].sel(joint=joint).values
+                traces = [h.series(values, _COARSE)]
+                panels.append(_panel("loaded elements", traces, title=f"{h.case.label}, {joint}"))
+    return _chart("time", "loaded", "Balls or rollers that bear load", panels)
 
 
 def _look(index: int, contact: str) -> dict[str, Any]:
@@ -296,6 +320,9 @@ def _places(
                 for i, contact in enumerate(analysis.places(h.case.result, joint))
             ]
             label = f"{'normal force' if unit == 'N' else 'gap'} [{unit}]"
+            if analysis.rolls(h.result, joint):
+                of_element = "largest element load" if unit == "N" else "least gap of elements"
+                label = f"{of_element} [{unit}]"
             panels.append(_panel(label, traces, title=f"{h.case.label}, {joint}"))
     return [_chart("time", name, title, panels, same=True)]
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from jointplay import analysis
 from jointplay.core.errors import JointplayError
+from jointplay.joints import RollingBearing
+from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.urdf import parse
 from jointplay.reports.cases import Case, dark
 from jointplay.reports.html import Cell, Html, details, joined, markup, table
@@ -37,7 +39,7 @@ _JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
     "clearance": ("clearance across x, each side", "mm", 1e3),
     "clearance_y": ("clearance across y, each side", "mm", 1e3),
     "length": ("length of the slider", "mm", 1e3),
-    "width": ("width of the slider, along x", "mm", 1e3),
+    "width": ("width", "mm", 1e3),
     "height": ("height of the slider, along y", "mm", 1e3),
     "corner_radius": ("rounding of the corners", "mm", 1e3),
     "radial_clearance": ("radial clearance C_r", "mm", 1e3),
@@ -49,6 +51,25 @@ _JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
     "restitution": ("restitution c_e", "", 1.0),
     "stiffness": ("stiffness k", "N/m^1.5", 1.0),
     "axial_stiffness": ("stiffness k, axial", "N/m^1.5", 1.0),
+    "bore": ("bore", "mm", 1e3),
+    "outside_diameter": ("outside diameter", "mm", 1e3),
+    "element_diameter": ("diameter of elements", "mm", 1e3),
+    "pitch_diameter": ("pitch diameter", "mm", 1e3),
+    "roller_length": ("length of rollers", "mm", 1e3),
+    "spacing": ("distance of the rows", "mm", 1e3),
+    "shaft_interference": ("interference of the shaft", "µm", 1e6),
+    "housing_interference": ("interference of the housing", "µm", 1e6),
+    "temperature_difference": ("inner ring warmer by", "K", 1.0),
+    "damping_time": ("damping over stiffness", "s", 1.0),
+    "cage_angle": ("azimuth of the first element", "rad", 1.0),
+    "contact_angle": ("contact angle", "rad", 1.0),
+    "preload": ("preload", "N", 1.0),
+    "dynamic_rating": ("basic dynamic load rating C", "N", 1.0),
+    "static_rating": ("basic static load rating C0", "N", 1.0),
+    "drag_torque": ("friction torque without load", "N m", 1.0),
+    "rolling_friction": ("friction over load and half the bore", "", 1.0),
+    "inner_groove": ("radius of the inner groove over D", "", 1.0),
+    "outer_groove": ("radius of the outer groove over D", "", 1.0),
 }
 
 
@@ -90,7 +111,9 @@ def _parameters(result: Result) -> dict[str, Cell]:
             for name, loop in robot["loops"].items()
         )
     for name, gear in robot.get("gears", {}).items():
-        cells[f"gear of {name}"] = _plain(gear)
+        notes = Gearing.from_description(gear).notes
+        given = {key: value for key, value in gear.items() if value is not None}
+        cells[f"gear of {name}"] = "; ".join(filter(None, (_plain(given), notes)))
     motion, drives = inputs["motion"], inputs["drive"]
     cells["motion"] = "none"
     if motion is not None:
@@ -107,7 +130,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
     for name, value in inputs.items():
         if name not in known | {"joint_friction"} and value not in (None, [], {}):
             cells[name.replace("_", " ")] = _plain(value)
-    derived, unknown = _derived_stiffness(result)
+    derived, estimates, unknown = _derived(result)
     for joint, fields in analysis.clearance_inputs(result).items():
         stiffness: Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
         if joint in derived:
@@ -124,6 +147,9 @@ def _parameters(result: Result) -> dict[str, Cell]:
                 cells[label] = float(value) * scale
             else:
                 cells[label] = _law(value) if isinstance(value, dict) else value
+        for name, text in estimates.get(joint, {}).items():
+            label = _JOINT_FIELDS.get(name, (name.replace("_", " "),))[0]
+            cells[f"{joint}: {label} (estimated)"] = text
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
     cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
     return cells
@@ -156,13 +182,15 @@ def _law(fields: dict[str, Any]) -> str:
     return " ".join(part for part in (name, _plain(rest) and f"({_plain(rest)})") if part)
 
 
-def _derived_stiffness(result: Result) -> tuple[dict[str, float], str]:
-    """Stiffness of each joint; or why it is not known, as where a law cannot be imported."""
+def _derived(result: Result) -> tuple[dict[str, float], dict[str, dict[str, str]], str]:
+    """Stiffness of each joint, what is estimated of rolling bearings; or why neither is known."""
     try:
         joints = result.simulation.mechanism.clearance
-        return {n: joint.contact_properties(0).stiffness for n, joint in joints.items()}, ""
+        stiffness = {n: joint.contact_properties(0).stiffness for n, joint in joints.items()}
     except JointplayError as error:
-        return {}, str(error)
+        return {}, {}, str(error)
+    bearings = {n: joint for n, joint in joints.items() if isinstance(joint, RollingBearing)}
+    return stiffness, {n: bearing.estimates for n, bearing in bearings.items()}, ""
 
 
 def _grouped(cases: Sequence[Case], key: Callable[[dict[str, Any]], str]) -> dict[str, list[Case]]:

@@ -21,6 +21,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.files import read_text
 from jointplay.geometry import Form
 from jointplay.joints import JOINT_KINDS
+from jointplay.mechanism.gear import Gear
 from jointplay.plots.figures import is_paper
 from jointplay.plots.style import MODE_NAMES
 from jointplay.reports.cases import Case, dark, place_of
@@ -111,11 +112,22 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
 # Modes, forms and impacts in joints with clearance.
 
 
+def ring_or_journal(cases: Sequence[Case]) -> str:
+    """What is seen in its bearing: journals, inner rings, or both."""
+    kinds = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
+    return {(True,): "Inner rings", (False, True): "Journals and inner rings"}.get(
+        tuple(sorted(kinds)), "Journal"
+    )
+
+
 def modes(cases: Sequence[Case], start: float) -> Html:
     """Shares of the time in each mode and form."""
-    pairs = [(case, joint) for case in cases for joint in case.joints]
-    if not pairs:
+    every = [(case, joint) for case in cases for joint in case.joints]
+    if not every:
         return paragraph("No case has clearance.")
+    pairs = [(case, joint) for case, joint in every if not analysis.rolls(case.result, joint)]
+    if not pairs:
+        return Html("")
     names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
     shares = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
     keys = list(shares[0])
@@ -177,6 +189,56 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
         "forces are held between records and exact."
     )
     return table_of(rows) + paragraph(note)
+
+
+def bearings(cases: Sequence[Case], start: float) -> Html:
+    """Loads, life and friction of rolling bearings; nothing without any."""
+    rows: list[dict[str, Cell]] = []
+    swings = False
+    for case in cases:
+        late = case.result.time >= start
+        if not any(analysis.rolls(case.result, joint) for joint in case.joints) or late.sum() < 2:
+            continue
+        for joint, bearing in analysis.rolling_bearings(case.result).items():
+            life = analysis.bearing_life(case.result, joint, start)
+            loaded = case.result["loaded_elements"].sel(joint=joint).values[late]
+            swings = swings or life.oscillates
+            rows.append(
+                {
+                    "case, joint": markup("{}, {}", dark(case), joint),
+                    "bearing": bearing.designation or bearing.kind.replace("-", " "),
+                    "largest element load [N]": life.largest_load,
+                    "the same, at C0 [N]": life.rated_load,
+                    "elements loaded, least": int(loaded.min()),
+                    "mean": float(loaded.mean()),
+                    "most": life.most_loaded,
+                    "of": life.elements,
+                    "turned [rev]": life.turned,
+                    "L10 [rev]": _lasting(life.revolutions),
+                    "L10 of this motion [h]": _lasting(life.hours),
+                    "friction torque, mean [N mm]": 1e3 * life.mean_torque,
+                    "friction power, mean [mW]": 1e3 * life.friction_power,
+                }
+            )
+    if not rows:
+        return Html("")
+    note = (
+        "Loads are those of single balls or rollers; at C0 that of the most loaded one under the "
+        "basic static load rating. L10: basic reference rating life (ISO/TS 16281, a factor "
+        "a_ISO of 1) of repeating this motion, with the damage of each instant's loads summed by "
+        "Palmgren and Miner; the inner ring counts as the one that turns against the load."
+    )
+    if swings:
+        note += (
+            " Rings that swing by less than the distance of two elements: L10 is not meant for "
+            "them, other damage (false brinelling) may come first."
+        )
+    heading = Html("<h3>Rolling bearings</h3>")
+    return joined([heading, table_of(rows, left=2, name="bearings"), paragraph(note)])
+
+
+def _lasting(life: float) -> Cell:
+    return "unlimited" if math.isinf(life) else life
 
 
 def _percentile(values: np.ndarray, percent: float) -> float | None:
@@ -489,13 +551,24 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
     return {
         "always": True,
         "clearance": bool(moving),
-        "dry": any(not joint.get("lubricant") for joint in bearings),
+        "sliding": bool(kinds & analysis.SLIDING_KINDS),
+        "rolling": bool(kinds & analysis.ROLLING_KINDS),
+        "dry": any(
+            not joint.get("lubricant")
+            for joint in bearings
+            if joint["kind"] in analysis.SLIDING_KINDS
+        ),
         "oil": any(joint.get("lubricant") for joint in bearings),
         "worn": any(joint.get("worn") for joint in bearings),
         "wearing": any(joint.get("wear_rate") for joint in bearings),
         **{kind: kind in kinds for kind in JOINT_KINDS},
         "loops": any(given["mechanism"].get("loops") for given in inputs),
         "gears": any(given["mechanism"].get("gears") for given in inputs),
+        "refined gears": any(
+            gear.get("kind", Gear.kind) != Gear.kind
+            for given in inputs
+            for gear in (given["mechanism"].get("gears") or {}).values()
+        ),
         "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
         "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
         "payloads": any(given.get("payloads") for given in inputs),

@@ -216,7 +216,7 @@ class Audit(Described):
     @property
     def headline(self) -> str:
         """How the run began and its largest force, and from when on that is judged; a line."""
-        began = f"journals start {'at rest' if self.start == 'rest' else 'centred'}"
+        began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual is not None:
             reason = "" if self.start == "rest" else ", because no equilibrium was found"
             began += (
@@ -254,11 +254,14 @@ class Audit(Described):
         if self.impacts:
             steps = self.shortest_contact_steps
             shortest = f"shortest {steps} steps" if steps else "none ended"
+            deepest = f"  largest penetration: {self.largest_penetration:.3g} m, "
+            deepest += f"{100 * self.penetration_over_clearance:.2g} % of the clearance"
+            if not self.penetration_over_clearance:  # of rolling elements alone, which have none
+                deepest = f"  largest deflection of an element: {self.largest_penetration:.3g} m"
             lines += [
                 f"  contacts: {self.impacts}, {shortest}, "
                 f"{self.under_resolved} under {WELL_RESOLVED_STEPS} steps",
-                f"  largest penetration: {self.largest_penetration:.3g} m, "
-                f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
+                deepest,
             ]
         if self.peak_force is not None:
             lines.append(f"  {self.headline}")
@@ -393,7 +396,8 @@ class Auditor:
         self._forces(records)
         for name in self._twists:
             motor, link = self._mechanism.motor(name), self._mechanism.coordinate(name)
-            self._twists[name] = _larger(self._twists[name], np.abs(q[:, motor] - q[:, link]))
+            twist = self._mechanism.gears[name].twist(q[:, motor], q[:, link])
+            self._twists[name] = _larger(self._twists[name], np.abs(twist))
         if self._simulation["limits"] != "ignore":
             time, v = records.recorded("time")[:, 0], records.recorded("v")
             rows = worst(self._mechanism, q, v, effort)
@@ -448,7 +452,9 @@ class Auditor:
         joints = mechanism.clearance.values()
         for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
             for gap, room in zip(gaps, joint.rooms, strict=False):
-                depth, relative = max(depth, -gap), max(relative, -gap / room)
+                depth = max(depth, -gap)
+                if joint.resultant is None:  # elements give way by more than they are free
+                    relative = max(relative, -gap / room)
         moved = np.max(self._variations, initial=0.0)
         before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
         late = judgement.judged_from > 0.0

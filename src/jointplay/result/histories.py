@@ -28,7 +28,7 @@ from jointplay.result.variables import (
     applied_effort,
     contact_names,
     contact_variables,
-    gear_energy,
+    gear_variables,
     kinematics,
     loop_drift,
     motion_variables,
@@ -107,7 +107,7 @@ class HistoryBuilder:
         elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushes = acting.pushes(body, records)
-            effort = applied_effort(mechanism, v, records, self._friction, pushes)
+            effort = applied_effort(mechanism, q, v, records, self._friction, pushes)
             forces = reactions(mechanism, q, v, effort, stretches, held, pushes)
             text = "constraint force of the parent on the child at the joint, world axes"
             variables["reaction_force"] = (("time", "moving_joint", "axis"), forces, "N", text)
@@ -117,14 +117,15 @@ class HistoryBuilder:
             drift = np.stack(gaps, axis=1)
             variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
         variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
-        if mechanism.gears:
-            stored, text = gear_energy(mechanism, q), "stored in the gears"
-            variables["gear_elastic_energy"] = (("time",), stored, "J", text)
-            elastic = elastic + stored
         coordinates: dict[str, Any] = {}
+        if mechanism.gears:
+            geared, coordinates, stored = gear_variables(mechanism, records, q)
+            variables |= geared
+            elastic = elastic + stored
         if acting.loads:
-            loads, coordinates = acting.histories(q, body, records)
+            loads, of_loads = acting.histories(q, body, records)
             variables |= loads
+            coordinates |= of_loads
             elastic = elastic + loads["load_energy"][1].sum(axis=1)
             work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:

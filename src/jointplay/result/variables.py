@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.geometry import classify_many
+from jointplay.contact import resultant
+from jointplay.geometry import Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.kernel import POWERS
 from jointplay.loads.base import Load
@@ -42,7 +43,7 @@ class Term:
 TERMS = (
     Term("drive", "drive_work", "work of the drives", lost=False),
     Term("normal_dissipation", "normal_dissipation", "lost in normal contact"),
-    Term("friction_dissipation", "friction_dissipation", "lost in sliding"),
+    Term("friction_dissipation", "friction_dissipation", "lost in sliding and rolling"),
     Term("joint_friction", "joint_friction_loss", "lost in joint friction"),
     Term("gear_dissipation", "gear_dissipation", "lost in gears"),
     Term("film_dissipation", "film_dissipation", "lost in oil"),
@@ -252,13 +253,34 @@ def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[i
     return [(begin, end, phase) for begin, end, phase in stretches if begin < end]
 
 
-def gear_energy(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Energy stored in the teeth and shafts of all gears, shape (n,) [J]."""
+def hysteresis_of(mechanism: Mechanism, records: Records) -> dict[str, np.ndarray]:
+    """Torque that hysteresis holds, of those gears that have a state of their own, (n,) [N m]."""
+    names = [name for name, gear in mechanism.gears.items() if gear.refined]
+    columns = records.recorded("gear")[:, 1::2]
+    return dict(zip(names, columns.T, strict=True))
+
+
+def gear_variables(
+    mechanism: Mechanism, records: Records, q: np.ndarray
+) -> tuple[Variables, dict[str, Any], np.ndarray]:
+    """Histories of the gears, their coordinates, and the energy stored in all of them (n,) [J]."""
+    bent = hysteresis_of(mechanism, records)
+    refined = list(bent)
+    recorded = records.recorded("gear").reshape(len(q), len(refined), 2)
+    torque, hysteresis = np.moveaxis(recorded, 2, 0)
     energy = np.zeros(len(q))
     for name, gear in mechanism.gears.items():
-        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
-        energy += 0.5 * gear.stiffness * np.maximum(twist - gear.play / 2.0, 0.0) ** 2
-    return energy
+        twist = gear.twist(q[:, mechanism.motor(name)], q[:, mechanism.coordinate(name)])
+        energy += gear.stored_energy(twist, bent.get(name, 0.0))
+    stored = "stored in the gears"
+    variables: Variables = {"gear_elastic_energy": (("time",), energy, "J", stored)}
+    if not refined:
+        return variables, {}, energy
+    text = "torque that the gear transmits to the joint"
+    variables["gear_torque"] = (("time", "gear"), torque, "N m", text)
+    text = "part of it that hysteresis holds"
+    variables["gear_hysteresis"] = (("time", "gear"), hysteresis, "N m", text)
+    return variables, {"gear": refined}, energy
 
 
 def kinematics(
@@ -321,26 +343,41 @@ def contact_variables(
         name: (records.recorded(name).reshape(n, nj, width), np.full_like(gap, np.nan))
         for name in ("gap_min", "normal", "normal_peak", "tangential")
     }
-    elastic = np.zeros(n)
+    stored = np.zeros(n)
+    rolls = any(joint.resultant is not None for joint in mechanism.clearance.values())
+    moment, loaded = np.full((n, nj, 3), np.nan), np.full((n, nj), np.nan)
+    cage = np.full((n, nj), np.nan)
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
         bearing, poses = body["bearings"][name], body["poses"][name]
         centre[:, j] = poses[:, :3]
         tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
         count = len(joint.contacts)
         at = [names.index(contact) for contact in joint.contacts]
-        gap[:, j, at], mode[:, j], form[:, j] = classify_many(
-            int(joint.shape), np.array(joint.dimensions), count, poses
-        )
+        if joint.resultant is None:
+            gap[:, j, at], mode[:, j], form[:, j] = classify_many(
+                int(joint.shape), np.array(joint.dimensions), count, poses
+            )
+        else:
+            cage[:, j] = records.recorded("cage")[:, j]
+            found = resultant.answers(joint.law, joint.resultant, poses, cage[:, j])
+            gap[:, j, at[0]], loaded[:, j] = (
+                -found[:, resultant.DEEPEST],
+                found[:, resultant.LOADED],
+            )
+            mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
+            form[:, j] = -1
+            moment[:, j] = np.einsum("nik,nk->ni", bearing, found[:, 3:6])
+            stored += found[:, resultant.ENERGY]
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
         for values in (force, peak, film):
             values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
         groups: dict[Any, list[int]] = {}
-        for k in range(count):
+        for k in range(count if joint.resultant is None else 0):
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
         for contact, members in groups.items():
             parameters = joint.normal.parameters(contact)
-            elastic += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
+            stored += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
 
     each = ("time", "joint", "contact")
     vector = ("time", "joint", "axis")
@@ -364,20 +401,38 @@ def contact_variables(
         "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
         "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
     }
+    if rolls:
+        text = "of the loaded elements on the inner ring about its centre, world axes"
+        variables["joint_moment"] = (vector, moment, "N m", text)
+        variables["loaded_elements"] = (("time", "joint"), loaded, "1", "elements that bear load")
+        variables["cage_angle"] = (("time", "joint"), cage, "rad", "azimuth of the first element")
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
-    return variables, elastic
+    return variables, stored
 
 
 def applied_effort(
     mechanism: Mechanism,
+    q: np.ndarray,
     v: np.ndarray,
     records: Records,
     friction: Mapping[str, JointFriction],
     pushes: LoadWrenches,
 ) -> np.ndarray:
-    """What drives, loads and friction push on the coordinates, shape (n, nv)."""
+    """What drives, loads, gears and friction push on the coordinates, shape (n, nv).
+
+    Friction of gears is left out: it acts on motors, which have no mass to be moved.
+    """
     effort = records.recorded("drive") + pushes.efforts
+    for name, gear in mechanism.gears.items():
+        motor, link = mechanism.motor(name), mechanism.coordinate(name)
+        lever = 1.0 + gear.kinematic_error(q[:, motor])[1]
+        rate = lever * v[:, motor] - v[:, link]
+        torque = gear.tooth_torque(gear.twist(q[:, motor], q[:, link]), rate)
+        if gear.refined:
+            torque = torque + hysteresis_of(mechanism, records)[name]
+        effort[:, motor] -= lever * torque
+        effort[:, link] += torque
     for name, joint in friction.items():
         at = mechanism.coordinate(name)
         effort[:, at] -= joint.torque(v[:, at])

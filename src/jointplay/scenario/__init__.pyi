@@ -1,1 +1,2 @@
+from . import presets as presets
 from .load import Scenario as Scenario

@@ -12,7 +12,7 @@ from jointplay.core.schema import choice, quantity
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.payload import Payload, Vector
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.motion.reference import INTERPOLATIONS
@@ -146,8 +146,8 @@ class Model:
     """Joints that close loops, by name."""
     joints: dict[str, Clearance] = field(default_factory=dict)
     """Joints with clearance, by the name of a joint of the URDF or of a loop."""
-    gears: dict[str, Gear] = field(default_factory=dict)
-    """Gears with play, by joint."""
+    gears: dict[str, Gearing] = field(default_factory=dict)
+    """Gears between motors and joints, by joint."""
     drive: Drive | None = None
     """Drive of all joints of the motion; if not given, ``computed-torque``."""
     drives: dict[str, Drive] = field(default_factory=dict)

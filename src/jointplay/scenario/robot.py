@@ -92,7 +92,7 @@ def robot_scenario(
     path = resolve(place, Path())
     allowed = given.get("robot", {}).get("allow_unphysical", [])
     description = read(path, allowed if isinstance(allowed, list) else [])
-    if not joints and not ideal and "joints" not in given:
+    if not joints and not ideal and not {"joints", "gears"} & set(given):
         if not scara:
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
@@ -143,6 +143,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
         The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
         one will do.
     """
+    from jointplay.contact.resultant import SPRINGS
     from jointplay.kernel import WELL_RESOLVED_STEPS
     from jointplay.mechanism.impact import contact_duration
     from jointplay.simulation.assemble import MIN_CONTACT_STEPS
@@ -151,7 +152,11 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     mechanism, motion = simulation.mechanism, simulation.motion
     begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
     q = mechanism.configuration(begin)
-    durations = {name: contact_duration(mechanism, name, q) for name in mechanism.clearance}
+    durations = {
+        name: contact_duration(mechanism, name, q)
+        for name, joint in mechanism.clearance.items()
+        if joint.law != SPRINGS
+    }
     shortest = min(durations, key=durations.__getitem__, default=None)
     if shortest is None or durations[shortest] >= MARGIN * MIN_CONTACT_STEPS * simulation.step:
         return None

@@ -8,9 +8,11 @@ from typing import Any
 from jointplay.contact.law import Law
 from jointplay.core.schema import fields_of
 from jointplay.core.units import readable
+from jointplay.joints import RollingBearing
 from jointplay.loads import Load
 from jointplay.loads.drive import assign
 from jointplay.loads.limits import LIMITS
+from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.scenario.load import Scenario
@@ -52,11 +54,20 @@ def _facts(run: Run) -> dict[str, str]:
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         steps = contact_duration(mechanism, name, run.workspace.q) / step
-        facts[f"joint {name}"] = f"{joint.kind}: {_fields(joint)}; {steps:.0f} steps in an impact"
+        words = f"{joint.kind}: {_fields(joint)}"
+        if isinstance(joint, RollingBearing):
+            words = f"{joint.words}: {_fields(joint, zeros=False)}"
+            guessed = "; ".join(
+                f"{field.replace('_', ' ')} {text}" for field, text in joint.estimates.items()
+            )
+            words += f"; estimated: {guessed}" if guessed else ""
+        facts[f"joint {name}"] = f"{words}; {steps:.0f} steps in an impact"
     if not mechanism.clearance:
         facts["joints"] = "all ideal"
     for name, gear in mechanism.gears.items():
-        facts[f"gear {name}"] = _fields(gear)
+        kind = "" if gear.kind == Gear.kind else f"{gear.kind}: "
+        notes = f"; {gear.notes}" if gear.notes else ""
+        facts[f"gear {name}"] = f"{kind}{_fields(gear)}{notes}"
     if simulation.motion is not None:
         joints = ", ".join(simulation.motion.joints)
         number = len(simulation.motion.times)
@@ -118,8 +129,13 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
     return "" if value is None else f"{name}{readable(value, unit)}"
 
 
-def _fields(thing: Any, joint: Any = None) -> str:
-    """Fields of a value, with units; those not set left out."""
+def _part(one: Any, unit: str) -> str:
+    """An entry of a list: a number with its unit, or a value with fields of its own."""
+    return readable(one, unit) if isinstance(one, float | int) else f"[{_fields(one)}]"
+
+
+def _fields(thing: Any, joint: Any = None, zeros: bool = True) -> str:
+    """Fields of a value, with units; those not set left out, and without `zeros` those of zero."""
     words = []
     kind: Any = type(thing)
     for name, field in fields_of(kind).items():
@@ -127,14 +143,14 @@ def _fields(thing: Any, joint: Any = None) -> str:
         slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
-        if value is None or value is False or name == "frame":
+        if value is None or value is False or name == "frame" or (value == 0 and not zeros):
             continue
         if value is True:
             words.append(name)
         elif isinstance(value, float | int):
             words.append(f"{name} {readable(value, unit)}")
         elif isinstance(value, tuple):
-            words.append(f"{name} ({', '.join(readable(one, unit) for one in value)})")
+            words.append(f"{name} ({', '.join(_part(one, unit) for one in value)})")
         elif isinstance(value, str):
             words.append(f"{name} {value}")
         elif isinstance(value, Law):

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
+from jointplay.contact import resultant
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
@@ -42,6 +43,10 @@ is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.m
 """
 
 
+LARGEST_TURN = 1.0
+"""Step times natural frequency on a preloaded bearing above which it is refused [rad]."""
+
+
 def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     """The joint with clearance `name`, as the kernels have it.
 
@@ -60,6 +65,9 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     record["normal_law"], record["friction_law"] = address(joint.normal), address(joint.friction)
     record["bristles"] = joint.friction.bristles
     record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
+    if joint.resultant is not None:
+        record["resultant"], record["element_law"] = 1, resultant.address(joint.law)
+        record["cage"] = joint.resultant[resultant.CAGE]
     record["wearing"] = len(joint.wear.widths) if joint.wear else 0
     record["limit"] = -joint.depth_limit
     record["rest_mass"] = mass / REST_SPEED**2
@@ -74,12 +82,13 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
         record["thinnest"] = law.thickest(properties.clearance)
         record["transition"] = law.transition
         record["lag_mass"] = FILM_LAG * mass
+    holds = joint.law == resultant.SPRINGS
     if mechanism.has_virtual_link(name):
         record["first"] = mechanism.virtual_link(name)
-        return JointSite(record, parameters, joint.dimensions)
+        return JointSite(record, parameters, joint.dimensions, holds)
     record["first"] = layout.NO_VIRTUAL_LINK
     carriers = mechanism.bearing_frame(name), mechanism.journal_frame(name)
-    return JointSite(record, parameters, joint.dimensions, carriers, mechanism.signs(name))
+    return JointSite(record, parameters, joint.dimensions, holds, carriers, mechanism.signs(name))
 
 
 def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
@@ -105,6 +114,27 @@ def _link_masses(mechanism: Mechanism, name: str) -> str:
     )
 
 
+def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndarray) -> None:
+    """Refuse a step [s] too large for the swing on springs or on a preloaded bearing."""
+    joint = mechanism.clearance[name]
+    assert joint.resultant is not None
+    centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    found = resultant.answers(joint.law, joint.resultant, centred[None])[0]
+    stiffness = found[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
+    jacobian = mechanism.relative_jacobian(name, q)
+    inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
+    inverse = inverse + np.triu(inverse, 1).T
+    squares = np.linalg.eigvals(jacobian @ inverse @ jacobian.T @ stiffness).real
+    frequency = float(np.sqrt(max(squares.max(), 0.0)))
+    if frequency * step > LARGEST_TURN:
+        raise JointplayError(
+            f"step {step:g} s is too large for the stiffness of {name!r}: what it carries "
+            f"would swing at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
+            f"{LARGEST_TURN / frequency:.2g} s, or a tolerance",
+            where=("step",),
+        )
+
+
 def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: np.ndarray) -> None:
     """Refuse contacts that meet no mass, and a step [s] too large for an impact.
 
@@ -119,6 +149,11 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
                 "lighter one more mass or inertia in the URDF"
             )
         if step is None:
+            continue
+        joint = mechanism.clearance[name]
+        if joint.resultant is not None:
+            _check_step_follows(mechanism, name, step, q)
+        if joint.law == resultant.SPRINGS:  # nothing hits
             continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)

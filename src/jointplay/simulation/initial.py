@@ -220,6 +220,7 @@ def find_rest(
         workspace.v,
         drives,
         workspace.drives,
+        workspace.servos,
         workspace.reference[0],
         friction,
         loads,

@@ -126,6 +126,20 @@ def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> n
     return along @ (columns[:3] + np.cross(columns[3:], end, axisa=0, axisc=0))
 
 
+def _steps_in(period: float, step: float, whose: str) -> int:
+    """Steps in a sampling period [s].
+
+    Raises:
+        JointplayError: it is no multiple of the step.
+    """
+    steps = round(period / step)
+    if steps < 1 or abs(period / step - steps) > 1e-6 * steps:
+        raise JointplayError(
+            f"the period {period:g} s of {whose} must be a multiple of the step {step:g} s"
+        )
+    return steps
+
+
 class Sampling:
     """The sampled controllers of a run, and when they are due.
 
@@ -151,12 +165,7 @@ class Sampling:
         for (name, load), site in zip(loads.items(), sites, strict=True):
             if not isinstance(load, Controller) or load.period is None:
                 continue
-            steps = round(load.period / step)
-            if steps < 1 or abs(load.period / step - steps) > 1e-6 * steps:
-                raise JointplayError(
-                    f"the period {load.period:g} s of the controller {name!r} must be a multiple "
-                    f"of the step {step:g} s"
-                )
+            steps = _steps_in(load.period, step, f"the controller {name!r}")
             self._members.append((load, site, steps, load.sampler()))
 
     def __bool__(self) -> bool:
@@ -457,10 +466,16 @@ class LoadSchedule:
         self._workspace, self._model = workspace, model
         self._sampling = Sampling(loads, sites, workspace, step)
         self._reactions = ReactionLoads(loads, sites, mechanism, workspace, step)
+        self._servos = []
+        """Steps in a period of each servo that has one: it samples at a state, in compiled code."""
+        for period in map(float, workspace.servos["period"]):
+            if period > 0.0:
+                self._servos.append(_steps_in(period, step, "a servo"))
 
     def steps_until_next(self, step: int) -> int | None:
         """Steps from `step` until one of them looks again; None if none ever does."""
-        waits = (self._sampling.steps_until_next(step), self._reactions.steps_until_next(step))
+        waits = [self._sampling.steps_until_next(step), self._reactions.steps_until_next(step)]
+        waits += [every - step % every for every in self._servos]
         return min((due for due in waits if due is not None), default=None)
 
     def is_due(self, step: int) -> bool:

@@ -29,7 +29,7 @@ from jointplay.kernel import Status
 from jointplay.kernel.integrators import Integrator, integrator
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.workspace import Workspace
-from jointplay.loads.drive import Drive, assign
+from jointplay.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.loads.tables import table_nodes, tabulate
 from jointplay.mechanism.impact import tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
@@ -64,6 +64,9 @@ EXPLICIT_DECAY = 0.2
 LONG_STEP_S = 1e-4
 """Step for which that is asked where steps go by their error [s]."""
 
+FASTEST_SHOWN = 4
+"""Coordinates that the message on a run that diverged has."""
+
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
@@ -77,16 +80,25 @@ def end_message(
         return f"completed {workspace.time:g} s in {workspace.steps} steps"
     if status == Status.INTERRUPTED:
         return f"interrupted {at}; {workspace.rows} records kept"
-    state = ", ".join(
+    state = [
         f"{name} = {q:.6g} ({v:.4g}/s)"
         for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)
-    )
+    ]
+    fast = sorted(np.argsort(-np.abs(workspace.v), kind="stable")[:FASTEST_SHOWN])
+    shown = ", ".join(state[k] for k in fast)
+    if len(fast) < len(state):
+        shown += f" (the fastest of {len(state)} coordinates)"
     joint, contact = workspace.bad_contact
     if status == Status.BAD_LOAD:
         what, remedy = f"the load {loads[joint]!r} gave a non-finite value", "correct it"
     elif status == Status.RUN_AWAY:
         what = "the state diverged or is not a number"
         remedy = "reduce the step or the drive's bandwidth"
+        if mechanism.gears:
+            remedy += (
+                ", which an elastic gear limits when the encoder is on the link "
+                '(encoder = "motor" puts it before the gear)'
+            )
     else:
         name = list(mechanism.clearance)[joint]
         law = mechanism.clearance[name]
@@ -104,7 +116,7 @@ def end_message(
                 f"returned a non-finite value ({place})"
             )
             remedy = "correct the law"
-    return f"stopped {at}: {what}; {remedy}. State: {state}"
+    return f"stopped {at}: {what}; {remedy}. State: {shown}"
 
 
 @dataclass(frozen=True)
@@ -253,6 +265,10 @@ class Run:
             nodes = table_nodes(simulation.motion, drives, duration)
             limits.check_memory(mechanism, duration, self.total_steps, every, nodes)
         self.friction = limits.joint_friction(simulation)
+        for name, drive in drives.items():
+            if isinstance(drive, Servo) and name not in mechanism.gears:
+                losses = self.friction.get(name, JointFriction())
+                self.friction = {**self.friction, name: drive.with_friction(losses)}
         followed = [name for name, drive in drives.items() if drive.follows]
         bounds = limits.effort_bounds(simulation, followed)
         start = initial.initial_state(simulation, mechanism, followed)
@@ -391,6 +407,10 @@ class Run:
         inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
         found = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
         found += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
+        for row in w.servos:
+            mobility, stall = inverse[row["coordinate"]], float(row["stall"])
+            found.append(math.sqrt(row["p_gain"] * stall * mobility))
+            found.append(row["d_gain"] * stall * mobility)
         for row in w.drives[w.drives["armature"] == 0.0]:
             mobility = inverse[row["coordinate"]]
             found.append(math.sqrt(max(row["kp"] * mobility, 0.0)))

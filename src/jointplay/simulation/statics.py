@@ -13,6 +13,7 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
+from jointplay.contact import resultant
 from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address
 from jointplay.core.compiler import njit, pointer
@@ -22,7 +23,6 @@ from jointplay.kernel.sites import Carriers, LoadSite
 from jointplay.kernel.sources import stamp
 from jointplay.loads.base import Load, compiled_law
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.loads.tables import gear_rows
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
@@ -188,6 +188,10 @@ class ElasticJoint:
         joint: the joint.
     """
 
+    def __new__(cls, joint: Clearance) -> ElasticJoint:
+        """Take what belongs to the kind of contact."""
+        return object.__new__(cls if joint.resultant is None else _ElasticElements)
+
     def __init__(self, joint: Clearance) -> None:
         """Gather what the compiled functions need."""
         count = len(joint.contacts)
@@ -216,10 +220,64 @@ class ElasticJoint:
         _wrench(*self._of, pose, out)
         return out
 
+    def inner_load(self, pose: np.ndarray) -> float:
+        """With what its contacts press against each other; the wrench does not show it [N]."""
+        return 0.0
+
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
         stiffness: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
         return stiffness
+
+
+class _ElasticElements(ElasticJoint):
+    """The elements of a rolling bearing, its cage where it starts."""
+
+    def __init__(self, joint: Clearance) -> None:
+        assert joint.resultant is not None
+        self._law, self._numbers = joint.law, joint.resultant
+        self._cage = joint.resultant[resultant.CAGE]
+        self.reach = float(np.linalg.norm(joint.outline.size))
+
+    def _look(self, poses: np.ndarray) -> np.ndarray:
+        return resultant.answers(self._law, self._numbers, poses, self._cage)
+
+    def energy(self, pose: np.ndarray) -> float:
+        """See `ElasticJoint.energy`."""
+        return float(self._look(pose[None])[0, resultant.ENERGY])
+
+    def smallest_gap(self, pose: np.ndarray) -> float:
+        """See `ElasticJoint.smallest_gap`."""
+        return -float(self._look(pose[None])[0, resultant.DEEPEST])
+
+    def wrench(self, pose: np.ndarray) -> np.ndarray:
+        """See `ElasticJoint.wrench`; no moment about the axis, where the cage is free to go."""
+        found = self._look(pose[None])[0]
+        axis = pose[[5, 8, 11]]
+        wrench = found[:6].copy()
+        wrench[3:] -= (wrench[3:] @ axis) * axis
+        return wrench
+
+    def inner_load(self, pose: np.ndarray) -> float:
+        """See `ElasticJoint.inner_load`: the sum of all element loads."""
+        return float(self._look(pose[None])[0, resultant.SUM])
+
+    def stiffness(self, pose: np.ndarray) -> np.ndarray:
+        """See `ElasticJoint.stiffness`."""
+        size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
+        poses = []
+        for axis in range(6):
+            for way in (-size[axis], size[axis]):
+                moved = pose.copy()
+                if axis < 3:
+                    moved[axis] += way
+                else:
+                    turn = pin.exp3(way * np.eye(3)[axis - 3])
+                    moved[3:] = (turn @ pose[3:].reshape(3, 3)).ravel()
+                poses.append(moved)
+        ends = self._look(np.array(poses))[:, :6]
+        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * size[:, None])).T
+        return given
 
 
 for _compiled in (_wrench, _energy, _stiffness):
@@ -398,6 +456,9 @@ MOST_ROUNDS = 10
 TOWARDS_MIDDLE = 1e-5
 """Stiffness towards the start in the first search, relative to the weight per clearance."""
 
+_ERROR_ROUNDS = 12
+"""How often a motor is moved for its gear's kinematic error, whose slope is far below one."""
+
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
 
@@ -428,7 +489,8 @@ def limited_freedoms(joint: Clearance) -> list[str]:
     freedoms = []
     for axis, part in enumerate(VIRTUAL_LINK[:3]):
         centre = _ANGLE * np.eye(3)[axis]
-        if part in joint.freedoms and joint.room_to_start.get(part, 0.0) > 0.0:
+        held = joint.resultant is not None or joint.room_to_start.get(part, 0.0) > 0.0
+        if part in joint.freedoms and held:
             _, follows = joint.ideal_part(np.eye(3), centre)
             freedoms += [part] if abs(follows[axis]) < 0.5 * _ANGLE else []
     for axis, part in zip((2, 1, 0), VIRTUAL_LINK[3:], strict=True):
@@ -461,6 +523,7 @@ class StaticEquilibrium:
         drives: of every moving joint.
         rows: what the kernels know of the drives; what follows a motion without one of finite
             stiffness is held where `q` has it.
+        servos: what they know of the servos.
         reference: positions, speeds and torques of the drives' columns at time 0.
         friction: by joint.
         loads: what else acts.
@@ -476,6 +539,7 @@ class StaticEquilibrium:
         v: np.ndarray,
         drives: Mapping[str, Drive],
         rows: np.ndarray | Sequence[np.void],
+        servos: np.ndarray | Sequence[np.void],
         reference: np.ndarray,
         friction: Mapping[str, JointFriction],
         loads: StaticLoads,
@@ -495,10 +559,18 @@ class StaticEquilibrium:
         self._signs = {name: mechanism.signs(name) for name in mechanism.clearance}
         self._springs, self._constant = np.zeros(nv), np.zeros(nv)
         self._rest = self._start.copy()
-        self._gears = list(gear_rows(mechanism))
+        self._gears = [
+            (mechanism.motor(name), mechanism.coordinate(name), gear)
+            for name, gear in mechanism.gears.items()
+        ]
         self._trailing: dict[int, int] = {}  # motors whose encoder sees the link
+        self._through: dict[int, tuple[float, float, float]] = {}
+        """Spring, torque and lever with which such a motor's drive acts on the link now."""
         self._pull = 0.0
-        sprung = self._drives(rows, reference, drives)
+        self._bands, self._reach = np.zeros(nv), np.full(nv, np.inf)
+        """By which springs of drives give way at first, and what they are bent by at most."""
+        sprung = self._servos(servos, reference, drives)
+        sprung |= self._drives(rows, reference, drives)
         for name, losses in friction.items():
             at = mechanism.coordinate(name)
             self._constant[at] -= float(losses.torque(self._speed[at : at + 1])[0])
@@ -507,6 +579,41 @@ class StaticEquilibrium:
         self.refresh(self._start)
         self.basis = self._find_basis(sprung, drives, set(given))
         self.scale, self._room = self._scales()
+
+    def _servos(
+        self,
+        servos: np.ndarray | Sequence[np.void],
+        reference: np.ndarray,
+        drives: Mapping[str, Drive],
+    ) -> set[int]:
+        """Make springs with a dead band of the servos; returns the coordinates that they hold.
+
+        Their friction, counts of their encoders and samples in between are left out.
+        """
+        mechanism = self._mechanism
+        sprung: set[int] = set()
+        named = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
+        for row in servos:
+            at, encoder, u = int(row["coordinate"]), int(row["encoder"]), int(row["column"])
+            speed = reference[len(reference) // 3 + u] - self._speed[encoder]
+            spring = float(row["stall"] * row["p_gain"])
+            torque = float(row["stall"] * row["d_gain"] * speed)
+            self._springs[encoder] += spring
+            self._bands[encoder] = row["dead_band"]
+            self._reach[encoder] = row["voltage"] / row["p_gain"]
+            self._rest[encoder] = reference[u]
+            self._constant[encoder] += torque
+            if encoder != at:
+                self._trailing[at] = encoder
+                self._through[at] = spring, torque, 1.0
+            sprung |= {encoder, mechanism.coordinate(named[at])}
+        return sprung
+
+    def _pulls(self, q: np.ndarray) -> np.ndarray:
+        """What the springs of drives are bent by (nv,), dead bands and limits counted."""
+        away = self._rest - q
+        bent = np.minimum(np.maximum(np.abs(away) - self._bands, 0.0), self._reach)
+        return np.asarray(np.copysign(bent, away))
 
     def _drives(
         self,
@@ -528,9 +635,15 @@ class StaticEquilibrium:
                 self._trailing[at] = encoder
             u = int(row["column"])
             ahead = row["kd"] * (reference[nu + u] - self._speed[encoder])
+            torque = float(reference[2 * nu + u] + ahead)
+            if row["kp"] == 0.0:  # the back-EMF of a servo's motor, which may trail
+                self._constant[self._trailing.get(at, at)] += torque
+                continue
             self._springs[encoder] += row["kp"]
             self._rest[encoder] = reference[u]
-            self._constant[encoder] += reference[2 * nu + u] + ahead
+            self._constant[encoder] += torque
+            if encoder != at:
+                self._through[at] = float(row["kp"]), torque, 1.0
             sprung |= {encoder, mechanism.coordinate(followed[at])}
         geared = {mechanism.motor(name) for name in mechanism.gears}
         # Links hang on the teeth of prescribed motors too.
@@ -592,14 +705,26 @@ class StaticEquilibrium:
             way = np.linalg.norm(moves[:3], axis=0)
             way += self._elastic[name].reach * np.linalg.norm(moves[3:], axis=0)
             with np.errstate(divide="ignore"):
-                scale = np.minimum(scale, joint.radial_room / way)
-        rooms = [joint.radial_room for joint in joints.values()]
-        plays = [float(row["half_play"]) for row in self._gears]
+                scale = np.minimum(scale, joint.search_room / way)
+        rooms = [joint.search_room for joint in joints.values()]
+        plays = [gear.play / 2.0 for _, _, gear in self._gears]
         room = min(rooms, default=min(plays, default=1e-4) or 1e-4)
         return np.where(np.isfinite(scale), scale, room), room
 
     def refresh(self, q: np.ndarray) -> None:
-        """Reckon inertia forces of a moving start and given loads anew, in configuration q."""
+        """Reckon anew, in configuration q, what is no potential.
+
+        That is inertia forces of a moving start, given loads, and what kinematic errors make of the
+        torques of motors that trail behind their teeth.
+        """
+        for m, k, gear in self._gears:
+            if m in self._through and gear.error_terms:
+                spring, torque, lever = self._through[m]
+                now = 1.0 + float(gear.kinematic_error(self.align_motors(q)[m])[1])
+                change = 1.0 / now - 1.0 / lever
+                self._springs[k] += change * spring
+                self._constant[k] += change * torque
+                self._through[m] = spring, torque, now
         if self._speed.any() or self._acceleration.any():
             whole = pin.rnea(self._model, self._data, q, self._speed, self._acceleration)
             weight = pin.computeGeneralizedGravity(self._model, self._data, q)
@@ -617,24 +742,28 @@ class StaticEquilibrium:
         away = q - self._start
         pin.forwardKinematics(self._model, self._data, q)
         total = pin.computePotentialEnergy(self._model, self._data, q)
-        pull = self._rest - q
-        total += 0.5 * float(self._springs @ pull**2) - float(self._constant @ away)
+        pull = np.abs(self._pulls(q))
+        beyond = np.maximum(np.abs(self._rest - q) - self._bands, 0.0)
+        total += float(self._springs @ (pull * (beyond - 0.5 * pull)))
+        total -= float(self._constant @ away)
         total += float((self._inertia - self._given) @ away) + self._loads.energy(self._data, q)
         for name in names:
             total += self._elastic[name].energy(self._pose(name))
-        for row in self._gears:
-            if int(row["motor"]) not in self._trailing:
-                depth = abs(q[row["motor"]] - q[row["link"]]) - row["half_play"]
-                total += 0.5 * row["stiffness"] * max(depth, 0.0) ** 2
+        for m, k, gear in self._gears:
+            if m not in self._trailing:
+                total += gear.first_load(float(gear.twist(q[m], q[k])))[0]
         if self._pull > 0.0:
             total += 0.5 * self._pull * float(np.sum((away @ self.basis / self.scale) ** 2))
         return float(total) if np.isfinite(total) else np.inf
 
     def slopes(self, q: np.ndarray, names: Collection[str]) -> tuple[np.ndarray, np.ndarray, float]:
         """Gradient (nv,) and curvature (nv, nv) of the energy, and the largest joint force [N]."""
-        curvature = weight_curvature(self._model, self._data, q) + np.diag(self._springs)
+        pulls = self._pulls(q)
+        bends = (self._bands == 0.0) | (pulls != 0.0)
+        stiff = np.where(bends & (np.abs(pulls) < self._reach), self._springs, 0.0)
+        curvature = weight_curvature(self._model, self._data, q) + np.diag(stiff)
         gradient = pin.computeGeneralizedGravity(self._model, self._data, q).copy()
-        gradient += self._inertia - self._constant - self._springs * (self._rest - q)
+        gradient += self._inertia - self._constant - self._springs * pulls
         pin.computeJointJacobians(self._model, self._data, q)
         slope, bend = self._loads.slopes(self._data, q)
         gradient, curvature = gradient + (slope - self._given), curvature + bend
@@ -645,17 +774,17 @@ class StaticEquilibrium:
             wrench = one.wrench(pose)
             gradient -= moves.T @ wrench
             curvature += moves.T @ one.stiffness(pose) @ moves
-            load = max(load, float(np.linalg.norm(wrench[:3])))
-        for row in self._gears:
-            m, k = int(row["motor"]), int(row["link"])
-            twist = q[m] - q[k]
-            depth = abs(twist) - row["half_play"]
-            if depth > 0.0 and m not in self._trailing:
-                torque = np.sign(twist) * row["stiffness"] * depth
-                gradient[m] += torque
-                gradient[k] -= torque
-                curvature[[m, k], [m, k]] += row["stiffness"]
-                curvature[[m, k], [k, m]] -= row["stiffness"]
+            load = max(load, float(np.linalg.norm(wrench[:3])), one.inner_load(pose))
+        for m, k, gear in self._gears:
+            if m in self._trailing:
+                continue
+            _, torque, stiffness = gear.first_load(float(gear.twist(q[m], q[k])))
+            _, rise, bend = gear.kinematic_error(float(q[m]))
+            ways = np.zeros(len(q))
+            ways[m], ways[k] = 1.0 + rise, -1.0
+            gradient += torque * ways
+            curvature += stiffness * np.outer(ways, ways)
+            curvature[m, m] += torque * bend
         if self._pull > 0.0:
             parts = self.basis / self.scale
             gradient += self._pull * (parts @ ((q - self._start) @ parts))
@@ -680,12 +809,12 @@ class StaticEquilibrium:
     def align_motors(self, q: np.ndarray) -> np.ndarray:
         """q with those motors behind their teeth whose encoders see the link."""
         q = q.copy()
-        for row in self._gears:
-            m, k = int(row["motor"]), int(row["link"])
+        for m, k, gear in self._gears:
             if m in self._trailing:
-                torque = self._springs[k] * (self._rest[k] - q[k]) + self._constant[k]
-                side = np.sign(torque)
-                q[m] = q[k] + side * (row["half_play"] + abs(torque) / row["stiffness"])
+                torque = self._springs[k] * self._pulls(q)[k] + self._constant[k]
+                q[m] = q[k] + gear.first_twist(float(torque))
+                for _ in range(_ERROR_ROUNDS):
+                    q[m] -= gear.twist(q[m], q[k]) - gear.first_twist(float(torque))
         return q
 
     def weight(self) -> float:

@@ -19,7 +19,7 @@ MOST_RUNS = 1000
 
 def output_names() -> list[str]:
     """Every file that the study writes."""
-    drawn = file_names(paper=True)
+    drawn = file_names(paper=True, rolling=False)
     return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]
 
 

@@ -107,13 +107,11 @@ class CloseUp {
     constructor(viewer, owner, joint) {
         Object.assign(this, {viewer, owner, joint, shape: joint.entry.shape});
         this.group = new THREE.Group();
-        this.bearing = bearingOf(this.shape);
-        this.journal = journalOf(this.shape);
+        this.lift = 0;
+        this.makeBodies();
         this.bearing.name = "bearing";
         this.journal.name = "journal";
         this.group.add(this.bearing, this.journal);
-        const radius = Math.min(...this.shape.size);
-        this.dot = 0.06 * radius;
         this.contacts = joint.entry.contacts.map(name => {
             const point = seenThrough(new THREE.SphereGeometry(this.dot, 16, 12), 0x000000);
             const normal = makeArrow(MODES[2].colour), friction = makeArrow(FRICTION);
@@ -127,23 +125,28 @@ class CloseUp {
         this.group.visible = false;
     }
 
+    makeBodies() {
+        this.bearing = bearingOf(this.shape);
+        this.journal = journalOf(this.shape);
+        this.dot = 0.06 * Math.min(...this.shape.size);
+    }
+
     // Half extents of the bearing as drawn.
     extent(magnification) {
         return this.shape.size.map((size, k) => size + magnification * this.shape.room[k]);
     }
 
+    // How far what is drawn goes to the side and up in the picture, seen from an elevation [rad].
+    spans(magnification) {
+        const [ex, ey, ez] = this.extent(magnification);
+        const radius = SHELL * Math.hypot(Math.max(ex, ey), this.shape.form === "block" ? GUIDE * ez : ez);
+        return [radius, radius];
+    }
+
     update(view) {
-        const {joint, owner, shape} = this, M = view.magnification;
+        const {joint, owner} = this, M = view.magnification;
         const c = CloseUp, place = owner.place;
-        const [ex, ey, ez] = this.extent(M);
-        this.bearing.matrix.makeScale(ex, ey, ez);
-        this.bearing.matrixWorldNeedsUpdate = true;
-        // The view travels with a slider: marks on its guide move instead.
-        const slide = vectorAt(joint.slide, place, 0, c.slide);
-        if (this.bearing.ticks) {
-            const pitch = 0.4, away = -slide.z / ez;
-            this.bearing.ticks.position.z = away - pitch * Math.round(away / pitch);
-        }
+        vectorAt(joint.slide, place, 0, c.slide);
         turnAt(joint.turn, place, 0, c.turn);
         vectorAt(joint.displacement, place, 0, c.away);
         vectorAt(joint.tilt, place, 0, c.tilt).multiplyScalar(M);
@@ -151,10 +154,7 @@ class CloseUp {
         c.skew.set(1, -z, y, M * c.away.x, z, 1, -x, M * c.away.y, -y, x, 1, M * c.away.z, 0, 0, 0, 1);
         this.journal.matrix.makeRotationFromQuaternion(c.turn).premultiply(c.skew);
         this.journal.matrixWorldNeedsUpdate = true;
-        const material = this.journal.material;
-        material.color.setHex(MODES[joint.modeNow].colour);
-        material.emissive.copy(material.color).multiplyScalar(0.2);
-        material.color.multiplyScalar(0.75);
+        this.moveBodies(view);
         const m = this.contacts.length;
         this.contacts.forEach(({point, normal, friction}, k) => {
             let top = joint.to;
@@ -168,14 +168,42 @@ class CloseUp {
             c.at.fromArray(joint.place.values, at);
             point.position.fromArray(joint.shift.values, at).multiplyScalar(M).add(c.at);
             c.force.fromArray(joint.normal.values, at);
-            const scale = view.closeMetresPerNewton * view.forceFactor, most = CUT * Math.min(...shape.size);
-            const length = Math.min(size * scale, most);
+            const scale = this.perNewton(view), most = this.longest;
+            const length = Math.min(size * scale, most) + this.reach;
             // A push: its head is where it acts.
             c.at.copy(c.force).multiplyScalar(-length / size).add(point.position);
             aimArrow(normal, c.at, c.force, size * scale, most, 0.5 * this.dot);
             c.force.fromArray(joint.friction.values, at);
             aimArrow(friction, point.position, c.force, c.force.length() * scale, most, 0.5 * this.dot);
         });
+    }
+
+    moveBodies(view) {
+        const [ex, ey, ez] = this.extent(view.magnification);
+        this.bearing.matrix.makeScale(ex, ey, ez);
+        this.bearing.matrixWorldNeedsUpdate = true;
+        // The view travels with a slider: marks on its guide move instead.
+        if (this.bearing.ticks) {
+            const pitch = 0.4, away = -CloseUp.slide.z / ez;
+            this.bearing.ticks.position.z = away - pitch * Math.round(away / pitch);
+        }
+        const material = this.journal.material;
+        material.color.setHex(MODES[this.joint.modeNow].colour);
+        material.emissive.copy(material.color).multiplyScalar(0.2);
+        material.color.multiplyScalar(0.75);
+    }
+
+    // Length of arrows [m/N], the longest one, and how far before the point of contact they end.
+    perNewton(view) { return view.closeMetresPerNewton * view.forceFactor; }
+    get longest() { return CUT * Math.min(...this.shape.size); }
+    get reach() { return 0; }
+
+    // Words for what is seen.
+    mode() { return MODES[this.joint.modeNow].name; }
+    forceWords(held) { return `${held}contact force ${quantity(this.joint.force_N, "N")}`; }
+    scaleWords(view) {
+        const length = 0.01;
+        return `arrows: 10 mm of size = ${quantity(length / this.perNewton(view), "N")}`;
     }
 }
 CloseUp.turn = new THREE.Quaternion();

@@ -13,6 +13,8 @@ const SIDEBAR = 268;
 const NARROW = 720;               // px; below, the legend is hidden first and close-ups stand below the robot
 const SEEN = 0.06;                // of the robot's reach: what the largest deviation is magnified to, at least
 
+const LOADS = ["no load on balls or rollers", "", "balls or rollers under load"];  // modes of rolling bearings
+
 const $ = id => document.getElementById(id);
 const speedName = s => s < 1 ? `1/${Math.round(1 / s)}` : `${s}`;
 const css = colour => "#" + colour.toString(16).padStart(6, "0");
@@ -41,16 +43,18 @@ class Player {
         this.layout = this.joint ? "both" : "robot";
         this.sidebar = window.innerWidth >= NARROW;
         document.body.classList.toggle("narrow", !this.sidebar);
-        this.closeups = this.cases.flatMap(c => c.joints.map(joint => new CloseUp(viewer, c, joint)));
+        this.closeups = this.cases.flatMap(c => c.joints.map(joint => 
+            new (joint.entry.elements ? RollingCloseUp : CloseUp)(viewer, c, joint)));
         const reach = Math.max(...contents.cases.map(c => c.reach));
         const joints = this.cases.flatMap(c => c.entry.joints);
         const typical = Math.max(1e-9, ...joints.map(j => j.typical));
-        const typicalContact = Math.max(1e-9, ...joints.map(j => j.typical_contact));
-        const radius = Math.min(0.1, ...joints.map(j => Math.min(...j.shape.size)));
+        const journals = joints.filter(j => !j.elements);  // rolling bearings have scales of their own
+        const typicalContact = Math.max(1e-9, ...journals.map(j => j.typical_contact));
+        const radius = Math.min(0.1, ...journals.map(j => Math.min(...j.shape.size)));
         this.reach = reach;
         this.view = {
             deviation: 1,
-            magnification: contents.magnification,
+            magnification: this.magnificationOf(this.joint),
             forceFactor: 1,
             metresPerNewton: nice(0.25 * reach / typical),
             closeMetresPerNewton: nice(2 * radius / typicalContact),
@@ -245,17 +249,16 @@ class Player {
     }
 
     closeCamera(view, {w, h}) {
-        const [ex, ey, ez] = view.extent(this.view.magnification);
-        const radius = SHELL * Math.hypot(Math.max(ex, ey), view.shape.form === "block" ? GUIDE * ez : ez);
-        const span = 0.95 * radius / this.orbit.zoom;
-        const {azimuth, elevation} = this.orbit;
+        const {azimuth} = this.orbit, elevation = Math.min(this.orbit.elevation + view.lift, 1.55);
+        const spans = view.spans(this.view.magnification, elevation), radius = Math.max(...spans);
+        const [side, high] = spans.map(span => 0.95 * span / this.orbit.zoom);
         // Scene axes have y up, too: (x, y, z) here is (x, z, -y) there.
         const direction = new THREE.Vector3(Math.cos(elevation) * Math.cos(azimuth),
             Math.sin(elevation), -Math.cos(elevation) * Math.sin(azimuth));
         // Between the words above and below, which take at most half of the height.
         const {above, below} = view.words || {above: 0, below: 0};
         const part = Math.min(1, 0.5 * h / Math.max(above + below, 1)), left = h - part * (above + below);
-        const half = Math.max(span * h / left, span * h / w);
+        const half = Math.max(high * h / left, side * h / w);
         const up = half * part * (above - below) / h;
         const camera = new THREE.OrthographicCamera(-half * w / h, half * w / h, half + up, up - half,
             0.01 * radius, 40 * radius);
@@ -286,19 +289,19 @@ class Player {
         for (const {view, w, h} of close) {
             const {joint, owner, box} = view;
             const mode = box.querySelector(".mode"), to = joint.to;
-            mode.textContent = MODES[joint.modeNow].name;
+            mode.textContent = view.mode();
             mode.style.background = css(MODES[joint.modeNow].colour);
             const away = vectorAt(joint.displacement, owner.place, 0, CloseUp.away).length();
             const held = joint.top !== to || this.playing ? "largest " : "";
             box.querySelector(".numbers").innerHTML =
-                `${held}contact force ${quantity(joint.force_N, "N")}<br>` +
+                `${view.forceWords(held)}<br>` +
                 `displacement ${quantity(away, "m")}, tilt ${quantity(joint.tilt_angle.values[to], "rad")}`;
             const camera = this.closeCamera(view, {w, h});
             const perMetre = h / (camera.top - camera.bottom);
             const length = nice(0.25 * w / perMetre), M = this.view.magnification;
             const scale = `<i style="width:${Math.round(length * perMetre)}px"></i>` +
                 `${quantity(length, "m")} of size = ${quantity(length / M, "m")} of displacement ` +
-                `(&times; ${M})<br>${this.forceScale(view.shape)}`;
+                `(&times; ${M})<br>${view.scaleWords(this.view)}`;
             const element = box.querySelector(".scale");
             if (element.dataset.text !== scale) { element.innerHTML = scale; element.dataset.text = scale; }
             if (anew) {
@@ -323,12 +326,6 @@ class Player {
             tag.style.left = `${Math.min(Math.max(x, robot.x + half), robot.x + robot.w - half)}px`;
             tag.style.top = `${Math.min(Math.max(robot.y + (1 - at.y) / 2 * robot.h, 12), robot.h - 12)}px`;
         });
-    }
-
-    forceScale() {
-        const perMetre = this.view.closeMetresPerNewton * this.view.forceFactor;
-        const length = 0.01;
-        return `arrows: 10 mm of size = ${quantity(length / perMetre, "N")}`;
     }
 
     letOrbit(box) {
@@ -470,6 +467,12 @@ class Player {
             + `${quantity(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
     }
 
+    // What was asked for, or what shows the play of this joint in every case.
+    magnificationOf(name) {
+        const own = this.cases.flatMap(c => c.entry.joints).filter(j => j.name === name).map(j => j.magnification);
+        return this.contents.magnification || (own.length ? Math.min(...own) : 1);
+    }
+
     collectImpacts() {
         this.impacts = this.cases.filter(c => c.visible).flatMap(c =>
             c.entry.joints.filter(j => j.name === this.joint).flatMap(j =>
@@ -496,6 +499,9 @@ class Player {
                 return joint ? row => value(joint, row) : null;
             };
             signals[`contact force, ${name}`] = {unit: "N", of: c => of(c, (j, row) => j.size[row]), joint: name};
+            if (this.closeups.some(view => view.joint.name === name && view.elements)) {
+                signals[`largest element load, ${name}`] = {unit: "N", of: c => of(c, (j, row) => j.pressing[row]), joint: name};
+            }
             signals[`displacement, ${name}`] = {unit: "m", of: c => of(c, (j, row) => Math.hypot(
                 ...j.displacement.values.subarray(3 * row, 3 * row + 3))), joint: name};
             signals[`tilt, ${name}`] = {unit: "rad", of: c => of(c, (j, row) => Math.abs(j.tilt_angle.values[row])), joint: name};
@@ -645,8 +651,9 @@ class Player {
 
     setJoint(name) {
         this.joint = name;
+        $("joint").value = name;
         this.collectImpacts();
-        this.refresh();
+        this.setMagnification(this.magnificationOf(name));
     }
 
     makeControls() {
@@ -692,18 +699,25 @@ class Player {
         };
         $("overlay-row").hidden = this.cases.length < 2;
         $("overlay").onchange = event => { this.overlay = event.target.checked; this.place(); this.cameraPreset("robot"); };
+        const kinds = this.closeups.map(view => Boolean(view.elements)), rolls = kinds.includes(true);
+        const names = rolls && !kinds.includes(false) ? LOADS
+            : MODES.map(({name}, i) => rolls && LOADS[i] ? `${name}, or ${LOADS[i]}` : name);
+        for (const element of document.querySelectorAll(".needs-rolling")) element.hidden = !rolls;
         for (const [i, mode] of MODES.entries()) {
             const row = document.createElement("div");
-            row.innerHTML = `<i class="dot" style="background:${css(mode.colour)}"></i>${mode.name}`;
+            row.innerHTML = `<i class="dot" style="background:${css(mode.colour)}"></i>${names[i]}`;
             row.id = `mode-${i}`;
+            row.hidden = !names[i];
             $("modes").append(row);
         }
         for (const element of document.querySelectorAll(".needs-joint")) element.hidden = !contents.joints.length;
         for (const element of document.querySelectorAll(".needs-twin")) element.hidden = !this.cases.some(c => c.ideal);
         for (const name of contents.joints) $("joint").append(new Option(name, name, false, name === this.joint));
         $("joint").onchange = event => this.setJoint(event.target.value);
-        const {magnification} = this.view;
-        if (!FACTORS.includes(magnification)) { FACTORS.push(magnification); FACTORS.sort((a, b) => a - b); }
+        for (const name of contents.joints) {
+            const magnification = this.magnificationOf(name);
+            if (!FACTORS.includes(magnification)) { FACTORS.push(magnification); FACTORS.sort((a, b) => a - b); }
+        }
         for (const [id, set] of [["magnification", "setMagnification"], ["deviation", "setDeviation"], ["force", "setForceFactor"]]) {
             $(id).max = String(FACTORS.length - 1);
             $(id).value = "0";

@@ -259,6 +259,10 @@ class Case {
         const joint = {entry, name: entry.name, placement: new THREE.Matrix4().fromArray(entry.placement)};
         for (const name of ["force", "mode", "tilt_angle", "turn", "slide", "displacement", "tilt",
             "place", "shift", "normal", "friction"]) joint[name] = table(entry[name]);
+        if (entry.elements) {
+            joint.cage = table(entry.elements.cage);
+            joint.loads = table(entry.elements.loads);
+        }
         joint.size = norms(joint.force);
         joint.pressing = norms(joint.normal);
         const ring = seenThrough(new THREE.TorusGeometry(1, 0.1, 12, 48), MODES[0].colour);

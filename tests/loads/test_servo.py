@@ -1,0 +1,241 @@
+"""Servos: voltage, back-EMF, dead band, counts and samples, with known answers."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import body, joint
+from scipy.linalg import expm
+
+import jointplay as jp
+from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.loads import Servo
+
+QUIET = {"joint_friction": {}, "estimate": False}
+SERVO = Servo.of("STS3215", voltage=7.4, p_gain=30.0, d_gain=0.5)
+INERTIA = Servo.armature_of("STS3215")
+GEAR = jp.Gear(play=math.radians(0.62), rotor_inertia=INERTIA, stiffness=300.0, damping=0.05)
+ENGINES = [*({"integrator": name} for name in INTEGRATORS), {"tolerance": 1e-3}]
+NAMES = [*INTEGRATORS, "tolerance"]
+
+
+@pytest.fixture
+def disc(urdf):
+    path = urdf(body("disc", 1.0, "0 0 0", INERTIA), joint("a", "base", "disc", "continuous"))
+    return lambda gear=None: jp.Mechanism(path, gears={"a": gear} if gear else {})
+
+
+@pytest.fixture
+def pendulum(urdf):
+    path = urdf(body("bar", 0.3, "0.1 0 0"), joint("a", "base", "bar", axis="0 1 0"))
+    return lambda gear=None: jp.Mechanism(path, gears={"a": gear} if gear else {})
+
+
+def hold(angle, until=1.0):
+    return jp.Motion(["a"], [0, until], [[angle], [angle]])
+
+
+def test_numbers_of_the_catalogue_are_those_of_its_source():
+    assert (SERVO.torque_constant, SERVO.resistance) == (1.21, 2.68)
+    assert (SERVO.friction, SERVO.viscous, INERTIA) == (0.0524, 0.0591, 0.0284)
+    assert SERVO.stall == pytest.approx(1.21 / 2.68)
+    assert SERVO.braking == pytest.approx(1.21**2 / 2.68)
+
+
+@pytest.mark.parametrize("options", ENGINES, ids=NAMES)
+def test_a_motor_at_full_voltage_runs_up_to_the_speed_of_its_back_emf(disc, options):
+    servo = replace(SERVO, p_gain=1e3, d_gain=0.0)
+    far = jp.Motion(["a"], [0, 1e-4, 1.0], [[0.0], [50.0], [50.0]])  # ahead nearly at once
+    result = jp.simulate(disc(), far, drive=servo, duration=0.3, **QUIET, **options)
+    time, speed = result.time, result["v"].values[:, 0]
+    fall = (servo.braking + servo.viscous) / INERTIA
+    top = (servo.stall * 7.4 - servo.friction) / (servo.braking + servo.viscous)
+    late = time > 0.01
+    lag = 2e-4 * top * fall
+    assert np.abs(speed - top * (1.0 - np.exp(-fall * time)))[late].max() < 2.0 * lag
+    stalled = result["drive"].values[1:20, 0].max()
+    assert stalled == pytest.approx(servo.stall * 7.4, rel=0.02)
+
+
+@pytest.mark.parametrize("encoder", ["motor", "link"])
+@pytest.mark.parametrize("options", ENGINES, ids=NAMES)
+def test_a_start_at_rest_hangs_by_the_dead_band_and_the_gain(pendulum, options, encoder):
+    servo = replace(SERVO, dead_band=0.01, encoder=encoder, d_gain=0.0)
+    gear = replace(GEAR, damping=2.0)
+    result = jp.simulate(
+        pendulum(gear), hold(0.2), drive=servo, duration=0.05, start="rest", **QUIET, **options
+    )
+    q = result["q"].values
+    assert np.abs(q - q[0]).max() < 1e-6
+    seen = q[0, 0 if encoder == "link" else 1]
+    weight = 0.3 * 9.81 * 0.1 * math.cos(q[0, 0])  # turns the bar down: angles grow
+    assert seen - 0.2 == pytest.approx(0.01 + weight / (servo.stall * servo.p_gain), rel=1e-5)
+    assert q[0, 0] - q[0, 1] == pytest.approx(GEAR.play / 2 + weight / 300.0, rel=1e-5)
+
+
+def test_a_load_beyond_the_voltage_sinks_to_where_it_weighs_less(pendulum):
+    weak = replace(SERVO, voltage=0.5)
+    stall, weight = weak.stall * weak.voltage, 0.3 * 9.81 * 0.1
+    assert stall < weight
+    gear = replace(GEAR, damping=2.0)
+    result = jp.simulate(
+        pendulum(gear), hold(0.0), drive=weak, duration=0.02, start="rest", **QUIET
+    )
+    q = result["q"].values
+    assert math.cos(q[0, 0]) == pytest.approx(stall / weight, rel=1e-6)
+    assert np.abs(q - q[0]).max() < 1e-6
+
+
+def test_without_load_the_dead_band_is_where_it_rests(disc):
+    servo = replace(SERVO, dead_band=0.02)
+    for begin in (-0.015, 0.0, 0.015):
+        motion = hold(0.0)
+        run = jp.Run(
+            jp.Simulation(
+                disc(GEAR), motion, drive=servo, duration=0.05, joint_friction={}, start="centred"
+            )
+        )
+        run.workspace.q[:] = begin
+        result = run.finish()
+        assert np.abs(result["q"].values - begin).max() == 0.0
+        assert (result["drive"].values == 0.0).all()
+
+
+@pytest.mark.parametrize("options", ENGINES, ids=NAMES)
+def test_samples_hold_the_voltage_as_a_discrete_controller_does(disc, options):
+    period = 5e-3
+    servo = replace(SERVO, friction=0.0, viscous=0.0, period=period)
+    motion = jp.Motion(["a"], [0, 0.1, 1.0], [[0.0], [0.1], [0.1]])
+    result = jp.simulate(disc(), motion, drive=servo, duration=0.3, **QUIET, **options)
+    damping, push = servo.braking / INERTIA, servo.stall / INERTIA
+    system = np.array([[0.0, 1.0, 0.0], [0.0, -damping, push], [0.0, 0.0, 0.0]])
+    step = expm(system * period)
+    state, states = np.zeros(2), []
+    for k in range(60):
+        states.append(state)
+        q, v, _ = (values[0, 0] for values in motion(np.array([k * period])))
+        voltage = servo.p_gain * (q - state[0]) + servo.d_gain * (v - state[1])
+        state = (step @ [*state, np.clip(voltage, -7.4, 7.4)])[:2]
+    at = np.arange(60) * round(period / result.time[1])
+    found = result["q"].values[at, 0]
+    assert np.abs(found - np.array(states)[:, 0]).max() < 2e-3 * np.ptp(found)
+
+
+def test_counts_of_the_encoder_limit_where_it_stops(disc):
+    count = 2 * math.pi / 4096
+    servo = replace(SERVO, resolution=count, p_gain=200.0, friction=0.0)
+    motion = jp.Motion(["a"], [0, 0.2, 1.0], [[0.0], [0.1 * 7 / 3], [0.1 * 7 / 3]])
+    result = jp.simulate(disc(), motion, drive=servo, duration=0.6, **QUIET)
+    off = result["q"].values[result.time > 0.5, 0] - 0.1 * 7 / 3
+    assert np.abs(off).max() < count
+    assert np.abs(result["energy_residual"].values).max() < 1e-3 * result.audit.energy_exchanged
+
+
+@pytest.mark.parametrize("options", ENGINES, ids=NAMES)
+def test_energy_balances_with_gear_and_servo(pendulum, options):
+    train = jp.GearTrain(
+        stages=(jp.GearStage(ratio=5, backlash=0.02, efficiency=0.9), jp.GearStage(ratio=4)),
+        stiffness=300.0, damping=0.1, rotor_inertia=INERTIA, no_load_torque=0.02,
+    )  # fmt: skip
+    servo = replace(SERVO, dead_band=0.002, period=1e-3)
+    motion = jp.Motion(["a"], [0, 0.25, 0.5], [[0.0], [0.6], [-0.2]])
+    result = jp.simulate(pendulum(train), motion, drive=servo, duration=0.6, **QUIET, **options)
+    assert result.completed("the run") is result
+    order = 2e-2 if options.get("integrator") == "semi-implicit-euler" else 1e-3
+    assert result.audit.energy_residual < order * result.audit.energy_exchanged
+    assert np.ptp(result["q"].values[:, 0]) > 0.3
+
+
+def test_a_run_of_the_ideal_mechanism_takes_the_same_servo(pendulum):
+    servo = replace(SERVO, dead_band=0.002)
+    motion = jp.Motion(["a"], [0, 0.1], [[0.0], [0.1]])
+    result = jp.simulate(pendulum(GEAR), motion, drive=servo, **QUIET)
+    twin = jp.analysis.twin(result)
+    assert list(twin["coordinate"].values) == ["a"]
+    force = twin["reaction_force"].values
+    assert np.isfinite(force).all()
+
+
+def test_a_budget_rests_where_servos_hold(pendulum):
+    servo = replace(SERVO, dead_band=0.01)
+    found = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=servo)
+    rest = found.standing.rest(0)[1]
+    stiffness = servo.stall * servo.p_gain
+    weight = 0.3 * 9.81 * 0.1
+    expected = 0.01 + weight / stiffness + GEAR.play / 2 + weight / 300.0
+    assert np.linalg.norm(rest[3:]) == pytest.approx(expected, rel=1e-2)
+
+
+def test_reactions_of_a_geared_arm_are_those_of_its_motion(pendulum):
+    motion = jp.Motion(["a"], [0, 0.25], [[0.0], [0.6]])
+    drive = jp.loads.ComputedTorque(encoder="motor")
+    for gear in (
+        replace(GEAR, damping=3.0),
+        jp.StrainWaveGear(
+            ratio=50.0, stiffness_1=300.0, hysteresis=1e-3, rotor_inertia=INERTIA, damping=3.0
+        ),
+    ):
+        result = jp.simulate(pendulum(gear), motion, drive=drive, **QUIET)
+        q, v = result["q"].values[:, 0], result["v"].values[:, 0]
+        a = np.gradient(v, result.time)
+        # The bar's centre: 0.1 (cos q, 0, -sin q); force = m (acceleration - gravity).
+        x = -0.1 * (np.sin(q) * a + np.cos(q) * v**2)
+        z = -0.1 * (np.cos(q) * a - np.sin(q) * v**2)
+        expected = 0.3 * np.stack([x, z + 9.81], axis=1)
+        found = result["reaction_force"].values[:, 0][:, [0, 2]]
+        inner = slice(5, -5)
+        # Where teeth part the acceleration jumps, and differences of records do not follow.
+        off = np.abs(found - expected)[inner].max(axis=1)
+        assert np.quantile(off, 0.95) < 1e-3 * np.abs(expected).max()
+
+
+BAD = [
+    (lambda: Servo.of("STS3125", voltage=7.4, p_gain=10.0), 'did you mean "STS3215"'),
+    (lambda: Servo(voltage=7.4, p_gain=10.0), "needs torque_constant, resistance"),
+    (lambda: replace(SERVO, voltage=0.0), "voltage must be greater than zero"),
+    (lambda: replace(SERVO, dead_band=-1e-3), "dead band must not be negative"),
+    (lambda: replace(SERVO, encoder="both"), "no encoder 'both'"),
+    (lambda: replace(SERVO, dead_band_counts=2.0), "in counts needs the encoder's resolution"),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), BAD)
+def test_impossible_servos_are_refused(make, message):
+    with pytest.raises(jp.JointplayError, match=message):
+        make()
+
+
+def test_a_period_is_a_multiple_of_the_step(disc):
+    servo = replace(SERVO, period=1.234e-5)
+    with pytest.raises(jp.JointplayError, match="of a servo must be a multiple of the step"):
+        jp.simulate(disc(GEAR), hold(0.0), drive=servo, duration=0.01, **QUIET)
+
+
+def test_a_dead_band_can_be_given_in_counts():
+    servo = replace(SERVO, dead_band_counts=3.0, resolution=2e-3)
+    assert servo.band == pytest.approx(6e-3)
+    assert replace(SERVO, dead_band=0.01).band == 0.01
+
+
+def test_a_sampled_servo_goes_on_bit_for_bit(disc):
+    servo = replace(SERVO, period=2e-3, resolution=1e-3)
+    motion = jp.Motion(["a"], [0, 0.1], [[0.0], [0.1]])
+    options = {"drive": servo, "joint_friction": {}, "duration": 0.1}
+    for tolerance in (None, 1e-3):
+        simulation = jp.Simulation(disc(GEAR), motion, tolerance=tolerance, **options)
+        whole, other = jp.Run(simulation), jp.Run(simulation)
+        for run in (whole, other):
+            run.begin()
+        whole.advance(4300)
+        other.workspace.restore(whole.workspace.snapshot())
+        for run in (whole, other):
+            run.advance(3000)
+        assert np.array_equal(whole.workspace.q, other.workspace.q)
+        assert np.array_equal(whole.workspace.servos, other.workspace.servos)
+
+
+def test_a_servo_reads_back_from_its_description():
+    data = SERVO.describe()
+    assert data["kind"] == "servo"
+    assert jp.loads.Drive.from_description(data) == SERVO

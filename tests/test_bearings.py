@@ -1,0 +1,397 @@
+"""Rolling bearings: catalogue, geometry, law, free set, life, and what is refused."""
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.design.static_budget import budget
+from jointplay.joints.bearings import catalogue, listed_kind, point_contact_stiffness
+from jointplay.loads.drive import Prescribed
+
+DEEP = jp.BallBearing(designation="6010/C3")
+PAIR = jp.BallBearing(designation="7206 B DB", preload=120.0)
+CROSSED = jp.CrossedRollerBearing(designation="RB5013 C0")
+BEARINGS = {"deep groove": DEEP, "preloaded pair": PAIR, "crossed rollers": CROSSED}
+every = pytest.mark.parametrize("bearing", BEARINGS.values(), ids=BEARINGS)
+SEVEN = {
+    "bore": 20e-3, "outside_diameter": 67e-3, "elements": 7, "element_diameter": 11.5e-3,
+    "pitch_diameter": 43.5e-3, "inner_groove": 0.52, "outer_groove": 0.53,
+    "dynamic_rating": 23400.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    """The benchmark of bearings, as a module."""
+    folder = Path(__file__).parents[1] / "benchmarks"
+    spec = importlib.util.spec_from_file_location("bearings_benchmark", folder / "bearings.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+# The reference numbers, as the benchmark has them.
+
+
+@pytest.mark.parametrize(
+    "part", ["deflections", "distributions", "free_sets", "energies", "varying_compliance"]
+)
+def test_reference_numbers_are_met_within_their_limits(benchmark, part):
+    cases = benchmark.Cases()
+    getattr(benchmark, part)(cases)
+    assert cases.rows
+    assert cases.worst < 1.0, str(cases)
+
+
+def test_what_turns_without_loss_keeps_its_energy_while_the_cage_goes_around(benchmark, tmp_path):
+    cases = benchmark.Cases()
+    benchmark.moving_cage(cases, tmp_path, 0.2)
+    assert cases.worst < 1.0, str(cases)
+
+
+# Hertz.
+
+
+def test_a_sphere_on_a_plane_is_hertz_s_own():
+    radius, modulus = 5e-3, 2.3e11
+    stiffness, ratio = point_contact_stiffness(2.0 / radius, 0.0, modulus)
+    assert ratio == 1.0
+    # Two like bodies: 1/E* is twice that of one.
+    assert stiffness == pytest.approx(4.0 / 3.0 * 0.5 * modulus * math.sqrt(radius), rel=1e-9)
+
+
+def test_a_closer_groove_is_stiffer_and_the_inner_ring_softer():
+    tight = jp.BallBearing(**{**SEVEN, "inner_groove": 0.51}, radial_clearance=0.0)
+    wide = jp.BallBearing(**{**SEVEN, "inner_groove": 0.56}, radial_clearance=0.0)
+    assert tight.stiffness_of_element > wide.stiffness_of_element
+    even = jp.BallBearing(**{**SEVEN, "outer_groove": 0.52}, radial_clearance=0.0)
+    assert even.race_contact(inner=True)[0] < even.race_contact(inner=False)[0]
+
+
+# Geometry and catalogue.
+
+
+def test_a_designation_gives_size_class_and_inner_geometry():
+    assert (DEEP.d_bore, DEEP.d_outside, DEEP.row_width) == (0.05, 0.08, 0.016)
+    assert (DEEP.count, DEEP.d_element) == (14, pytest.approx(8.73e-3))
+    assert DEEP.cr == pytest.approx(13.5e-6)
+    assert DEEP.class_range() == (pytest.approx(9e-6), pytest.approx(18e-6))
+    assert DEEP.ratings() == (21800.0, 16600.0)
+    assert PAIR.alpha == pytest.approx(math.radians(40.0))
+    assert PAIR.pairing == "DB"
+    assert CROSSED.d_pitch == pytest.approx(64e-3)
+
+
+def test_shields_and_blanks_do_not_matter():
+    assert jp.BallBearing(designation="6010-2RS C3").cr == DEEP.cr
+    assert jp.BallBearing(designation="608ZZ").d_bore == 8e-3
+    assert jp.BallBearing(designation="6010", clearance_class="c3").cr == DEEP.cr
+
+
+def test_what_is_estimated_is_said():
+    bare = jp.BallBearing(bore=50e-3, outside_diameter=80e-3)
+    assert {"element_diameter", "elements", "pitch_diameter", "radial_clearance"} <= set(
+        bare.estimates
+    )
+    assert "middle of CN" in bare.estimates["radial_clearance"]
+    assert "element_diameter" not in DEEP.estimates
+    assert bare.d_element == pytest.approx(DEEP.d_element, rel=0.02)
+    assert bare.ratings()[1] == pytest.approx(DEEP.ratings()[1], rel=0.1)
+
+
+@pytest.mark.parametrize("section", ["deep_groove", "angular_contact", "crossed_roller"])
+def test_every_line_of_the_catalogue_is_a_bearing_near_its_own_ratings(section):
+    kind = jp.CrossedRollerBearing if section == "crossed_roller" else jp.BallBearing
+    for name, line in catalogue()[section].items():
+        bearing = kind(designation=name)
+        dynamic, static = bearing._estimated_ratings()
+        assert 0.35 < static / line["static"] < 2.2, name
+        if section != "crossed_roller":
+            assert 0.5 < dynamic / line["dynamic"] < 2.0, name
+        assert bearing.stiffness_of_element > 0.0
+        assert listed_kind(name) == kind.kind
+
+
+def test_fits_and_heat_take_clearance_away():
+    fitted = jp.BallBearing(
+        designation="6010/C3", shaft_interference=10e-6, housing_interference=4e-6,
+        temperature_difference=10.0,
+    )  # fmt: skip
+    race_i, race_o = 65e-3 - 8.73e-3, 65e-3 + 8.73e-3
+    taken = 10e-6 * 50e-3 / race_i + 4e-6 * race_o / 80e-3 + 0.012e-6 * 10.0 * 65.0
+    assert fitted.cr == pytest.approx(DEEP.cr - taken / 2.0, rel=1e-12)
+
+
+def test_a_preload_is_the_force_with_which_the_rows_press():
+    state = PAIR.load(np.zeros(6))
+    assert PAIR.preloaded
+    assert PAIR.play().support(np.eye(6)).value.max() == 0.0
+    assert state.wrench == pytest.approx(np.zeros(6), abs=1e-6)
+    up = state.loads * np.sin(state.contact_angles)
+    assert up[: PAIR.count].sum() == pytest.approx(-120.0, rel=1e-9)
+    assert up[PAIR.count :].sum() == pytest.approx(120.0, rel=1e-9)
+
+
+def test_back_to_back_is_stiffer_in_tilt_than_face_to_face():
+    tilts = {
+        word: jp.BallBearing(designation="7206 B", arrangement=word, preload=120.0)
+        .deflection(moment=(0.0, 2.0, 0.0))[4]
+        for word in ("DB", "DF")
+    }  # fmt: skip
+    assert 0.0 < tilts["DB"] < 0.5 * tilts["DF"]
+
+
+def test_a_single_angular_contact_bearing_bears_load_one_way_only():
+    single = jp.BallBearing(designation="7206 B", radial_clearance=0.0)
+    play = single.play(second_order=False)
+    assert play.support(np.eye(6)[2:3]).value[0] == pytest.approx(0.0, abs=1e-9)
+    back = play.support(-np.eye(6)[2:3]).value[0]
+    assert back == pytest.approx(2.0 * single.distance * math.sin(single.alpha), rel=1e-5)
+
+
+def test_axial_and_tilt_play_grow_as_the_root_of_the_clearance():
+    def play(clearance):
+        bearing = jp.BallBearing(designation="6010", radial_clearance=clearance)
+        return bearing.play(second_order=False).support(np.eye(6)[[0, 2, 4]]).value
+
+    narrow, wide = play(5e-6), play(20e-6)
+    assert wide[0] / narrow[0] == pytest.approx(4.0, rel=1e-5)
+    assert wide[1:] / narrow[1:] == pytest.approx([2.0, 2.0], rel=0.03)
+
+
+# The law.
+
+
+@every
+def test_the_two_ways_to_say_the_law_agree(bearing):
+    random = np.random.default_rng(2)
+    size = bearing.search_room
+    for _ in range(20):
+        turn = random.normal(size=3) * 4.0 * size / bearing.d_pitch
+        xi = np.concatenate([random.normal(size=3) * [2 * size, 2 * size, 6 * size], turn])
+        state = bearing.load(xi, cage=random.uniform(0.0, 6.0))
+        delta = (state.loads / bearing.stiffness_of_element) ** (1.0 / bearing.exponent)
+        stored = (state.loads * delta).sum() / (bearing.exponent + 1.0)
+        assert state.energy == pytest.approx(stored, rel=1e-9, abs=1e-15)
+
+
+@every
+@settings(max_examples=25, deadline=None)
+@given(
+    force=st.tuples(*[st.floats(-2000.0, 2000.0)] * 3),
+    moment=st.tuples(*[st.floats(-20.0, 20.0)] * 2),
+    cage=st.floats(0.0, 6.0),
+)
+def test_a_ring_at_rest_is_in_equilibrium(bearing, force, moment, cage):
+    load = np.array([*force, *moment, 0.0])
+    load[np.abs(load) < 1e-2] = 0.0
+    found = bearing.deflection(load[:3], load[3:], cage=cage)
+    wrench = bearing.load(found, cage=cage).wrench
+    left = (wrench + load)[:5] * [1, 1, 1, 2 / bearing.d_pitch, 2 / bearing.d_pitch]
+    assert np.linalg.norm(left) <= 1e-6 * max(np.linalg.norm(load), 1e-3)
+
+
+@every
+def test_the_stiffness_is_the_fall_of_the_wrench(bearing):
+    place = bearing.deflection((300.0, 100.0, 200.0), (1.0, -2.0, 0.0))
+    found, steps = bearing.load(place).stiffness, [1e-9] * 3 + [1e-8] * 3
+    ends = [
+        [bearing.load(_moved(place, k, way * step)).wrench for way in (1.0, -1.0)]
+        for k, step in enumerate(steps)
+    ]
+    whole = np.array([(b - a) / (2 * s) for (a, b), s in zip(ends, steps, strict=True)]).T
+    # What loads do by turning with their contacts is small beside it.
+    for part in (np.s_[:3, :3], np.s_[3:5, 3:5]):
+        size = np.abs(whole[part]).max()
+        assert found[part] == pytest.approx(whole[part], abs=0.1 * size)
+    assert np.linalg.eigvalsh(found[:5, :5]).min() > 0.0
+
+
+def _moved(place, k, way):
+    """A displacement with a little more along or about an axis of the outer ring."""
+    move = way * np.eye(6)[k]
+    return np.concatenate(
+        [place[:3] + move[:3], pin.log3(pin.exp3(move[3:]) @ pin.exp3(place[3:]))]
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    clearance=st.floats(1e-6, 40e-6),
+    way=st.tuples(*[st.floats(-1.0, 1.0)] * 5).filter(lambda w: np.linalg.norm(w) > 0.1),
+    part=st.floats(0.0, 0.98),
+)
+def test_nothing_bears_load_within_the_free_set_and_something_beyond(clearance, way, part):
+    bearing = jp.BallBearing(designation="6010", radial_clearance=clearance)
+    play = bearing.play(second_order=False)
+    arm = bearing.d_pitch / 2
+    load = np.array([*way[:3], way[3] * arm, way[4] * arm, 0.0])
+    point = play.support(load[None]).point[0]
+    assert bearing.load(part * point).loads.max() == 0.0
+    # The second order of a lean leaves a little more room.
+    assert bearing.load(1.06 * point).loads.max() > 0.0
+
+
+# Life and friction.
+
+
+def test_life_falls_with_the_cube_of_the_load():
+    lives = []
+    for factor in (1.0, 2.0):
+        loads = DEEP.load(DEEP.deflection((1000.0, 0, 0))).loads * factor
+        lives.append(DEEP.life(loads))
+    assert lives[0] / lives[1] == pytest.approx(8.0, rel=1e-9)
+    assert DEEP.life(np.zeros(14)) == math.inf
+
+
+def test_at_its_dynamic_rating_a_bearing_turns_about_a_million_times():
+    free = jp.BallBearing(designation="6010", radial_clearance=0.0)
+    loads = free.load(free.deflection((free.ratings()[0], 0.0, 0.0))).loads
+    assert free.life(loads) == pytest.approx(1e6, rel=0.2)
+
+
+def test_friction_without_load_and_with_it(tmp_path, benchmark):
+    path = tmp_path / "rotor.urdf"
+    path.write_text(benchmark.ROTOR)
+    bearing = jp.BallBearing(designation="6010/C3", drag_torque=0.02, rolling_friction=0.0)
+    run = {"duration": 0.2, "drive": "free", "state": {"shaft": (0.0, 20.0)}, "estimate": False}
+    robot = jp.Mechanism(path, {"shaft": bearing}, gravity=(0, 0, 0))
+    result = jp.simulate(robot, None, start="centred", **run)
+    lost = float(result["friction_dissipation"][-1])
+    turned = float(result["q"].sel(coordinate="shaft.yaw")[-1])
+    assert lost == pytest.approx(0.02 * turned, rel=1e-3)
+    loaded = jp.BallBearing(designation="6010/C3", drag_torque=0.0, rolling_friction=0.01)
+    robot = jp.Mechanism(path, {"shaft": loaded})
+    result = jp.simulate(robot, None, start="rest", **run)
+    assert result.audit.relative_energy_residual < 1e-5
+    mean = float(result["friction_dissipation"][-1] / result["q"].sel(coordinate="shaft.yaw")[-1])
+    # 2 kg hang on a few balls, which bear 1.0 to 1.5 times the weight in sum.
+    assert 1.0 < mean / (0.01 * 0.025 * 2.0 * 9.81) < 1.5
+
+
+# In a simulation.
+
+
+def scara(bearing, **options):
+    """A second of the SCARA with a bearing in joint B."""
+    motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
+    return jp.simulate(robot, motion, duration=0.4, estimate=False, start="rest", **options)
+
+
+@pytest.mark.parametrize(
+    "options", [{"tolerance": 1e-3}, {"step": 5e-6}], ids=["tolerance", "5 us"]
+)
+def test_all_methods_agree_with_rk4(options):
+    bearing = jp.BallBearing(designation="6004/C3")
+    fine = scara(bearing, integrator="rk4", step=4e-6)
+    found = scara(bearing, **options)
+    for name in ("tool_position", "joint_force", "joint_moment", "normal_force"):
+        one, other = (np.nan_to_num(r[name].values) for r in (fine, found))
+        times = [np.searchsorted(r.time, 0.35) for r in (fine, found)]
+        size = np.abs(one).max()
+        assert other[times[1]] == pytest.approx(one[times[0]], abs=0.02 * size), name
+    assert found.audit.relative_energy_residual < 1e-5
+    assert not found.audit.warnings
+    assert float(found["loaded_elements"].max()) <= bearing.count
+
+
+def test_histories_say_what_elements_bear():
+    bearing = jp.BallBearing(designation="6004/C3")
+    result = scara(bearing)
+    at = int(result["normal_force"].values[:, 0, 0].argmax())
+    place = result["journal_centre"].values[at, 0]
+    assert result["gap"].values[at, 0, 0] < 0.0
+    assert result["loaded_elements"].values[at, 0] >= 1.0
+    assert (
+        result["normal_force"].values[at, 0, 0] <= np.linalg.norm(result["joint_force"][at, 0]) * 12
+    )
+    assert np.hypot(*place[:2]) < bearing.cr + 60e-6
+
+
+def test_a_run_goes_on_from_its_checkpoint_bit_for_bit(tmp_path):
+    motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+    robot = jp.Mechanism(
+        jp.shipped("scara.urdf"), {"joint_b": jp.BallBearing(designation="6004/C3")}
+    )
+    simulation = jp.Simulation(robot, motion, duration=0.1)
+    whole = simulation.run(estimate=False)
+    again = jp.Simulation.from_description(simulation.describe()).run(estimate=False)
+    assert np.array_equal(whole["cage_angle"].values, again["cage_angle"].values)
+    assert np.array_equal(whole["q"].values, again["q"].values)
+
+
+def test_statics_and_dynamics_agree_where_an_arm_rests():
+    joints = {"elbow_joint": jp.BallBearing(designation="7010 C DB", preload=200.0)}
+    robot = jp.Mechanism("example-robot-data:ur5", joints)
+    found = budget(robot, {"shoulder_lift_joint": -0.5}, drive=Prescribed())
+    assert found.worst[0] == 0.0
+    assert 1e-6 < found.rest_error[0] < 1e-3  # it gives way although nothing is loose
+    drive = "prescribed"
+    pose = {name: (-0.5 if name == "shoulder_lift_joint" else 0.0) for name in robot.joints}
+    motion = jp.Motion(list(pose), [0.0, 1.0], [list(pose.values())] * 2)
+    stands = jp.simulate(
+        robot, motion, drive=drive, duration=0.02, start="rest", step=5e-6, estimate=False
+    )
+    ideal = jp.simulate(robot.ideal(), motion, drive=drive, duration=0.02, estimate=False)
+    away = np.linalg.norm(stands["tool_position"][-1] - ideal["tool_position"][-1])
+    assert away == pytest.approx(found.rest_error[0], rel=1e-3)
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "says"),
+    [
+        (jp.BallBearing, {"designation": "6011X"}, "6011"),
+        (jp.BallBearing, {"designation": "6010", "clearance_class": "C7"}, "C3"),
+        (jp.BallBearing, {}, "bore"),
+        (jp.BallBearing, {"bore": 0.05, "outside_diameter": 0.04}, "must exceed the bore"),
+        (jp.BallBearing, {"bore": 0.05, "outside_diameter": 0.08, "elements": 40}, "do not fit"),
+        (jp.BallBearing, {"designation": "6010", "element_diameter": 0.02}, "do not fit"),
+        (jp.BallBearing, {"designation": "6010", "inner_groove": 0.5}, "between 0.5 and 1"),
+        (jp.BallBearing, {"designation": "6010", "radial_clearance": 3e-4}, "too large"),
+        (jp.BallBearing, {"designation": "6010", "preload": 100.0}, "pair"),
+        (jp.BallBearing, {"designation": "7206 B DT", "preload": 100.0}, "tandem"),
+        (jp.BallBearing, {"designation": "7206 B DX"}, "7206 B"),
+        (jp.CrossedRollerBearing, {"designation": "RB5013", "elements": 29}, "even"),
+        (jp.CrossedRollerBearing, {"designation": "RB9999"}, "RB"),
+        (jp.BallBearing, {"designation": "6010", "rolling_friction": -1.0}, "rolling_friction"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(kind, given, says):
+    with pytest.raises((JointplayError, MissingName), match=says):
+        kind(**given)
+
+
+def test_a_moment_about_the_axis_is_refused():
+    with pytest.raises(JointplayError, match="about its axis"):
+        DEEP.deflection(moment=(0.0, 0.0, 1.0))
+
+
+def test_loads_beyond_the_static_rating_are_warned_of():
+    law = DEEP.normal
+    contact = DEEP.contact_properties(0)
+    depth = (2.0 * DEEP.rated_load / DEEP.stiffness_of_element) ** (2.0 / 3.0)
+    (line,) = law.warnings(contact, max_depth=depth, max_speed=0.01)
+    assert "static rating" in line
+    assert not law.warnings(contact, max_depth=0.3 * depth, max_speed=0.01)
+
+
+def test_a_step_too_large_for_a_preloaded_bearing_is_refused():
+    pair = jp.BallBearing(designation="7206 B DB", preload=8000.0)
+    motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": pair})
+    with pytest.raises(JointplayError, match="stiffness of 'joint_b'"):
+        jp.simulate(robot, motion, duration=0.01, step=1e-4, estimate=False)

@@ -1,0 +1,176 @@
+"""Joints that give way: springs alone, and in series with a rolling bearing."""
+
+import math
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay.contact import resultant
+from jointplay.core.errors import JointplayError
+from jointplay.design.static_budget import budget
+from jointplay.loads.drive import Prescribed
+
+SOFT = jp.Elasticity(radial=2e7, axial=1e7, tilt=4e3)
+ARM = """<robot name="arm"><link name="base"/><link name="arm"><inertial>
+<origin xyz="0.1 0 0"/><mass value="2.0"/>
+<inertia ixx="0.004" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="pin" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="100" velocity="10"/></joint></robot>"""
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """An arm on a compliant pin, horizontal, its pin upright."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    return lambda joint, **options: jp.Mechanism(path, {"pin": joint}, **options)
+
+
+def held(robot, **options):
+    """A simulation in which the drive holds the pin at zero."""
+    motion = jp.Motion(["pin"], [0.0, 1.0], [[0.0], [0.0]])
+    options = {"duration": 0.02, "estimate": False, "drive": "prescribed"} | options
+    return jp.simulate(robot, motion, **options)
+
+
+def test_an_arm_sags_by_its_weight_over_the_stiffness(arm):
+    robot = arm(jp.CompliantJoint(elasticity=SOFT))
+    result = held(robot, start="rest")
+    weight, lever = 2.0 * 9.81, 0.1
+    at = {name: float(result["q"].sel(coordinate=f"pin.{name}")[-1]) for name in ("z", "pitch")}
+    # To the second order of the sag the lever is a little shorter.
+    assert at["z"] == pytest.approx(-weight / 1e7, rel=1e-6)
+    assert at["pitch"] == pytest.approx(weight * lever / 4e3, rel=1e-3)
+    assert np.ptp(result["tool_position"].values, axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert result.audit.impacts == 0
+    found = budget(robot, {}, drive=Prescribed())
+    ideal = held(robot.ideal())
+    away = result["tool_position"][-1] - ideal["tool_position"][-1]
+    assert found.rest_tool[0, :3] == pytest.approx(away.values, abs=1e-9)
+    assert found.worst[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "options", [{"step": 2e-6}, {"tolerance": 1e-4}], ids=["step", "tolerance"]
+)
+def test_it_swings_at_its_own_frequency_and_keeps_its_energy(arm, options):
+    free = jp.Elasticity(radial=2e7, axial=1e7, tilt=4e3, damping_time=0.0)
+    robot = arm(jp.CompliantJoint(elasticity=free), gravity=(0, 0, 0))
+    run = jp.Run(jp.Simulation(
+        robot, None, drive="free", duration=5e-3, record_every=1, start="centred", step=2e-6,
+        **{k: v for k, v in options.items() if k == "tolerance"},
+    ))  # fmt: skip
+    run.workspace.q[robot.coordinates.index("pin.x")] = 1e-6
+    result = run.finish()
+    x = result["q"].sel(coordinate="pin.x").values
+    crossings = np.flatnonzero((x[:-1] > 0.0) != (x[1:] > 0.0))
+    period = 2.0 * np.diff(result.time[crossings]).mean()
+    assert period == pytest.approx(2.0 * math.pi * math.sqrt(2.0 / 2e7), rel=2e-3)
+    assert result.audit.energy_residual < 1e-3 * 0.5 * 2e7 * 1e-12
+
+
+def test_damping_takes_what_it_should(arm):
+    slow = jp.Elasticity(radial=2e7, axial=1e7, tilt=4e3, damping_time=4e-5)
+    robot = arm(jp.CompliantJoint(elasticity=slow), gravity=(0, 0, 0))
+    run = jp.Run(jp.Simulation(
+        robot, None, drive="free", duration=10e-3, record_every=1, start="centred", step=2e-6
+    ))  # fmt: skip
+    run.workspace.q[robot.coordinates.index("pin.x")] = 1e-6
+    result = run.finish()
+    x = result["q"].sel(coordinate="pin.x").values
+    omega = math.sqrt(2e7 / 2.0)
+    expected = math.exp(-0.5 * omega**2 * 4e-5 * 9e-3)
+    assert np.abs(x[result.time > 9e-3]).max() / 1e-6 == pytest.approx(expected, rel=0.1)
+    assert result.audit.relative_energy_residual < 1e-3
+
+
+def test_a_curve_is_followed_and_stores_its_area():
+    curve = [[1e-5, 100.0], [3e-5, 500.0]]
+    stiff = jp.Elasticity(radial=1e6, axial=1e7, tilt=4e3, radial_curve=curve)
+    joint = jp.CompliantJoint(elasticity=stiff)
+    assert stiff.stiffness[0, 0] == pytest.approx(1e6 + 1e7)
+    poses = np.zeros((3, 12))
+    poses[:, 3:] = np.eye(3).ravel()
+    poses[:, 0] = [0.5e-5, -2e-5, 4e-5]
+    found = resultant.answers(joint.law, joint.resultant, poses)
+    assert found[:, 0] == pytest.approx([-55.0, 320.0, -740.0])
+    areas = [0.5 * 50 * 0.5e-5, 0.5e-3 + 1e-5 * 200, 0.5e-3 + 2e-5 * 300 + 1e-5 * 600]
+    springs = 0.5e6 * poses[:, 0] ** 2
+    assert found[:, 6] == pytest.approx(np.array(areas) + springs)
+
+
+def test_a_matrix_couples_directions():
+    whole = np.diag([2e7, 2e7, 1e7, 4e3, 4e3])
+    whole[0, 4] = whole[4, 0] = 5e4
+    joint = jp.CompliantJoint(elasticity=jp.Elasticity(matrix=whole))
+    turned = np.zeros(6)
+    turned[0], turned[4] = 1e-6, 1e-4
+    pose = np.concatenate([turned[:3], _rotation(turned[3:]).ravel()])
+    wrench = resultant.answers(joint.law, joint.resultant, pose[None])[0, :6]
+    assert wrench[:5] == pytest.approx(-whole @ turned[:5], rel=1e-6, abs=1e-6)
+
+
+def _rotation(vector):
+    import pinocchio as pin
+
+    return pin.exp3(vector)
+
+
+@pytest.mark.parametrize("load", [((500, 0, 100), (0, 5, 0)), ((0, 80, -300), (2, 1, 0))])
+def test_a_bearing_and_its_seat_are_in_series(load):
+    force, moment = map(np.array, load)
+    stiff = jp.Elasticity(radial=2e8, axial=1e8, tilt=4e4)
+    alone = jp.BallBearing(designation="6010/C3")
+    seated = jp.BallBearing(designation="6010/C3", seat=stiff)
+    given = np.concatenate([force / [2e8, 2e8, 1e8], moment / [4e4, 4e4, 1.0]])
+    expected = alone.deflection(force, moment) + given
+    found = seated.deflection(force, moment)
+    assert found[:5] == pytest.approx(expected[:5], rel=1e-5, abs=1e-12)
+    one, other = alone.load(alone.deflection(force, moment)), seated.load(found)
+    assert other.loads == pytest.approx(one.loads, rel=1e-4, abs=1e-3)
+    assert other.energy == pytest.approx(
+        one.energy + 0.5 * np.concatenate([force, moment]) @ given, rel=1e-5
+    )
+
+
+def test_a_seat_changes_nothing_where_a_bearing_is_free():
+    stiff = jp.Elasticity(radial=2e8, axial=1e8, tilt=4e4)
+    seated = jp.BallBearing(designation="6010/C3", seat=stiff)
+    assert seated.load([5e-6, 0, 0, 0, 0, 0]).wrench == pytest.approx(np.zeros(6))
+    alone = jp.BallBearing(designation="6010/C3")
+    loads = np.eye(6)[:5]
+    assert seated.play().support(loads).value == pytest.approx(alone.play().support(loads).value)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({}, "held in every direction"),
+        ({"radial": 1e7, "axial": 1e7}, "held in every direction"),
+        ({"radial": -1e7, "axial": 1e7, "tilt": 1e3}, "radial stiffness"),
+        ({"matrix": np.ones((5, 5))}, "held in every direction"),
+        ({"matrix": np.diag([1e7] * 4)}, r"\(5, 5\)"),
+        ({"matrix": np.diag([1e7] * 6)}, "about its axis a joint is free"),
+        ({"matrix": np.eye(5), "radial": 1e7}, "not both"),
+        ({"radial": 1e7, "axial": 1e7, "tilt": 1e3, "axial_curve": [[1e-5, 0.0]]}, "must rise"),
+        ({"radial": 1e7, "axial": 1e7, "tilt": 1e3, "axial_curve": [1e-5, 10.0]}, "points"),
+    ],
+)
+def test_stiffness_that_cannot_be_is_refused(given, says):
+    with pytest.raises(JointplayError, match=says):
+        jp.Elasticity(**given)
+
+
+def test_a_scenario_has_compliant_joints(tmp_path, arm):
+    arm(jp.CompliantJoint(elasticity=SOFT))
+    from jointplay.scenario import Scenario
+
+    file = tmp_path / "soft.toml"
+    file.write_text(
+        '[robot]\nurdf = "arm.urdf"\n[joints.pin]\nkind = "compliant"\n'
+        'elasticity = { radial = "20 N/um", axial = 1e7, tilt = 4e3 }\n'
+        "[integration]\nduration = 0.01\n"
+    )
+    joint = Scenario.load(file).simulation().mechanism.clearance["pin"]
+    assert joint == jp.CompliantJoint(elasticity=SOFT)

@@ -1,0 +1,132 @@
+"""The whole error of a tool: sets add, variances add, loads shift; against the exact kinematics."""
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay import cli
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.design.error_budget import CAUSES, JointErrors, error_budget
+from jointplay.design.static_budget import budget
+from jointplay.loads.drive import Prescribed
+
+JOINTS = {
+    "elbow_joint": jp.BallBearing(designation="7010 C DB", preload=200.0),
+    "wrist_1_joint": jp.CrossedRollerBearing(designation="RB2008"),
+    "wrist_2_joint": jp.RevoluteClearance(radial_clearance=2e-5, axial_clearance=2e-5),
+}
+POSE = {"shoulder_lift_joint": -0.7, "elbow_joint": 0.9, "wrist_1_joint": 0.3}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """A UR5 with bearings of three kinds."""
+    return jp.Mechanism("example-robot-data:ur5", JOINTS)
+
+
+@pytest.mark.parametrize("kind", ["calibrated-industrial", "industrial"])
+def test_worst_case_and_variance_against_random_states_of_the_exact_kinematics(robot, kind):
+    found = error_budget(robot, POSE, kind=kind, force=(20.0, 0.0, -50.0))
+    drawn = found.sample(100_000)
+    distance = np.linalg.norm(drawn, axis=1)
+    assert distance.max() <= found.worst[0]
+    assert found.reached == pytest.approx(found.worst[0], rel=0.02)
+    assert np.sqrt((distance**2).mean()) == pytest.approx(found.rms[0], rel=0.02)
+    spread = np.cov(drawn.T)
+    assert np.diag(spread) == pytest.approx(np.diag(found.covariance[0]), rel=0.02)
+    assert drawn.mean(axis=0) == pytest.approx(found.mean[0], abs=0.02 * found.rms[0])
+
+
+def test_parts_sum_to_the_worst_case_and_shares_of_variance_to_one(robot):
+    found = error_budget(robot, POSE)
+    assert found.parts.sum(axis=0) == pytest.approx(found.worst)
+    for what in ("joint", "cause"):
+        parts = found.by(what)
+        assert sum(worst for worst, _ in parts.values()) == pytest.approx(found.worst[0])
+        assert sum(share for _, share in parts.values()) == pytest.approx(1.0)
+    assert set(found.by("cause")) == set(CAUSES)
+
+
+def test_what_is_given_counts_and_is_not_called_assumed(robot):
+    exact = {name: JointErrors(axis_offset=0.0, axis_tilt=0.0) for name in robot.joints}
+    found = error_budget(robot, POSE, errors=exact, causes=["geometry", "encoder"])
+    assert found.by("cause")["geometry"] == (0.0, 0.0)
+    assert not any("geometry" in line for line in found.assumed)
+    assert any("encoder" in line for line in found.assumed)
+    fine = {name: JointErrors(encoder=0.0, zero_offset=0.0) for name in robot.joints}
+    none = error_budget(robot, POSE, errors={**fine}, causes=["encoder"])
+    assert none.worst[0] == 0.0
+
+
+def test_an_encoder_alone_is_half_of_its_step_times_the_lever(robot):
+    step = {"shoulder_pan_joint": JointErrors(encoder=1e-3, zero_offset=0.0)}
+    rest = {
+        name: JointErrors(encoder=0.0, zero_offset=0.0)
+        for name in robot.joints
+        if name != "shoulder_pan_joint"
+    }
+    found = error_budget(robot, POSE, errors={**rest, **step}, causes=["encoder"])
+    position = np.array(robot.data.oMf[robot.tool_frame].translation)
+    lever = np.linalg.norm(position[:2])
+    assert found.worst[0] == pytest.approx(0.5e-3 * lever, rel=1e-6)
+    assert found.rms[0] == pytest.approx(1e-3 / np.sqrt(12.0) * lever, rel=1e-6)
+
+
+def test_halving_buys_about_half_of_what_a_cause_adds(robot):
+    found = error_budget(robot, POSE)
+    index = int(found.parts[:, 0].argmax())
+    worst, rms = found.halved(index)
+    assert worst == pytest.approx(0.5 * found.parts[index, 0], rel=0.1)
+    assert 0.0 < rms < found.rms[0]
+
+
+def test_an_elastic_joint_sags_as_its_stiffness_says():
+    soft = jp.CompliantJoint(elasticity=jp.Elasticity(radial=1e7, axial=1e7, tilt=1e4))
+    robot = jp.Mechanism("example-robot-data:ur5", {"elbow_joint": soft})
+    hard = jp.Elasticity(radial=1e14, axial=1e14, tilt=1e12)
+    rigid = JointErrors(torsional_stiffness=1e12, elasticity=hard)
+    stiff = dict.fromkeys(robot.joints, rigid)
+    stiff["elbow_joint"] = JointErrors(torsional_stiffness=1e12)
+    found = error_budget(robot, POSE, errors=stiff, causes=["elasticity"])
+    rest = budget(robot, POSE, drive=Prescribed())
+    assert found.mean[0] == pytest.approx(rest.rest_tool[0, :3], rel=5e-3, abs=1e-7)
+
+
+def test_a_class_that_does_not_fit_is_said(robot):
+    text = error_budget(robot, POSE, kind="printed").table()
+    assert "too far for levers" in text
+    assert "too far" not in error_budget(robot, POSE).table()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"kind": "industrail"}, "industrial"),
+        ({"causes": ["wear"]}, "elasticity"),
+        ({"errors": {"elbow": JointErrors()}}, "elbow_joint"),
+        ({"force": (1.0, 2.0)}, "three components"),
+    ],
+)
+def test_wrong_input_is_refused_with_the_choices(robot, options, says):
+    with pytest.raises((JointplayError, MissingName), match=says):
+        error_budget(robot, POSE, **options)
+
+
+def test_loops_are_refused():
+    crank = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm").mechanism
+    with pytest.raises(JointplayError, match="closed loops"):
+        error_budget(crank, {})
+
+
+def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
+    out = tmp_path / "out"
+    options = ["budget", "ur5", "--joint", "elbow_joint=6010/C3", "--whole", "industrial"]
+    assert cli.main([*options, "--payload", "5 kg", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "elasticity" in shown
+    assert "assumed: geometry: class 'industrial'" in shown
+    assert "by cause:" in shown
+    text = (out / "errors.csv").read_text()
+    assert "elbow_joint,play" in text
+    assert cli.main([*options, "--causes", "play,wear"]) == 2
+    assert "wear" in capsys.readouterr().err

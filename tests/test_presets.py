@@ -1,0 +1,112 @@
+"""What is publicly known of robots' joints: every number with its origin, every preset usable."""
+
+import math
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay import cli
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.design.error_budget import error_budget, error_classes
+from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_of, presets
+
+ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
+        "printed-servo": "z1", "opentorque": "z1"}  # fmt: skip
+
+
+def test_every_preset_has_an_arm_here():
+    assert set(ARMS) == set(presets())
+
+
+@pytest.mark.parametrize("name", presets())
+def test_every_number_says_where_it_comes_from(name):
+    one = preset(name)
+    assert {origin.origin for origin in one.origins} <= set(ORIGINS)
+    assert all(origin.source for origin in one.origins)
+    assert one.errors in error_classes()
+    given = {
+        f"{part}.{key}" for table in [one.every, *one.ordered] for part in table if part != "joints"
+        for key in table[part] if key not in ("kind", "voltage")
+    }  # fmt: skip
+    said = {key.strip() for origin in one.origins for key in origin.key.split(",")}
+    missing = {key for key in given if key not in said and key.split(".")[0] not in said}
+    assert missing == set()
+
+
+@pytest.mark.parametrize(("name", "robot"), ARMS.items())
+def test_every_preset_makes_a_mechanism_with_a_whole_budget(name, robot):
+    one = preset(name)
+    mechanism = one.mechanism(robot)
+    assert mechanism.clearance or mechanism.gears
+    found = error_budget(mechanism, {}, kind=one.errors)
+    assert found.worst[0] > 0.0
+    if name in ("so101", "ur-like", "panda-like"):
+        drawn = np.linalg.norm(found.sample(100_000), axis=1)
+        assert drawn.max() <= 1.002 * found.worst[0]
+        assert found.reached == pytest.approx(found.worst[0], rel=0.02)
+        assert np.sqrt((drawn**2).mean()) == pytest.approx(found.rms[0], rel=0.02)
+
+
+def test_the_servo_shows_the_play_that_was_measured():
+    """Between the unloaded states 0.62 deg, under 0.15 N m either way 1.30 deg; counts of 4096."""
+    gear = preset("so101").mechanism().gears["elbow_flex"]
+    count = 2.0 * math.pi / 4096
+    loaded = gear.torsion([0.15, -0.15, 0.15, -0.15])
+    assert math.degrees(abs(loaded[-1] - loaded[-2])) == pytest.approx(1.30, abs=0.01)
+    assert abs(loaded[-1] - loaded[-2]) / count == pytest.approx(14.8, abs=0.5)
+    assert gear.unloaded_range / count == pytest.approx(7.05, abs=0.5)
+
+
+def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
+    assert preset_of("so101").name == "so101"
+    with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset ur-like"):
+        preset_of("ur5")
+    with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset"):
+        preset_of("kinova")
+    with pytest.raises(MissingName, match="so101"):
+        preset("so100")
+    with pytest.raises(JointplayError, match="none of them"):
+        preset("so101").mechanism("ur5")
+    with pytest.raises(JointplayError, match="give a robot"):
+        preset("ur-like").mechanism()
+
+
+def test_it_is_a_name_of_the_package():
+    assert isinstance(jp.presets.preset("so101"), Preset)
+
+
+@pytest.mark.parametrize(
+    ("name", "robot"),
+    (ARMS | {"so101": "so101", "x-scara": "scara", "printed-servo": "so101"}).items(),
+)
+def test_every_preset_runs_with_its_drives(name, robot, tmp_path, capsys):
+    """Drives tuned to the rigid arm, their encoders on the link, made elastic gears diverge."""
+    run = ["run", robot, "--preset", name, "--duration", "0.4", "--no-figures",
+           "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
+    assert cli.main(run) == 0, capsys.readouterr().err
+    result = jp.Result.load(tmp_path / "result.nc")
+    assert result.time[-1] == pytest.approx(0.4)
+    if result.joints:
+        assert np.abs(result["joint_force"]).max() < 1000.0
+
+
+def test_the_command_line_lists_and_uses_them(tmp_path, capsys):
+    assert cli.main(["presets"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in presets())
+    assert "seen" in shown
+    assert "assumed" in shown
+    assert cli.main(["presets", "so100"]) == 2
+    assert "so101" in capsys.readouterr().err
+    assert cli.main(["budget", "so101", "--preset"]) == 0
+    assert "shoulder_lift (gear)" in capsys.readouterr().out
+    assert cli.main(["budget", "ur5", "--preset"]) == 2
+    assert "--preset ur-like" in capsys.readouterr().err
+    run = ["run", "so101", "--preset", "--duration", "0.02", "--no-figures",
+           "--no-error-estimate", "--out", str(tmp_path)]  # fmt: skip
+    assert cli.main(run) == 0
+    said = capsys.readouterr()
+    assert "preset so101" in said.out + said.err
+    result = jp.Result.load(tmp_path / "result.nc")
+    assert set(result.simulation.mechanism.gears) == set(preset("so101").every["joints"])
