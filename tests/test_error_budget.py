@@ -9,6 +9,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.design.error_budget import CAUSES, JointErrors, error_budget
 from jointplay.design.static_budget import budget
 from jointplay.loads.drive import Prescribed
+from jointplay.plots.design import cause_bars
 
 JOINTS = {
     "elbow_joint": jp.BallBearing(designation="7010 C DB", preload=200.0),
@@ -118,6 +119,17 @@ def test_loops_are_refused():
         error_budget(crank, {})
 
 
+def test_bars_show_parts_that_sum_to_the_worst_case_and_the_variance(robot):
+    budget = error_budget(robot, {"shoulder_lift_joint": -1.0}, force=(0.0, 0.0, -50.0))
+    figure = cause_bars(budget)
+    worst, variance = (
+        sum(bar.get_width() for bars in panel.containers for bar in bars) for panel in figure.axes
+    )
+    assert worst == pytest.approx(1e3 * budget.worst[0], rel=1e-9)
+    assert variance == pytest.approx(100.0, rel=1e-9)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(budget.by("cause"))
+
+
 def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["budget", "ur5", "--joint", "elbow_joint=6010/C3", "--whole", "industrial"]
@@ -128,5 +140,6 @@ def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     assert "by cause:" in shown
     text = (out / "errors.csv").read_text()
     assert "elbow_joint,play" in text
+    assert (out / "errors.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main([*options, "--causes", "play,wear"]) == 2
     assert "wear" in capsys.readouterr().err

@@ -114,6 +114,7 @@ def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: 
     """Print the whole error budget."""
     from jointplay.design.error_budget import CAUSES, error_budget
 
+    out.names.append("errors.png")
     out.claim()
     errors = error_budget(
         work.mechanism, work.q, force=force, kind=options.whole, causes=options.causes or CAUSES
@@ -121,7 +122,9 @@ def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: 
     print("\n".join([*work.notes, f"at: {work.poses}"]))
     print(errors.table())
     if options.out:
-        out.write({"errors.csv": errors.csv()})
+        from jointplay.plots.design import cause_bars
+
+        out.write({"errors.csv": errors.csv(), "errors.png": cause_bars(errors)})
     return 0
 
 

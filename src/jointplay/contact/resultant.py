@@ -62,9 +62,6 @@ NODES = 12
 CURVE = 1 + 2 * NODES
 """Numbers of a curve: how many points, their displacements, their forces."""
 
-SPRINGS = WAYS * WAYS + WAYS * CURVE
-"""Numbers of `spring_numbers`."""
-
 ELEMENTS, SEATED, SPRINGS = range(3)
 """Laws: of a bearing's elements, of the same in a seat, of springs alone."""
 

@@ -13,6 +13,7 @@ from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
 from jointplay.design.allocation import Allocation
+from jointplay.design.error_budget import ErrorBudget
 from jointplay.design.iso9283 import Iso9283
 from jointplay.design.levers import GEAR
 from jointplay.design.maintenance import Maintenance
@@ -50,6 +51,37 @@ def bars(budget: Budget, pose: int | None = None) -> Figure:
         axes.set_xlabel(f"contribution of the joint to the error of {budget.tool!r} [mm]")
         figure.legend(loc="outside upper center", ncols=2)
         footnote(figure, budget.accuracy)
+    return figure
+
+
+def cause_bars(budget: ErrorBudget) -> Figure:
+    """Each joint's part of the whole error at the worst pose, by cause."""
+    at = budget.worst_pose
+    joints = list(dict.fromkeys(one.joint for one in budget.contributions))
+    causes = list(budget.by("cause"))
+    variance = float(np.trace(budget.covariance[at])) or 1.0
+    shown = np.zeros((2, len(causes), len(joints)))
+    for part, one in zip(budget.parts[:, at], budget.contributions, strict=True):
+        cell = causes.index(one.cause), joints.index(one.joint)
+        shown[0][cell] += 1e3 * part
+        shown[1][cell] += 100.0 * float(np.trace(one.variance()[at])) / variance
+    labels = (
+        f"part of the worst case of {1e3 * budget.worst[at]:.3g} mm [mm]",
+        f"part of the variance (RMS with the mean {1e3 * budget.rms[at]:.3g} mm) [%]",
+    )
+    place = np.arange(len(joints))
+    with panels(9.0, 1.8 + 0.35 * len(joints), 1, 2, sharey=True) as (figure, axes):
+        for panel, values, label in zip(axes, shown, labels, strict=True):
+            for k, cause in enumerate(causes):
+                panel.barh(
+                    place, values[k], 0.6, left=values[:k].sum(axis=0), color=COLOURS[k],
+                    label=cause if panel is axes[0] else None,
+                )  # fmt: skip
+            panel.set_xlabel(label)
+        axes[0].set_yticks(place, joints)
+        axes[0].invert_yaxis()
+        figure.legend(loc="outside upper center", ncols=len(causes))
+        footnote(figure, "; ".join(budget.assumed))
     return figure
 
 
