@@ -19,6 +19,18 @@ ARM = """<robot name="arm"><link name="base"/><link name="arm"><inertial>
 <limit lower="-3" upper="3" effort="100" velocity="10"/></joint></robot>"""
 
 
+GUIDE = jp.GuideElasticity(across=2e7, tilt=4e3, torsion=3e3)
+SLIDE = ARM.replace('type="revolute"', 'type="prismatic"').replace('xyz="0 0 1"', 'xyz="1 0 0"')
+
+
+@pytest.fixture
+def slide(tmp_path):
+    """A slider that moves along x, its weight 0.1 m off its middle."""
+    path = tmp_path / "slide.urdf"
+    path.write_text(SLIDE)
+    return lambda joint, **options: jp.Mechanism(path, {"pin": joint}, **options)
+
+
 @pytest.fixture
 def arm(tmp_path):
     """An arm on a compliant pin, horizontal, its pin upright."""
@@ -83,6 +95,72 @@ def test_damping_takes_what_it_should(arm):
     expected = math.exp(-0.5 * omega**2 * 4e-5 * 9e-3)
     assert np.abs(x[result.time > 9e-3]).max() / 1e-6 == pytest.approx(expected, rel=0.1)
     assert result.audit.relative_energy_residual < 1e-3
+
+
+def test_a_slider_sags_and_leans_wherever_it_is(slide):
+    robot = slide(jp.CompliantSlider(elasticity=GUIDE))
+    weight, lever = 2.0 * 9.81, 0.1
+    for place in (0.0, 0.5):  # far beyond what springs give way: it is free along its axis
+        motion = jp.Motion(["pin"], [0.0, 1.0], [[place], [place]])
+        options = {"duration": 0.02, "estimate": False, "drive": "prescribed"}
+        result = jp.simulate(robot, motion, start="rest", **options)
+        ideal = jp.simulate(robot.ideal(), motion, **options)
+        away = (result["tool_position"][-1] - ideal["tool_position"][-1]).values
+        turn = weight * lever / 4e3
+        assert away[2] == pytest.approx(-weight / 2e7, rel=1e-4)
+        assert away[:2] == pytest.approx(np.zeros(2), abs=1e-9)
+        _, x, y, z = result["tool_orientation"].values[-1]
+        assert (x, y, z) == pytest.approx((0.0, 0.5 * turn, 0.0), abs=1e-8)
+        found = budget(robot, {"pin": place}, drive=Prescribed())
+        assert found.rest_tool[0, :3] == pytest.approx(away, abs=1e-9)
+        assert found.worst[0] == 0.0
+
+
+@pytest.mark.parametrize("coordinate", ["x", "y", "yaw", "pitch", "roll"])
+def test_a_slider_that_slides_and_swings_keeps_its_energy(slide, coordinate):
+    """With short macro steps: centrifugal forces of the swing push it along, in their error."""
+    stiff = jp.GuideElasticity(across=2e7, tilt=4e3, torsion=3e3, damping_time=0.0)
+    robot = slide(jp.CompliantSlider(elasticity=stiff), gravity=(0, 0, 0))
+    run = jp.Run(jp.Simulation(
+        robot, None, drive="free", duration=5e-3, record_every=1, start="centred", step=2e-6,
+        macro_step=2e-5,
+    ))  # fmt: skip
+    size = 1e-6 if coordinate in "xy" else 1e-4
+    run.workspace.q[robot.coordinates.index(f"pin.{coordinate}")] = size
+    at = [name for name in robot.coordinates if name in ("pin", "pin.z")]
+    run.workspace.v[robot.coordinates.index(at[0])] = 2.0
+    result = run.finish()
+    stored = 0.5 * (2e7 if coordinate in "xy" else 3e3) * size**2
+    assert result.audit.energy_residual < 2e-3 * stored
+    moved = result["q"].sel(coordinate=at[0]).values
+    assert moved[-1] == pytest.approx(2.0 * 5e-3, rel=1e-3)
+
+
+def test_a_guides_wrench_is_the_gradient_of_its_energy():
+    random = np.random.default_rng(3)
+    whole = random.normal(size=(5, 5))
+    sizes = np.array([4e3, 4e3, 60.0, 60.0, 60.0])
+    matrix = (whole @ whole.T + np.eye(5)) * np.outer(sizes, sizes)
+    joint = jp.CompliantSlider(elasticity=jp.GuideElasticity(matrix=matrix))
+
+    def answer(twist):
+        pose = np.concatenate([[*twist[:3]], (_rotation(twist[3:]) @ _rotation(begin)).ravel()])
+        pose[:3] += place
+        return resultant.answers(joint.law, joint.resultant, pose[None])[0]
+
+    place, begin = np.array([1e-5, -2e-5, 0.3]), np.array([1e-3, -2e-3, 3e-3])
+    wrench, step = answer(np.zeros(6))[:6], np.array([1e-8] * 3 + [1e-6] * 3)
+    rates = np.array([
+        (answer(h * unit)[6] - answer(-h * unit)[6]) / (2.0 * h)
+        for h, unit in zip(step, np.eye(6), strict=True)
+    ])  # fmt: skip
+    assert wrench == pytest.approx(-rates, rel=1e-6, abs=1e-6)
+    assert wrench[2] == 0.0
+    # To the first order it is the matrix, in the order in which it is given.
+    small = np.array([1e-7, 2e-7, 1e-6, -2e-6, 3e-6])
+    place, begin = np.zeros(3), np.zeros(3)
+    found = answer(np.array([small[0], small[1], 0.0, *small[2:]]))[:6]
+    assert np.delete(found, 2) == pytest.approx(-matrix @ small, rel=1e-5)
 
 
 def test_a_curve_is_followed_and_stores_its_area():
@@ -160,6 +238,19 @@ def test_a_seat_changes_nothing_where_a_bearing_is_free():
 def test_stiffness_that_cannot_be_is_refused(given, says):
     with pytest.raises(JointplayError, match=says):
         jp.Elasticity(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"across": 1e7, "tilt": 1e3}, "every direction but along its axis: give across, tilt and"),
+        ({"matrix": np.diag([1e7] * 6)}, "along its axis a joint is free: row and column 3"),
+        ({"matrix": np.eye(5), "torsion": 1e3}, "not both"),
+    ],
+)
+def test_a_guides_stiffness_that_cannot_be_is_refused(given, says):
+    with pytest.raises(JointplayError, match=says):
+        jp.GuideElasticity(**given)
 
 
 def test_a_scenario_has_compliant_joints(tmp_path, arm):

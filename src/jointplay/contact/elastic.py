@@ -9,6 +9,9 @@ and answers with its gradient, like the elements of a rolling bearing (`rolling`
 numbers ahead and in the same places. A bearing in a seat that gives way is both in series: the
 outer ring is displaced by the u that makes U_seat(u) + U_elements(xi - u) least, the ring having no
 mass of its own.
+
+A slider on springs has xi = (p_x, p_y, a_x, a_y, c) instead, where c = (R_yx - R_xy) / 2 is its
+turn about the direction of sliding.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ from jointplay.contact.resultant import (
     ENERGY,
     EXACT,
     FORCES,
+    GUIDE,
     LARGEST,
     LOADED,
     NODES,
@@ -120,6 +124,47 @@ def find_spring_forces(d, pose, out, mode):
     size = math.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
     out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
     out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]) + 1e-300
+
+
+@part
+def _guide_answer(push, bend, pose, out, slopes):
+    """Write wrench and stiffness of a slider in terms of a twist."""
+    # Rates of xi by a twist: the Jacobian.
+    ax, ay, az = pose[5], pose[8], pose[11]
+    rows = (
+        (1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, az, -ay),
+        (0.0, 0.0, 0.0, -az, 0.0, ax),
+        (0.0, 0.0, 0.0, -0.5 * pose[9], -0.5 * pose[10], 0.5 * (pose[3] + pose[7])),
+    )
+    for i in range(6):
+        out[i] = 0.0
+        for k in range(WAYS):
+            out[i] -= rows[k][i] * push[k]
+    if not slopes:
+        return
+    for i in range(6):
+        for j in range(6):
+            whole = 0.0
+            for k in range(WAYS):
+                for m in range(WAYS):
+                    whole += rows[k][i] * bend[WAYS * k + m] * rows[m][j]
+            out[TANGENT + 6 * i + j] = whole
+
+
+def find_guide_forces(d, pose, out, mode):
+    """What springs that let a slider move do to it; as `rolling.find_element_forces`."""
+    push, bend, xi = np.zeros(WAYS), np.zeros(WAYS * WAYS), np.zeros(WAYS)
+    xi[0], xi[1], xi[2], xi[3] = pose[0], pose[1], pose[5], pose[8]
+    xi[4] = 0.5 * (pose[6] - pose[4])
+    for i in range(ANSWERS if mode != FORCES else TANGENT):
+        out[i] = 0.0
+    energy = _springs(d, TABLE, xi, push, bend)
+    _guide_answer(push, bend, pose, out, mode != FORCES)
+    size = math.sqrt(push[0] * push[0] + push[1] * push[1])
+    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
+    out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1]) + 1e-300
 
 
 @part
@@ -223,9 +268,9 @@ def _gradient(out, pose, push, bend):
 
 
 _springs_alone, _seated = part(find_spring_forces), part(find_seated_forces)
+_guide = part(find_guide_forces)
 
-
-FUNCTIONS = (find_element_forces, find_seated_forces, find_spring_forces)
+FUNCTIONS = (find_element_forces, find_seated_forces, find_spring_forces, find_guide_forces)
 """By law."""
 
 
@@ -237,6 +282,8 @@ def forces_at(law, numbers, poses, cage, out):
         own[CAGE] = cage[i]
         if law == SPRINGS:
             _springs_alone(own, poses[i], out[i], EXACT)
+        elif law == GUIDE:
+            _guide(own, poses[i], out[i], EXACT)
         elif law == SEATED:
             _seated(own, poses[i], out[i], EXACT)
         else:

@@ -62,8 +62,12 @@ NODES = 12
 CURVE = 1 + 2 * NODES
 """Numbers of a curve: how many points, their displacements, their forces."""
 
-ELEMENTS, SEATED, SPRINGS = range(3)
-"""Laws: of a bearing's elements, of the same in a seat, of springs alone."""
+ELEMENTS, SEATED, SPRINGS, GUIDE = range(4)
+"""Laws: of a bearing's elements, of the same in a seat, of springs alone that let a body turn about
+the axis, or slide along it."""
+
+HOLDING = (SPRINGS, GUIDE)
+"""Laws without play, in which nothing hits."""
 
 
 def bearing_numbers(
@@ -127,7 +131,7 @@ def answers(
     """What a law answers at many poses, all exact.
 
     Args:
-        law: `ELEMENTS`, `SEATED` or `SPRINGS`.
+        law: `ELEMENTS`, `SEATED`, `SPRINGS` or `GUIDE`.
         numbers: of the joint.
         poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
         cage: azimuth of the first element, (n,) [rad].

@@ -19,7 +19,12 @@ from jointplay.joints.base import (
     SlidingClearance,
 )
 from jointplay.joints.bearings import BallBearing, CrossedRollerBearing, RollingBearing
-from jointplay.joints.compliance import CompliantJoint, Elasticity
+from jointplay.joints.compliance import (
+    CompliantJoint,
+    CompliantSlider,
+    Elasticity,
+    GuideElasticity,
+)
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
@@ -29,7 +34,7 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
     for kind in (
         *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
-        *(BallBearing, CrossedRollerBearing, CompliantJoint),
+        *(BallBearing, CrossedRollerBearing, CompliantJoint, CompliantSlider),
     )
 }
 
@@ -71,10 +76,12 @@ __all__ = [
     "BallBearing",
     "Clearance",
     "CompliantJoint",
+    "CompliantSlider",
     "Coordinate",
     "CrossedRollerBearing",
     "CylindricalClearance",
     "Elasticity",
+    "GuideElasticity",
     "Material",
     "Outline",
     "PrismaticClearance",

@@ -143,7 +143,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
         The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
         one will do.
     """
-    from jointplay.contact.resultant import SPRINGS
+    from jointplay.contact.resultant import HOLDING
     from jointplay.kernel import WELL_RESOLVED_STEPS
     from jointplay.mechanism.impact import contact_duration
     from jointplay.simulation.assemble import MIN_CONTACT_STEPS
@@ -155,7 +155,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     durations = {
         name: contact_duration(mechanism, name, q)
         for name, joint in mechanism.clearance.items()
-        if joint.law != SPRINGS
+        if joint.law not in HOLDING
     }
     shortest = min(durations, key=durations.__getitem__, default=None)
     if shortest is None or durations[shortest] >= MARGIN * MIN_CONTACT_STEPS * simulation.step:

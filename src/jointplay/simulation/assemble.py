@@ -82,7 +82,7 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
         record["thinnest"] = law.thickest(properties.clearance)
         record["transition"] = law.transition
         record["lag_mass"] = FILM_LAG * mass
-    holds = joint.law == resultant.SPRINGS
+    holds = joint.law in resultant.HOLDING
     if mechanism.has_virtual_link(name):
         record["first"] = mechanism.virtual_link(name)
         return JointSite(record, parameters, joint.dimensions, holds)
@@ -153,7 +153,7 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
         joint = mechanism.clearance[name]
         if joint.resultant is not None:
             _check_step_follows(mechanism, name, step, q)
-        if joint.law == resultant.SPRINGS:  # nothing hits
+        if joint.law in resultant.HOLDING:  # nothing hits
             continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
