@@ -116,10 +116,14 @@ def table(kind):
     done = set()
     for owner, keys in members.values():
         for name, field in keys.items():
-            if name in done:
+            inner = inner_keys(field.hint)  # the same key can hold different tables
+            if (name, inner) in done:
                 continue
-            done.add(name)
-            having = [word for word, (_, own) in members.items() if name in own]
+            done.add((name, inner))
+            having = [
+                word for word, (_, own) in members.items()
+                if name in own and inner_keys(own[name].hint) == inner
+            ]  # fmt: skip
             among = "all" if len(having) == len(members) else ", ".join(having)
             cells = [f"`{name}`", *([among] if several else [])]
             cells += [meaning(owner, name, field), default_of(field)]

@@ -94,13 +94,11 @@ def grown(store, cases):
 
 
 def descendants(pid):
-    found = children(pid)
-    for child in list(found):
-        try:
-            found += descendants(child)
-        except OSError:
-            continue
-    return found
+    try:
+        found = children(pid)
+    except OSError:  # it has ended meanwhile
+        return []
+    return found + [other for child in found for other in descendants(child)]
 
 
 def wait_for_a_moment(process, store, rng, duration):
