@@ -2,16 +2,25 @@
 
 import json
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import body, joint
 
-from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance
+from jointplay import (
+    Gear,
+    JointplayError,
+    Mechanism,
+    Motion,
+    RevoluteClearance,
+    Simulation,
+)
 from jointplay.cli import main
 from jointplay.design.reduced_files import follow, to_json, to_mjcf, to_sdf, to_urdf, to_yaml
 from jointplay.design.reduction import reduce
+from jointplay.loads.drive import Prescribed, Servo
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
 GRAVITY = 9.81
@@ -305,3 +314,88 @@ def test_the_command_asks_for_what_a_gear_needs(path, tmp_path, capsys):
     assert "--gear-stiffness is missing" in capsys.readouterr().err
     assert main(["reduce", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
     assert "missing" in capsys.readouterr().err
+
+
+SERVO = {"voltage": 9.0, "p_gain": 40.0, "torque_constant": 1.2, "resistance": 2.7}
+
+
+def servo_runs(path, servo, gear, goal, end):
+    """Angles of the link after the same steps, in MuJoCo by the file's servo and here [rad]."""
+    import mujoco
+
+    times = np.linspace(0.0, end, 41)
+    goals = goal(times)
+    motion = Motion(["j", "k"], times, np.column_stack([goals, np.zeros(41)]))
+    mechanism = Mechanism(path, {}, gears={"j": gear})
+    drive = {"j": servo, "k": Prescribed()}
+    run = Simulation(mechanism, motion, drive=drive, step=2e-5, record_every=50)
+    result = run.run(progress=False).completed()
+    model = replace(reduce(mechanism, "j", period=0.4), stiffness=gear.stiffness)
+    text = to_mjcf(mechanism, model, servos={"j": servo})
+    loaded = mujoco.MjModel.from_xml_string(text)
+    loaded.opt.timestep = 2e-5
+    data = mujoco.MjData(loaded)
+    part = servo.d_gain / (servo.d_gain + servo.torque_constant)
+    position, speed = motion(np.arange(0.0, end, 2e-5))[:2]
+    angles = []
+    loaded.dof_armature[loaded.joint("k").dofadr] = 1e6
+    data.qpos[loaded.joint("j").qposadr] = result["q"].values[0, mechanism.coordinate("j")]
+    data.qpos[loaded.joint("j.motor").qposadr] = result["q"].values[0, mechanism.motor("j")]
+    at = loaded.actuator("j").id
+    first = int(loaded.actuator_ctrladr[at])
+    for here, rate in zip(position[:, 0], speed[:, 0], strict=True):
+        data.ctrl[first] = here
+        if servo.d_gain > 0.0:
+            data.ctrl[first + 1] = part * rate
+        mujoco.mj_step(loaded, data)
+        angles.append((data.time, data.qpos[loaded.joint("j").qposadr[0]]))
+    at, angle = np.array(angles).T
+    return np.interp(result.time, at, angle), result["q"].values[:, mechanism.coordinate("j")]
+
+
+@pytest.mark.parametrize("d_gain", [0.0, 0.8])
+def test_mujocos_motor_turns_the_link_as_the_servo_does(path, d_gain):
+    servo = Servo(**SERVO, d_gain=d_gain, friction=0.05, viscous=0.02)
+    gear = Gear(play=4e-3, rotor_inertia=0.03, stiffness=300.0, damping=0.5)
+    there, here = servo_runs(path, servo, gear, lambda t: 0.5 * np.sin(6.0 * t) ** 3, 1.0)
+    assert np.ptp(here) > 0.3
+    assert np.abs(there - here).max() < 2e-3 * np.ptp(here)
+
+
+def test_mujocos_motor_is_short_of_voltage_as_the_servo_is(path):
+    gear = Gear(play=4e-3, rotor_inertia=0.03, stiffness=300.0, damping=0.5)
+    weak = Servo(**SERVO | {"voltage": 2.0})
+    there, here = servo_runs(path, weak, gear, lambda t: 0.9 * np.sin(8.0 * t), 1.0)
+    strong = servo_runs(path, Servo(**SERVO), gear, lambda t: 0.9 * np.sin(8.0 * t), 1.0)[1]
+    assert np.ptp(here) < 0.8 * np.ptp(strong)
+    assert np.abs(there - here).max() < 2e-3 * np.ptp(here)
+
+
+def test_the_file_says_what_of_a_servo_it_leaves_out(geared):
+    mechanism, found = geared
+    servo = Servo(**SERVO, resolution=1.5e-3, dead_band_counts=2.0, period=1e-3)
+    text = to_mjcf(mechanism, found, servos={"j": servo})
+    assert (
+        "not represented: dead band 0.003 rad, counts of 0.0015 rad, sampling every 0.001" in text
+    )
+    for wrong, message in (
+        ({"j": Servo(**SERVO, encoder="link")}, "encoder on the link"),
+        ({"jj": servo}, "moving joint"),
+    ):
+        with pytest.raises(JointplayError, match=message):
+            to_mjcf(mechanism, found, servos=wrong)
+
+
+def test_the_command_writes_the_servos_of_a_preset(tmp_path, capsys):
+    out = tmp_path / "out"
+    command = ["reduce", "so101", "--preset", "--joint", "elbow_flex", "--format", "mjcf"]
+    assert main([*command, "--period", "0.4", "--out", str(out), "--check", "--quiet"]) == 0
+    assert "servos (MJCF): shoulder_pan, shoulder_lift, elbow_flex" in (
+        said := capsys.readouterr().out
+    )
+    assert "within the stated" in said
+    root = ElementTree.parse(out / "elbow_flex.xml").getroot()
+    motors = {one.get("name"): one for one in root.iter("dcmotor")}
+    assert motors["elbow_flex"].get("joint") == "elbow_flex.motor"
+    assert float(motors["wrist_flex"].get("motorconst")) == 1.21
+    assert {one.get("name") for one in root.iter("motor")} == {"gripper"}

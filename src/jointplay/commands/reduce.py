@@ -18,7 +18,7 @@ from jointplay.commands import (
     in_unit,
     name_and_value,
 )
-from jointplay.commands.mechanism import add_robot, task
+from jointplay.commands.mechanism import Task, add_robot, preset_chosen, task
 from jointplay.core.errors import JointplayError, require_non_negative
 
 FORMATS = {
@@ -121,7 +121,12 @@ def run(options: argparse.Namespace) -> int:
             "to the rim (a side force presses both rims to one side, or nothing does); leave "
             "--tilt out"
         )
-    mjcf = reduced_files.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
+    servos = _servos(options, work)
+    if servos:
+        print(f"servos (MJCF): {', '.join(servos)}")
+    mjcf = reduced_files.to_mjcf(
+        mechanism, model, encoder=options.encoder, tilt=options.tilt, servos=servos
+    )
     makers: dict[str, Callable[[], str]] = {
         ".xml": lambda: mjcf,
         ".sdf": lambda: reduced_files.to_sdf(mechanism, model),
@@ -135,6 +140,20 @@ def run(options: argparse.Namespace) -> int:
     if options.check:
         _compare(mjcf, model)
     return 0
+
+
+def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
+    """Servos of the scenario, or of the preset, by joint."""
+    from jointplay.loads.drive import Drive, Servo
+
+    drives: dict[str, Drive] = {}
+    if (chosen := preset_chosen(options)) is not None:
+        drives = chosen.drives(work.mechanism.description)
+    if work.simulation is not None:
+        own = work.simulation.drive
+        joints = work.mechanism.joints
+        drives |= dict.fromkeys(joints, own) if isinstance(own, Drive) else own
+    return {name: one for name, one in drives.items() if isinstance(one, Servo)}
 
 
 def _compare(mjcf: str, model: Any) -> None:

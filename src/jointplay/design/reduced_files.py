@@ -3,7 +3,8 @@
 A joint without play in its gear needs no further degree of freedom: it gets friction and damping.
 Play in a gear needs the motor as a hinge of its own, loaded with its rotor's inertia. In MJCF,
 which has no dead band inside an actuator, motor and link are joined by a tendon whose spring has
-one; in SDF and URDF by a second hinge in series whose limits are the dead band.
+one; in SDF and URDF by a second hinge in series whose limits are the dead band. A servo is MuJoCo's
+``dcmotor``; the other formats know none.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import time as clock
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
 from jointplay.design.reduction import SETTLED, Reduction
+from jointplay.loads.drive import Servo
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import joint_limits
 
@@ -94,53 +97,70 @@ def bodies(mechanism: Mechanism) -> list[Body]:
 
 
 def to_mjcf(
-    mechanism: Mechanism, reduction: Reduction, *, encoder: str = "motor", tilt: bool = False
+    mechanism: Mechanism,
+    reduction: Reduction,
+    *,
+    encoder: str = "motor",
+    tilt: bool = False,
+    servos: Mapping[str, Servo] = MappingProxyType({}),
 ) -> str:
     """The robot as MJCF with the reduced joint in it; bodies without shapes.
 
     Args:
         encoder: ``motor`` (before the play) or ``link`` (after): what sensor `J.encoder` reads.
         tilt: the joint's axis can lean, too: two more hinges, held within the bore by a tendon.
+        servos: by joint; each is a ``dcmotor`` (MuJoCo 4) whose inputs `dc_motor` explains. Other
+            joints have a ``motor`` whose input is the torque.
 
     Raises:
-        MissingName: no such place for an encoder.
-        JointplayError: a robot that MJCF cannot hold as a tree of single joints.
+        MissingName: no such place for an encoder, or a servo of a joint that is none.
+        JointplayError: a robot that MJCF cannot hold as a tree of single joints; a servo whose
+            encoder is on the link of the joint with play.
     """
     _check_encoder(encoder)
+    for name, servo in servos.items():
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints)
+        if name == reduction.joint and reduction.dead_band > 0.0 and servo.encoder == "link":
+            raise JointplayError(
+                f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can only "
+                'control what it turns, the motor: give its encoder as "motor", or no servo'
+            )
     joint, geared = reduction.joint, reduction.dead_band > 0.0
     leans = tilt and reduction.tilt > 0.0
     root = ElementTree.Element("mujoco", model=mechanism.description.path.stem)
     least = {"boundmass": 1e-9, "boundinertia": 1e-12, "balanceinertia": "true"}
     _put(root, "compiler", angle="radian", **least)
-    step, gravity = timestep(reduction), mechanism.gravity
+    step, gravity = reduction.timestep, mechanism.gravity
     _put(root, "option", timestep=step, integrator="implicitfast", gravity=gravity)
     world = _put(root, "worldbody")
     places: dict[str, ElementTree.Element] = {"": world}
     for body in bodies(mechanism):
         mine = body.name == joint
         element = places[body.name] = _body(places[body.parent], body)
-        _joint(element, body, *_losses(body, reduction))
+        friction, damping = _losses(body, reduction)
+        armature = 0.0
+        if not (mine and geared):
+            armature = _rotor_inertia(mechanism, body.name)
+            own = _of_servo(servos.get(body.name))
+            friction, damping = friction + own["frictionloss"], damping + own["damping"]
+        _joint(element, body, friction, damping, armature)
         if mine and leans:
             _lean(places[body.parent], element, body, reduction)
     if geared:
         rotor = _put(world, "body", name=f"{joint}.motor")
         inertia = reduction.rotor_inertia
-        _put(rotor, "joint", name=f"{joint}.motor", type="hinge", axis=(0, 0, 1), armature=inertia)
+        named = {"name": f"{joint}.motor", "type": "hinge", "axis": (0, 0, 1)}
+        losses = {name: value for name, value in _of_servo(servos.get(joint)).items() if value}
+        _put(rotor, "joint", **named, armature=inertia, **losses)
         _put(rotor, "inertial", pos=np.zeros(3), mass=1e-6, diaginertia=np.full(3, 1e-9))
     ideal = mechanism.ideal()
     tool = ideal.model.frames[ideal.tool_frame]
     carrier = places.get(str(ideal.model.names[tool.parentJoint]), world)
     _put(carrier, "site", name=f"{mechanism.tool}.tool", pos=tool.placement.translation)
-    _wiring(root, mechanism, reduction, geared, leans, encoder)
+    _wiring(root, mechanism, reduction, geared, leans, encoder, servos)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def timestep(reduction: Reduction) -> float:
-    """A step that resolves the teeth's stiffness, at most a millisecond [s]."""
-    if reduction.stiffness <= 0.0:
-        return 1e-3
-    return float(min(1e-3, 0.2 * np.sqrt(reduction.rotor_inertia / reduction.stiffness)))
 
 
 def _wiring(
@@ -150,6 +170,7 @@ def _wiring(
     geared: bool,
     leans: bool,
     encoder: str,
+    servos: Mapping[str, Servo],
 ) -> None:
     """Tendons, actuators and sensors."""
     joint = reduction.joint
@@ -168,7 +189,7 @@ def _wiring(
             name=f"{joint}.rim",
             limited="true",
             range=(0.0, reduction.half_length * reduction.tilt),
-            solreflimit=(2.0 * timestep(reduction), 1.0),
+            solreflimit=(2.0 * reduction.timestep, 1.0),
             solimplimit=_STIFF,
         )
         for end in ("bore", "rim"):
@@ -176,9 +197,64 @@ def _wiring(
     actuator, sensor = _put(root, "actuator"), _put(root, "sensor")
     for name in mechanism.joints:
         driven = f"{name}.motor" if name == joint and geared else name
-        _put(actuator, "motor", name=name, joint=driven)
+        if name in servos:
+            actuator.append(ElementTree.Comment(_explain(servos[name])))
+            _put(actuator, "dcmotor", name=name, joint=driven, **dc_motor(servos[name]))
+        else:
+            _put(actuator, "motor", name=name, joint=driven)
         read = driven if encoder == "motor" else name
         _put(sensor, "jointpos", name=f"{name}.encoder", joint=read)
+
+
+def dc_motor(servo: Servo) -> dict[str, Any]:
+    """Attributes of MuJoCo's ``dcmotor`` for a servo.
+
+    MuJoCo's controller asks for a torque and cuts it to what the supply's voltage gives at the
+    present speed; ours sets a voltage. Both are the same motor with the gains P k/R and
+    D k/R + k^2/R, the back-EMF taking the latter's second part. What is lost: dead band, counts of
+    the encoder, sampling.
+
+    Its input is the goal [rad]; with a D gain a second one is the goal's speed times D / (D + k).
+    """
+    gain = servo.p_gain * servo.stall
+    damping = servo.d_gain * servo.stall + servo.braking
+    return {
+        "motorconst": servo.torque_constant,
+        "resistance": servo.resistance,
+        "input": "pos vel" if servo.d_gain > 0.0 else "pos",
+        "controller": (gain, 0.0, damping, 0.0, 0.0, servo.voltage),
+    }
+
+
+def _explain(servo: Servo) -> str:
+    """What a reader of the file must know of its actuator."""
+    words = [f"servo: goal [rad], at most {servo.voltage:g} V"]
+    if servo.d_gain > 0.0:
+        part = servo.d_gain / (servo.d_gain + servo.torque_constant)
+        words.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
+    lost = []
+    if servo.band > 0.0:
+        lost.append(f"dead band {servo.band:g} rad")
+    if servo.resolution > 0.0:
+        lost.append(f"counts of {servo.resolution:g} rad")
+    if servo.period is not None:
+        lost.append(f"sampling every {servo.period:g} s")
+    if lost:
+        words.append("not represented: " + ", ".join(lost))
+    return f" {'; '.join(words)} "
+
+
+def _of_servo(servo: Servo | None) -> dict[str, float]:
+    """Dry and viscous friction of a servo's motor."""
+    if servo is None:
+        return {"frictionloss": 0.0, "damping": 0.0}
+    return {"frictionloss": servo.friction, "damping": servo.viscous}
+
+
+def _rotor_inertia(mechanism: Mechanism, joint: str) -> float:
+    """On the joint's side; zero without a gear [kg m^2]."""
+    gear = mechanism.gears.get(joint)
+    return 0.0 if gear is None else gear.rotor_inertia
 
 
 def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
@@ -199,13 +275,19 @@ def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
     return element
 
 
-def _joint(element: ElementTree.Element, body: Body, friction: float, damping: float) -> None:
+def _joint(
+    element: ElementTree.Element,
+    body: Body,
+    friction: float,
+    damping: float,
+    armature: float,
+) -> None:
     kind = "slide" if body.slides else "hinge"
     more: dict[str, Any] = {}
     if np.isfinite(body.limits).all() and body.limits[1] > body.limits[0]:
         more |= {"limited": "true", "range": body.limits}
-    losses = {"frictionloss": friction, "damping": damping}
-    more |= {name: value for name, value in losses.items() if value > 0.0}
+    values = {"frictionloss": friction, "damping": damping, "armature": armature}
+    more |= {name: value for name, value in values.items() if value > 0.0}
     _put(element, "joint", name=body.name, type=kind, axis=body.axis, **more)
 
 

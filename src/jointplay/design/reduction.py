@@ -8,7 +8,8 @@ and lets the journal lean: a dead band across the axis.
 
 The full model runs through reversals of the one joint, the others standing: friction is fitted to
 its contacts, damping to its link's motion. The written model is then run through the same
-reversals; the largest difference of the link's angle, times `SAFETY`, is the error it comes with.
+reversals. The error it comes with is `SAFETY` times the largest difference of the link's angle, and
+of what a simulator's longer steps change.
 
 Of the lean the reduced model knows a dead band: the axis leans, as far as both rims on opposite
 sides of the bore let it, to where the load's moment turns it. The full model's contacts give way,
@@ -103,6 +104,8 @@ _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 _DAMPED = 0.3
 """Damping ratio of the largest damping tried for a gear that loses energy by friction."""
 _STEP_S = 2e-5
+LONGEST_STEP_S = 1e-3
+"""Of a simulator that runs the reduced model."""
 _BEYOND = 1e-3
 """Part of the play by which a bearing's ring must lean further to tell a chord."""
 _LOOPED = (
@@ -136,7 +139,8 @@ class Reduction:
     friction_range: tuple[float, float] = (0.0, 0.0)
     """5 % and 95 % quantiles of the full model's friction while it slides [N m]."""
     angle_error: float = 0.0
-    """Error of the link's angle in reversals: `SAFETY` times the largest of the fit [rad]."""
+    """Error of the link's angle in reversals [rad]: `SAFETY` times the largest of the fit, and what
+    steps of `timestep` add."""
     angle_rms: float = 0.0
     """RMS difference of the link's angle in the fit's reversals [rad]."""
     tilt: float = 0.0
@@ -163,6 +167,14 @@ class Reduction:
     history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
     """Of the fit: time [s], motor, full model's link and reduced model's link [rad]; if the journal
     leans, where the full model's axis points beside the bearing's, `lean`, world axes (n, 3)."""
+
+    @property
+    def timestep(self) -> float:
+        """A step that resolves the teeth's stiffness, at most a millisecond [s]."""
+        if self.stiffness <= 0.0:
+            return LONGEST_STEP_S
+        swing = math.sqrt(self.rotor_inertia / self.stiffness)
+        return float(min(LONGEST_STEP_S, 0.2 * swing))
 
     def describe(self) -> dict[str, Any]:
         """All numbers as plain data."""
@@ -243,7 +255,7 @@ def reduce(
     motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
     begin = float(full[0]), float(v[0, alone.coordinate(joint)])
     gear: Gearing | None = gears.get(joint)
-    reduced = full
+    reduced, stepped = full, 0.0
     teeth: dict[str, Any] = {}
     if gear is not None:
         plain, damping, reduced = link.fit(
@@ -252,6 +264,10 @@ def reduce(
         teeth = {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
         teeth["rotor_inertia"] = plain.rotor_inertia
     difference = reduced - full
+    if teeth:
+        draft = Reduction(joint, **teeth, **losses)
+        coarse = link.run(time, motor, plain, teeth["damping"], begin, draft.timestep)
+        stepped = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
     leans: dict[str, Any] = {}
     lean = compare_leans(alone, joint, q)
@@ -263,7 +279,7 @@ def reduce(
         **teeth,
         **losses,
         **rubs,
-        angle_error=SAFETY * float(np.abs(difference).max()),
+        angle_error=SAFETY * (float(np.abs(difference).max()) + stepped),
         angle_rms=float(np.sqrt(np.mean(difference**2))),
         **_across(alone, clearance, positions),
         **leans,
@@ -394,24 +410,27 @@ class _Link:
         for gear in gears:
             for part in _DAMPINGS:
                 damping = part * gear.damping
-                tried[gear, damping] = self._run(time, motor, gear, damping, start)
+                tried[gear, damping] = self.run(time, motor, gear, damping, start)
         best = min(tried, key=lambda one: float(np.square(tried[one] - full).sum()))
         return *best, tried[best]
 
-    def _run(
+    def run(
         self,
         time: np.ndarray,
         motor: np.ndarray,
         gear: Gear,
         damping: float,
         start: tuple[float, float],
+        step: float | None = None,
     ) -> np.ndarray:
         """The link's angle at the times `time` (n,) while the motor turns as given, (n,) [rad].
 
-        From an angle [rad] and a speed [rad/s] on, `start`.
+        From an angle [rad] and a speed [rad/s] on, `start`, in steps of at most `step` [s], or fine
+        ones.
         """
         half, stiffness = gear.play / 2.0, gear.stiffness
-        step = min(_STEP_S, 0.05 * math.sqrt(self.inertia / stiffness))
+        if step is None:
+            step = min(_STEP_S, 0.05 * math.sqrt(self.inertia / stiffness))
         count = math.ceil((time[-1] - time[0]) / step)
         grid = np.linspace(time[0], time[-1], count + 1)
         step = float(grid[1] - grid[0])

@@ -25,6 +25,7 @@ from jointplay.mechanism.robots import resolve
 from jointplay.mechanism.urdf import Description, read
 
 if TYPE_CHECKING:
+    from jointplay.loads.drive import Drive
     from jointplay.mechanism.mechanism import Mechanism
 
 __all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
@@ -133,6 +134,14 @@ class Preset:
         joints = {name: make(Clearance, one) for name, one in tables.get("joints", {}).items()}
         gears = {name: make(Gearing, one) for name, one in tables.get("gears", {}).items()}
         return Mechanism(path, joints, gears=gears, **options)
+
+    def drives(self, description: Description) -> dict[str, Drive]:
+        """Drives that it knows, by joint; see `tables`."""
+        from jointplay.core.schema import read as make
+        from jointplay.loads.drive import Drive
+
+        tables = self.tables(description).get("drives", {})
+        return {name: make(Drive, one) for name, one in tables.items()}
 
     def __str__(self) -> str:
         """Name, words, origins."""
