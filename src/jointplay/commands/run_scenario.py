@@ -207,7 +207,10 @@ def _execute(
     if item.errors and result is not None:
         add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
     elif item.errors:
-        signals.say("numerical errors are not estimated: the histories did not fit into memory")
+        signals.say(
+            "numerical errors are not estimated: the records of the run exceed 32 MB; record less "
+            f"often (output.record_every, now {run.simulation.record_every})"
+        )
     return status
 
 

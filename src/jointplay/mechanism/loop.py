@@ -7,6 +7,7 @@ Pinocchio enforces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -31,6 +32,10 @@ _IDEAL_WEIGHT = 1e3
 
 _NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 8, 0.1, 1e-12
 """Most steps of `follow`, the largest, and the one after which it is there [rad or m]."""
+
+_LED_STEP, _LED_REACH = 0.1, 0.5
+"""Steps in which given positions are approached, and by how much others may move in one [rad or m].
+"""
 
 PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 """Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
@@ -119,9 +124,11 @@ def assemble(
 ) -> np.ndarray:
     """Configuration near q in which all loops are closed.
 
-    Journals stay where they are in their bearings and only turn with them; if the loops cannot be
-    closed like this, journals of the tree move too, as far as their clearance lets them, and those
-    that close a loop lie where the positions given for the others put them.
+    Where q says of no other coordinate than `held`, these go there from the zero pose in steps that
+    the loops follow: far from it, loops close in several ways. Journals stay where they are in
+    their bearings and only turn with them; if the loops cannot be closed like this, journals of the
+    tree move too, as far as their clearance lets them, and those that close a loop lie where the
+    positions given for the others put them.
 
     Args:
         mechanism: with loops; without, q comes back.
@@ -140,7 +147,8 @@ def assemble(
     if not mechanism.loops:
         return q.copy()
     offsets = offsets or {}
-    best = _closed(mechanism, q, _free(mechanism, held, journals=False), offsets)
+    free = _free(mechanism, held, journals=False)
+    best = _closed(mechanism, _led(mechanism, q, held, free), free, offsets)
     if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
         moved = _closed(mechanism, best, _free(mechanism, held, journals=True), offsets)
         if _fit(mechanism, moved):
@@ -152,6 +160,29 @@ def assemble(
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
     return best
+
+
+def _led(mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray) -> np.ndarray:
+    """q with its `free` coordinates where the loops lead them on the way from the zero pose.
+
+    As it is where q has positions for them already, or the loops do not close on that way.
+    """
+    way = np.zeros_like(q)
+    way[held] = q[held]
+    steps = math.ceil(np.abs(way).max(initial=0.0) / _LED_STEP)
+    if q[free].any() or steps < 2:
+        return q
+    led = np.zeros_like(q)
+    for step in range(steps + 1):
+        trial = led.copy()
+        trial[held] = way[held] * step / steps
+        led = _closed(mechanism, trial, free, {})
+        moved = np.abs(led - trial).max()
+        if moved > _LED_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
+            return q
+    found = q.copy()
+    found[free] = led[free]
+    return found
 
 
 def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarray:
