@@ -1,6 +1,7 @@
 """What is publicly known of robots' joints: every number with its origin, every preset usable."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,14 +49,38 @@ def test_every_preset_makes_a_mechanism_with_a_whole_budget(name, robot):
         assert np.sqrt((drawn**2).mean()) == pytest.approx(found.rms[0], rel=0.02)
 
 
-def test_the_servo_shows_the_play_that_was_measured():
-    """Between the unloaded states 0.62 deg, under 0.15 N m either way 1.30 deg; counts of 4096."""
-    gear = preset("so101").mechanism().gears["elbow_flex"]
-    count = 2.0 * math.pi / 4096
-    loaded = gear.torsion([0.15, -0.15, 0.15, -0.15])
-    assert math.degrees(abs(loaded[-1] - loaded[-2])) == pytest.approx(1.30, abs=0.01)
-    assert abs(loaded[-1] - loaded[-2]) / count == pytest.approx(14.8, abs=0.5)
-    assert gear.unloaded_range / count == pytest.approx(7.05, abs=0.5)
+STAND = """<robot name="stand"><link name="base"/><link name="lever"><inertial>
+<origin xyz="0.05 0 0"/><mass value="0.03"/>
+<inertia ixx="1e-5" iyy="4e-5" izz="4e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="servo" type="revolute"><parent link="base"/><child link="lever"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="3" velocity="5"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("play", [0.0, math.radians(0.5)])
+def test_the_servo_holds_its_lever_where_the_published_stand_found_it(tmp_path, play):
+    """Counts of the encoder between the sides, after and under 0.147 N m: 7.0 and 14.8, +-2.1."""
+    (tmp_path / "stand.urdf").write_text(STAND)
+    one = preset("so101")
+    gear = replace(one.mechanism().gears["elbow_flex"], play=play)
+    servo = one.drives(one.mechanism().description)["elbow_flex"]
+    mechanism = jp.Mechanism(tmp_path / "stand.urdf", gears={"servo": gear}, gravity=(0, 0, 0))
+    course = {0.0: 0, 0.2: 0, 0.4: 1, 1.0: 1, 1.2: 0, 2.0: 0, 2.2: -1, 2.8: -1, 3.0: 0, 3.8: 0}
+    course |= {4.0: 1, 4.6: 1}
+    moments = [[0.0, 0.0, 0.147 * part] for part in course.values()]
+    pull = jp.loads.WrenchOverTime("lever", times=list(course), moments=moments)
+    result = jp.simulate(
+        mechanism,
+        motion=jp.Motion(["servo"], [0.0, 5.0], [[0.0], [0.0]]),
+        drive={"servo": servo},
+        loads={"pull": pull},
+        duration=4.6,
+        step=2e-5,
+    ).completed()
+    angle = result["q"].values[:, mechanism.motor("servo")] / (2.0 * math.pi / 4096)
+    relaxed, pulled, back, again = np.interp([1.99, 2.79, 3.79, 4.59], result.time, angle)
+    assert relaxed - back == pytest.approx(7.0, abs=2 * 2.1)
+    assert again - pulled == pytest.approx(14.8, abs=2 * 2.1)
+    assert relaxed - back > 3.0
 
 
 def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
