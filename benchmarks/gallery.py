@@ -22,7 +22,12 @@ from jointplay.mechanism.picture import picture
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
 SHIPPED = ("scara", "slider_crank", "four_bar")
 """Scenarios that lie in the package; the others are in the gallery's own folder."""
-VIEWS = {"oil_pendulum": (-65.0, 18.0), "spline": (-60.0, 22.0), "ball_pendulum": (-60.0, 15.0)}
+VIEWS = {
+    "oil_pendulum": (-65.0, 18.0),
+    "spline": (-60.0, 22.0),
+    "ball_pendulum": (-60.0, 15.0),
+    "jansen": (-90.0, 80.0),
+}
 """Directions from which some are drawn: azimuth and elevation [deg]."""
 FIELDS = (
     "mechanism",

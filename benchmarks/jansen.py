@@ -79,7 +79,7 @@ def machine(
 def measures(work: tuple[jp.Simulation, tuple[str, ...]]) -> dict[str, np.ndarray]:
     """Largest force [N] and worn depth a turn, around the bore [m], of joints in a run."""
     simulation, joints = work
-    result = simulation.run(progress=False).completed()
+    result = simulation.run(progress=False, estimate=False).completed()
     counts = result.time >= simulation.judged_from
     found = {}
     for name in joints:
@@ -114,7 +114,7 @@ def ensemble(case: str, runs: int, jobs: int, **options: float) -> list[dict[str
 def ideal_forces() -> dict[str, float]:
     """Largest force of each pin without clearance [N]."""
     simulation = machine("ideal")
-    result = simulation.run(progress=False).completed()
+    result = simulation.run(progress=False, estimate=False).completed()
     force = np.linalg.norm(result["reaction_force"].values, axis=2)
     most = force[result.time >= simulation.judged_from].max(axis=0)
     names = map(str, result["reaction_force"]["moving_joint"].values)

@@ -57,9 +57,38 @@ def test_the_page_shows_it_with_picture_numbers_and_command(name):
 def test_every_case_runs(name):
     given = scenario(name)
     for case in given.cases:
-        result = given.simulation(case, {"integration": {"duration": SHORT}}).run(check_step=False)
+        changes = {"integration": {"duration": SHORT, "settle": 0}}
+        result = given.simulation(case, changes).run(check_step=False)
         assert result.status == Status.COMPLETED, (case, result.message)
         assert np.isfinite(result.q).all()
+
+
+@pytest.mark.parametrize("angle", [0.0, 2.0, 3.14, 4.5, -2.0])
+def test_jansens_leg_closes_on_the_same_side_wherever_its_crank_begins(angle):
+    """The foot is where circles about the pins meet, each on the side on which it is drawn."""
+
+    def meet(p, r, q, s, side):
+        way = q - p
+        length = np.hypot(*way)
+        along = (length**2 + r**2 - s**2) / (2.0 * length)
+        ahead = way / length
+        across = np.array([-ahead[1], ahead[0]])
+        return p + along * ahead + side * np.sqrt(r**2 - along**2) * across
+
+    end, pivot = 15.0 * np.array([np.cos(angle), np.sin(angle)]), np.array([-38.0, -7.8])
+    upper = meet(end, 50.0, pivot, 41.5, -1)
+    knee = meet(end, 61.9, pivot, 39.3, 1)
+    outer = meet(upper, 55.8, pivot, 40.1, -1)
+    ankle = meet(outer, 39.4, knee, 36.7, -1)
+    foot = meet(ankle, 65.7, knee, 49.0, -1)
+    changes = {
+        "integration": {"duration": SHORT, "settle": 0},
+        "start": {"crank_pin": angle},
+        "loads": {"ground": {"times": [0.0, 1.0], "forces": [[0, 0, 0]] * 2}},
+    }
+    simulation = scenario("jansen").simulation("ideal", changes)
+    found = simulation.run(check_step=False)["tool_position"].values[0]
+    assert found / 2e-3 == pytest.approx([*foot, 0.0], abs=1e-5)
 
 
 def test_the_gate_leans_by_as_much_as_its_hinges_let_it():
