@@ -30,6 +30,7 @@ from jointplay.contact.compiled import compiled_touch, parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
 from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.core.units import readable
+from jointplay.geometry import Shape
 from jointplay.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -478,6 +479,30 @@ class Clearance(Described, ABC):
         import pinocchio as pin
 
         return offset, pin.log3(rotation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeLawJoint(Clearance):
+    """A joint for which one law answers as a whole: rolling elements, springs, or both.
+
+    A kind must say, besides, `resultant` and `law`.
+    """
+
+    @property
+    def shape(self) -> Shape:
+        """No surfaces that slide: a law of its own."""
+        return Shape.ROLLING
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers of the law."""
+        assert self.resultant is not None
+        return self.resultant
+
+    @property
+    def friction(self) -> FrictionLaw:
+        """None where anything touches: what the law loses, it says itself."""
+        return resultant.NoFriction()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,11 +15,10 @@ from typing import ClassVar
 import numpy as np
 
 from jointplay.contact import resultant
-from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
+from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.core.errors import JointplayError, require_numbers
 from jointplay.core.schema import Described, check_fields, quantity
-from jointplay.geometry import Shape
-from jointplay.joints.base import Clearance, Outline
+from jointplay.joints.base import Outline, WholeLawJoint
 from jointplay.joints.element_play import NO_PLAY
 from jointplay.joints.play import Play
 
@@ -217,7 +216,7 @@ def _checked_curve(name: str, given: Sequence[Sequence[float]]) -> tuple[tuple[f
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Held(Clearance):
+class _Held(WholeLawJoint):
     """A joint without play that gives way in five directions: springs hold it."""
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {}
@@ -235,16 +234,6 @@ class _Held(Clearance):
     def contacts(self) -> tuple[str, ...]:
         """One, which always holds."""
         return ("springs",)
-
-    @property
-    def shape(self) -> Shape:
-        """No surfaces: a law of its own."""
-        return Shape.ROLLING
-
-    @property
-    def dimensions(self) -> tuple[float, ...]:
-        """The numbers of the law."""
-        return self.resultant
 
     @cached_property
     def resultant(self) -> tuple[float, ...]:
@@ -264,11 +253,6 @@ class _Held(Clearance):
     def normal(self) -> NormalForceLaw:
         """A linear spring across."""
         return resultant.ElementContact(1.0)
-
-    @property
-    def friction(self) -> FrictionLaw:
-        """None."""
-        return resultant.NoFriction()
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """The stiffest direction."""
