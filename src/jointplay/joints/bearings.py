@@ -31,7 +31,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.schema import check_fields, choice, quantity
 from jointplay.core.units import readable
 from jointplay.joints.base import SAMPLES, Hinge, Material, Outline, WholeLawJoint
-from jointplay.joints.compliance import Elasticity
+from jointplay.joints.elasticity import Elasticity
 from jointplay.joints.element_play import ElementPlay
 from jointplay.joints.materials import material
 from jointplay.joints.play import Play
