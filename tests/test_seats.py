@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import jointplay as jp
+from jointplay import cli
 from jointplay.contact.resultant import NoFriction
 from jointplay.core.errors import JointplayError
 from jointplay.design import poses
@@ -254,7 +255,9 @@ def test_a_joint_that_locks_freedoms_of_a_loop_can_have_no_seat():
         )
 
 
-def test_a_scenario_has_seats_and_a_result_keeps_them(tmp_path, arm):
+@pytest.fixture
+def scenario_file(tmp_path, arm):
+    """A scenario with a seat, in its first case."""
     arm(PIN)
     file = tmp_path / "seat.toml"
     file.write_text(
@@ -263,7 +266,20 @@ def test_a_scenario_has_seats_and_a_result_keeps_them(tmp_path, arm):
         'seat = { radial = "20 N/um", axial = 1e7, tilt = 4e3, torsion = 3e3 }\n'
         "[integration]\nduration = 0.01\n[cases.seat]\n[cases.rigid]\njoints.pin.ideal = true\n"
     )
-    scenario = Scenario.load(file)
+    return file
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_scenarios_budget_has_a_row_for_its_seat(scenario_file, whole, capsys):
+    options = ["--whole", "industrial"] if whole else []
+    assert cli.main(["budget", str(scenario_file), "--case", "seat", *options]) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("pin_seat")]
+    assert len(rows) == 1
+    assert ("elasticity" in rows[0]) == whole
+
+
+def test_a_scenario_has_seats_and_a_result_keeps_them(tmp_path, arm, scenario_file):
+    scenario = Scenario.load(scenario_file)
     robot = scenario.simulation("seat").mechanism
     assert robot == arm(replace(PIN, seat=SOFT, seat_mass=0.3))
     assert robot.clearance["pin"] == PIN
@@ -294,6 +310,11 @@ def test_views_show_a_joint_in_its_seat(tmp_path, arm):
 @pytest.mark.parametrize(
     ("given", "says"),
     [
+        ({"seat": {"radial": -1e7, "axial": 1e7, "tilt": 1.0, "torsion": 1.0}}, "got -1e"),
+        ({"seat": {"radial": 1e7, "axial": 1e7, "tilt": 1e3}}, "give radial, axial, tilt and tors"),
+        ({"seat": {"matrix": np.eye(6).tolist(), "torsion": 5.0}}, "not both"),
+        ({"seat": {"matrix": np.eye(5).tolist()}}, r"\(6, 6\), got \(5, 5\)"),
+        ({"seat": {"radial": 1e7, "stiff": 1e7}}, "stiff"),
         ({"seat": jp.Elasticity(radial=1e7, axial=1e7, tilt=1e3)}, "MountElasticity, got Elas"),
         ({"seat_mass": 0.1}, "seat_mass 0.1 kg is of a bush in a seat"),
         ({"seat": SOFT, "seat_mass": -0.1}, "mass of the bush.*-0.1"),
@@ -320,3 +341,10 @@ def test_allocation_decides_on_play_and_leaves_seats_as_given(arm):
     assert seated.joints == ("pin",)
     assert seated.clearance == pytest.approx(plain.clearance, rel=1e-6)
     assert seated.mechanism.clearance["pin_seat"] == jp.CompliantMount(elasticity=SOFT)
+
+
+def test_a_seat_can_be_a_table_of_numbers(arm):
+    numbers = {"radial": RADIAL, "axial": "10 N/um", "tilt": TILT, "torsion": TORSION}
+    assert replace(PIN, seat=numbers).seat == SOFT
+    plain = {**numbers, "axial": AXIAL}
+    assert replace(BALL, seat=plain).seat == SOFT
