@@ -265,3 +265,143 @@ def test_a_scenario_has_compliant_joints(tmp_path, arm):
     )
     joint = Scenario.load(file).simulation().mechanism.clearance["pin"]
     assert joint == jp.CompliantJoint(elasticity=SOFT)
+
+
+HELD = jp.MountElasticity(radial=2e7, axial=1e7, tilt=4e3, torsion=3e3, damping_time=0.0)
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A body fixed to the ground, its weight in its middle; its mount's axes are the world's."""
+    path = tmp_path / "table.urdf"
+    path.write_text(
+        ARM.replace('type="revolute"', 'type="fixed"').replace('xyz="0.1 0 0"', 'xyz="0 0 0"')
+    )
+    return lambda joint, **options: jp.Mechanism(path, {"pin": joint}, **options)
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "size", "stiffness", "inertia"),
+    [
+        *(("x", 1e-6, 2e7, 2.0), ("z", 1e-6, 1e7, 2.0), ("roll", 1e-4, 4e3, 0.004)),
+        *(("pitch", 1e-4, 4e3, 0.02), ("yaw", 1e-4, 3e3, 0.02)),
+    ],
+)
+def test_a_body_on_a_mount_swings_at_the_root_of_stiffness_over_inertia(
+    table, coordinate, size, stiffness, inertia
+):
+    robot = table(jp.CompliantMount(elasticity=HELD), gravity=(0, 0, 0))
+    run = jp.Run(jp.Simulation(
+        robot, None, drive="free", duration=2e-2, record_every=1, start="centred", step=1e-6,
+    ))  # fmt: skip
+    run.workspace.q[robot.coordinates.index(f"pin.{coordinate}")] = size
+    result = run.finish()
+    x = result["q"].sel(coordinate=f"pin.{coordinate}").values
+    at = np.flatnonzero((x[:-1] > 0.0) != (x[1:] > 0.0))
+    crossings = result.time[at] + np.diff(result.time)[at] * x[at] / (x[at] - x[at + 1])
+    period = 2.0 * np.diff(crossings).mean()
+    assert period == pytest.approx(2.0 * math.pi * math.sqrt(inertia / stiffness), rel=1e-3)
+    assert result.audit.energy_residual < 1e-3 * 0.5 * stiffness * size**2
+
+
+def test_a_body_on_a_mount_sags_leans_and_turns_by_load_over_stiffness(table):
+    robot = table(jp.CompliantMount(elasticity=HELD))
+    assert robot.joints == ()
+    loads = {"push": jp.loads.Wrench("arm", force=(30.0, -20.0, 5.0), moment=(0.3, 0.2, -0.6))}
+    result = jp.simulate(
+        robot, None, drive="free", start="rest", duration=0.01, loads=loads, estimate=False
+    )
+    place = result["tool_position"].values
+    assert np.ptp(place, axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert place[-1] == pytest.approx([30 / 2e7, -20 / 2e7, (5 - 2 * 9.81) / 1e7], rel=1e-4)
+    turn = 2.0 * result["tool_orientation"].values[-1, 1:]
+    assert turn == pytest.approx([0.3 / 4e3, 0.2 / 4e3, -0.6 / 3e3], rel=1e-3)
+    found = budget(robot, {}, force=(30.0, -20.0, 5.0), drive=Prescribed())
+    assert found.rest_tool[0, :3] == pytest.approx(place[-1], abs=1e-9)
+    assert found.worst[0] == 0.0
+    with pytest.raises(JointplayError, match="moving joint"):
+        robot.coordinate("pin")
+
+
+def test_a_sliders_torsion_is_in_its_rest_and_in_its_budget(tmp_path):
+    """The weight hangs beside a slider that moves along x: it turns about its own axis."""
+    from jointplay.design.error_budget import error_budget
+
+    path = tmp_path / "beside.urdf"
+    path.write_text(SLIDE.replace('<origin xyz="0.1 0 0"/>', '<origin xyz="0 0.05 0"/>'))
+    robot = jp.Mechanism(path, {"pin": jp.CompliantSlider(elasticity=GUIDE)})
+    result = held(robot, start="rest")
+    turn = -2.0 * 9.81 * 0.05 / 3e3
+    assert 2.0 * result["tool_orientation"].values[-1, 1] == pytest.approx(turn, rel=1e-3)
+    (one,) = [c for c in error_budget(robot, {}).contributions if c.cause == "elasticity"]
+    assert (one.move[0] @ one.shift[0])[3] == pytest.approx(turn, rel=1e-6)
+
+
+def test_a_mounts_wrench_is_the_gradient_of_its_energy():
+    random = np.random.default_rng(4)
+    whole = random.normal(size=(6, 6))
+    sizes = np.array([4e3, 4e3, 4e3, 60.0, 60.0, 60.0])
+    matrix = (whole @ whole.T + np.eye(6)) * np.outer(sizes, sizes)
+    curve = [[1e-5, 100.0], [3e-5, 500.0]]
+    joint = jp.CompliantMount(
+        elasticity=jp.MountElasticity(matrix=matrix, axial_curve=curve, torsion_curve=curve)
+    )
+
+    def answer(twist):
+        pose = np.concatenate([place + twist[:3], (_rotation(twist[3:]) @ begin).ravel()])
+        return resultant.answers(joint.law, joint.resultant, pose[None])[0]
+
+    place, begin = np.array([1e-5, -2e-5, 2e-5]), _rotation(np.array([0.3, -0.2, 0.5]))
+    step = np.array([1e-8] * 3 + [1e-6] * 3)
+    rates = np.array([
+        (answer(h * unit)[6] - answer(-h * unit)[6]) / (2.0 * h)
+        for h, unit in zip(step, np.eye(6), strict=True)
+    ])  # fmt: skip
+    assert answer(np.zeros(6))[:6] == pytest.approx(-rates, rel=1e-5, abs=1e-5)
+    # To the first order it is the matrix, with the curves added.
+    first = matrix + np.diag([0, 0, 1e7, 0, 0, 1e7])
+    small = np.array([1e-7, 2e-7, -1e-7, 1e-6, -2e-6, 3e-6])
+    place, begin = np.zeros(3), np.eye(3)
+    assert answer(small)[:6] == pytest.approx(-first @ small, rel=1e-5, abs=1e-4)
+    stiffness = answer(np.zeros(6))[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
+    assert stiffness == pytest.approx(first, rel=1e-5, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"radial": 1e7, "axial": 1e7, "tilt": 1e3}, "every direction: give radial, axial, tilt"),
+        ({"radial": -1e7, "axial": 1e7, "tilt": 1e3, "torsion": 1e3}, "stiffness.*got -1e"),
+        ({"matrix": np.eye(6), "torsion": 1e3}, "not both"),
+        ({"matrix": np.eye(5)}, r"\(6, 6\), got \(5, 5\)"),
+        ({"matrix": np.diag([1.0, 1.0, 1.0, 1.0, 1.0, -1.0])}, "positive definite"),
+    ],
+)
+def test_a_mounts_stiffness_that_cannot_be_is_refused(given, says):
+    with pytest.raises(JointplayError, match=says):
+        jp.MountElasticity(**given)
+
+
+def test_a_robot_stands_on_a_soft_table_and_fixed_joints_alone_can_be_mounts():
+    soft = jp.CompliantMount(
+        elasticity=jp.MountElasticity(radial=2e6, axial=4e6, tilt=2e5, torsion=2e5)
+    )
+    robot = jp.Mechanism("ur5", {"world_joint": soft})
+    ideal = jp.Mechanism("ur5")
+    assert robot.joints == ideal.joints
+    assert robot.ideal() == ideal
+    pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.5}
+    motion = jp.Motion(list(pose), [0.0, 1.0], [list(pose.values())] * 2)
+    result = jp.simulate(
+        robot, motion, start="rest", drive="prescribed", duration=0.02, estimate=False
+    )
+    found = budget(robot, pose, drive=Prescribed()).rest_tool[0, :3]
+    still = jp.simulate(ideal, motion, drive="prescribed", duration=1e-3, estimate=False)
+    away = result["tool_position"].values[-1] - still["tool_position"].values[-1]
+    assert away == pytest.approx(found, abs=1e-8)
+    assert away[2] < -1e-5
+    with pytest.raises(JointplayError, match="elbow_joint' is revolute, not fixed; fixed joints"):
+        jp.Mechanism("ur5", {"elbow_joint": soft})
+    with pytest.raises(JointplayError, match=r"link 'ee_link' .* no mass or inertia"):
+        jp.simulate(jp.Mechanism("ur5", {"ee_fixed_joint": soft}), None, drive="free",
+                    duration=1e-3)  # fmt: skip

@@ -21,12 +21,14 @@ from .identification import identify as identify
 from .identification.planning import plan_measurement as plan_measurement
 from .joints import BallBearing as BallBearing
 from .joints import CompliantJoint as CompliantJoint
+from .joints import CompliantMount as CompliantMount
 from .joints import CompliantSlider as CompliantSlider
 from .joints import CrossedRollerBearing as CrossedRollerBearing
 from .joints import CylindricalClearance as CylindricalClearance
 from .joints import Elasticity as Elasticity
 from .joints import GuideElasticity as GuideElasticity
 from .joints import Material as Material
+from .joints import MountElasticity as MountElasticity
 from .joints import PrismaticClearance as PrismaticClearance
 from .joints import RevoluteClearance as RevoluteClearance
 from .joints import SphericalClearance as SphericalClearance

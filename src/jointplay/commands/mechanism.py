@@ -198,7 +198,7 @@ def _mechanism(
         gears = {**made.gears, **gears}
         notes += [f"preset {chosen.name}: {one}" for one in chosen.origins]
     mechanism = Mechanism(
-        description.path,
+        description,
         {**plain.given_joints, **clearance},
         loops=simulation.mechanism.loops if simulation is not None else {},
         gears=gears | _gears(options, gears),

@@ -12,6 +12,10 @@ mass of its own.
 
 A slider on springs has xi = (p_x, p_y, a_x, a_y, c) instead, where c = (R_yx - R_xy) / 2 is its
 turn about the direction of sliding.
+
+A mount that holds its body in every direction has xi = (p, c), where c = vee(R - R^T) / 2 is the
+sine of the angle along the axis of the turn, and changes with the angular velocity w by
+(tr(R) I - R) w / 2.
 """
 
 from __future__ import annotations
@@ -34,6 +38,7 @@ from jointplay.contact.resultant import (
     GUIDE,
     LARGEST,
     LOADED,
+    MOUNT,
     NODES,
     SEAT,
     SEATED,
@@ -48,6 +53,8 @@ from jointplay.core import compiler
 from jointplay.core.compiler import njit, stamp
 
 _MOST, _ENOUGH, _LEAST_PART = 60, 1e-12, 1e-6
+_ALL = 6
+"""Directions of a body."""
 
 _elements = part(find_element_forces)
 
@@ -73,19 +80,19 @@ def _on_curve(d, at, x):
 
 
 @part
-def _springs(d, at, xi, push, bend):
-    """Gradient (5) and curvature (25) of the springs' energy at xi; returns the energy."""
+def _springs(d, at, ways, xi, push, bend):
+    """Gradient (n) and curvature (n n) of the energy of springs in n `ways`; returns the energy."""
     energy = 0.0
-    for i in range(WAYS):
+    for i in range(ways):
         push[i] = 0.0
-        for j in range(WAYS):
-            bend[WAYS * i + j] = d[at + WAYS * i + j]
-            push[i] += d[at + WAYS * i + j] * xi[j]
+        for j in range(ways):
+            bend[ways * i + j] = d[at + ways * i + j]
+            push[i] += d[at + ways * i + j] * xi[j]
         energy += 0.5 * push[i] * xi[i]
-    for i in range(WAYS):
-        force, slope, stored = _on_curve(d, at + WAYS * WAYS + CURVE * i, xi[i])
+    for i in range(ways):
+        force, slope, stored = _on_curve(d, at + ways * ways + CURVE * i, xi[i])
         push[i] += force
-        bend[WAYS * i + i] += slope
+        bend[ways * i + i] += slope
         energy += stored
     return energy
 
@@ -119,7 +126,7 @@ def find_spring_forces(d, pose, out, mode):
     xi[3], xi[4] = pose[5], pose[8]
     for i in range(ANSWERS if mode != FORCES else TANGENT):
         out[i] = 0.0
-    energy = _springs(d, TABLE, xi, push, bend)
+    energy = _springs(d, TABLE, WAYS, xi, push, bend)
     _answer(push, bend, pose[5], pose[8], pose[11], out, mode != FORCES)
     size = math.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
     out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
@@ -160,11 +167,46 @@ def find_guide_forces(d, pose, out, mode):
     xi[4] = 0.5 * (pose[6] - pose[4])
     for i in range(ANSWERS if mode != FORCES else TANGENT):
         out[i] = 0.0
-    energy = _springs(d, TABLE, xi, push, bend)
+    energy = _springs(d, TABLE, WAYS, xi, push, bend)
     _guide_answer(push, bend, pose, out, mode != FORCES)
     size = math.sqrt(push[0] * push[0] + push[1] * push[1])
     out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
     out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1]) + 1e-300
+
+
+def find_mount_forces(d, pose, out, mode):
+    """What springs in all six directions do to what they hold; as `rolling.find_element_forces`."""
+    push, bend, xi = np.zeros(_ALL), np.zeros(_ALL * _ALL), np.zeros(_ALL)
+    rows = np.zeros(9)  # of the rates of c by an angular velocity
+    trace = pose[3] + pose[7] + pose[11]
+    for i in range(3):
+        u, w = (i + 1) % 3, (i + 2) % 3
+        xi[i] = pose[i]
+        xi[3 + i] = 0.5 * (pose[3 + 3 * w + u] - pose[3 + 3 * u + w])
+        for j in range(3):
+            rows[3 * i + j] = -0.5 * pose[3 + 3 * i + j]
+        rows[4 * i] += 0.5 * trace
+    for i in range(ANSWERS if mode != FORCES else TANGENT):
+        out[i] = 0.0
+    energy = _springs(d, TABLE, _ALL, xi, push, bend)
+    for i in range(3):
+        out[i] = -push[i]
+        for k in range(3):
+            out[3 + i] -= rows[3 * k + i] * push[3 + k]
+    if mode != FORCES:
+        for i in range(3):
+            for j in range(3):
+                out[TANGENT + 6 * i + j] = bend[_ALL * i + j]
+                mixed = turned = 0.0
+                for k in range(3):
+                    mixed += bend[_ALL * i + 3 + k] * rows[3 * k + j]
+                    for m in range(3):
+                        turned += rows[3 * k + i] * bend[_ALL * (3 + k) + 3 + m] * rows[3 * m + j]
+                out[TANGENT + 6 * i + 3 + j] = out[TANGENT + 6 * (3 + j) + i] = mixed
+                out[TANGENT + 6 * (3 + i) + 3 + j] = turned
+    size = math.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
+    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
+    out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]) + 1e-300
 
 
 @part
@@ -207,7 +249,7 @@ def find_seated_forces(d, pose, out, mode):
         there[5] -= u[3]
         there[8] -= u[4]
         _elements(d, there, out, EXACT)
-        stored = _springs(d, at, u, seat, soft)
+        stored = _springs(d, at, WAYS, u, seat, soft)
         energy = stored + out[ENERGY]
         _gradient(out, there, push, bend)
         left = size = 0.0
@@ -268,9 +310,12 @@ def _gradient(out, pose, push, bend):
 
 
 _springs_alone, _seated = part(find_spring_forces), part(find_seated_forces)
-_guide = part(find_guide_forces)
+_guide, _mount = part(find_guide_forces), part(find_mount_forces)
 
-FUNCTIONS = (find_element_forces, find_seated_forces, find_spring_forces, find_guide_forces)
+FUNCTIONS = (
+    *(find_element_forces, find_seated_forces, find_spring_forces, find_guide_forces),
+    find_mount_forces,
+)
 """By law."""
 
 
@@ -284,6 +329,8 @@ def forces_at(law, numbers, poses, cage, out):
             _springs_alone(own, poses[i], out[i], EXACT)
         elif law == GUIDE:
             _guide(own, poses[i], out[i], EXACT)
+        elif law == MOUNT:
+            _mount(own, poses[i], out[i], EXACT)
         elif law == SEATED:
             _seated(own, poses[i], out[i], EXACT)
         else:

@@ -62,11 +62,11 @@ NODES = 12
 CURVE = 1 + 2 * NODES
 """Numbers of a curve: how many points, their displacements, their forces."""
 
-ELEMENTS, SEATED, SPRINGS, GUIDE = range(4)
+ELEMENTS, SEATED, SPRINGS, GUIDE, MOUNT = range(5)
 """Laws: of a bearing's elements, of the same in a seat, of springs alone that let a body turn about
-the axis, or slide along it."""
+the axis, or slide along it, or hold it in every direction."""
 
-HOLDING = (SPRINGS, GUIDE)
+HOLDING = (SPRINGS, GUIDE, MOUNT)
 """Laws without play, in which nothing hits."""
 
 
@@ -110,9 +110,9 @@ def bearing_numbers(
 
 
 def spring_numbers(
-    matrix: np.ndarray, curves: Sequence[Sequence[tuple[float, float]]] = ((),) * WAYS
+    matrix: np.ndarray, curves: Sequence[Sequence[tuple[float, float]]]
 ) -> tuple[float, ...]:
-    """Numbers of springs: their matrix K (5, 5) [N/m, N, N m], and a curve in each direction.
+    """Numbers of springs: their matrix K (n, n) [N/m, N, N m], and a curve in each direction.
 
     A curve has points (displacement, force) beyond zero, the same with opposite signs on the other
     side; it goes on as it ends.
@@ -131,7 +131,7 @@ def answers(
     """What a law answers at many poses, all exact.
 
     Args:
-        law: `ELEMENTS`, `SEATED`, `SPRINGS` or `GUIDE`.
+        law: `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or `MOUNT`.
         numbers: of the joint.
         poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
         cage: azimuth of the first element, (n,) [rad].

@@ -146,13 +146,16 @@ def _checked_numbers(field: Field, given: Any) -> Any:
 
 def _as_in_files(hint: Any, given: Any) -> bool:
     """Whether a value is written as in a file, and is not yet what the field's type says."""
-    of_family = any(map(family_of, get_args(hint) or (hint,)))
+    kinds = get_args(hint) or (hint,)
+    of_family = any(map(family_of, kinds))
     if isinstance(given, str):
         return not is_word(hint)
     if isinstance(given, Mapping | list | tuple):
         several = given.values() if isinstance(given, Mapping) else given
-        table = of_family and isinstance(given, Mapping)
-        return table or any(isinstance(one, str | Mapping) for one in several)
+        described = of_family or any(map(dataclasses.is_dataclass, kinds))
+        return (described and isinstance(given, Mapping)) or any(
+            isinstance(one, str | Mapping) for one in several
+        )
     return of_family and isinstance(given, int | float) and not isinstance(given, bool)
 
 

@@ -74,9 +74,11 @@ class ErrorModel:
         self._bar = tqdm(
             desc="allocating", unit="round", disable=not progress, delay=_PATIENCE_S, leave=False
         )
-        self.names = tuple(mechanism.clearance)
-        self.nominal = np.array([joint.radial_room for joint in mechanism.clearance.values()])
-        self.sources = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
+        self.names = allocated(mechanism)
+        self.nominal = np.array([mechanism.clearance[name].radial_room for name in self.names])
+        every = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
+        without = {*mechanism.clearance} - {*self.names}
+        self.sources = every.subset([i for i, n in enumerate(every.names) if n not in without])
         self.j = len(self.names)
         if self.sources.tied and quantile is not None:
             raise JointplayError(
@@ -126,10 +128,10 @@ class ErrorModel:
     def with_clearance(self, clearance: np.ndarray) -> Mechanism:
         """The mechanism with these clearances."""
         factors = clearance / self.nominal
-        joints = self.mechanism.clearance.items()
-        return self.mechanism.with_clearance(
-            {name: joint.scaled(float(f)) for (name, joint), f in zip(joints, factors, strict=True)}
-        )
+        joints = self.mechanism.clearance
+        pairs = zip(self.names, factors, strict=True)
+        scaled = {name: joints[name].scaled(float(factor)) for name, factor in pairs}
+        return self.mechanism.with_clearance({**joints, **scaled})
 
     def error(self, clearance: np.ndarray) -> float:
         """Largest error of all poses [m]."""
@@ -350,7 +352,7 @@ def allocate(
 
     Args:
         mechanism: its joints with clearance are those to decide on; their sizes set the ratio of
-            axial to radial clearance. The play of gears stays as it is.
+            axial to radial clearance. The play of gears, and what has none, stay as they are.
         poses: as for `budget`.
         target: largest distance of the tool from the ideal one [m].
         quantile: the part of states that must keep it, such as 0.99; None: the worst case.
@@ -366,7 +368,7 @@ def allocate(
             values that cannot be; rolling bearings.
         MissingName: no such cost or joint.
     """
-    names = tuple(mechanism.clearance)
+    names = allocated(mechanism)
     _refuse_rolling(mechanism)
     _check(names, target, quantile, cost, weights or {}, least, most)
     weight = np.array([(weights or {}).get(name, 1.0) for name in names])
@@ -412,12 +414,17 @@ def allocate(
     )
 
 
+def allocated(mechanism: Mechanism) -> tuple[str, ...]:
+    """Joints that have clearance to allocate; those that springs hold have none."""
+    return tuple(name for name, joint in mechanism.clearance.items() if joint.clearances)
+
+
 def _refuse_rolling(mechanism: Mechanism) -> None:
-    joints = mechanism.clearance
-    for name, joint in joints.items():
-        if not joint.clearances:
-            raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
-    rolling = [name for name, joint in joints.items() if joint.resultant is not None]
+    joints, names = mechanism.clearance, allocated(mechanism)
+    if joints and not names:
+        name, joint = next(iter(joints.items()))
+        raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
+    rolling = [name for name in names if joints[name].resultant is not None]
     if rolling:
         raise JointplayError(
             f"the clearance of rolling bearings cannot be allocated ({', '.join(rolling)}): they "

@@ -467,6 +467,12 @@ def error_budget(
         own = given.get(name, JointErrors())
         at = moves[name], loads[name], arms[name]
         found += _of_joint(mechanism, name, own, assumed, kind, *at)
+    for name in mechanism.mounts:
+        if moves[name].any():
+            given_way = mechanism.clearance[name].springs.displacements(loads[name])
+            spread = float(assumed["stiffness_spread"])
+            found.append(Contribution(name, "elasticity", None, given_way, spread,
+                                      np.zeros((6, 6)), moves[name], "its springs"))  # fmt: skip
     kept = tuple(one for one in found if one.cause in causes)
     if not kept:
         raise JointplayError("nothing moves the tool, or no cause is counted")
@@ -480,7 +486,7 @@ def _levers(
     mechanism: Mechanism, q: np.ndarray, push: np.ndarray
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Levers (n, 6, 6), loads (n, 6) and ways to the next joint or the tool (n, 3), by joint."""
-    names, n = mechanism.joints, len(q)
+    names, n = (*mechanism.joints, *mechanism.mounts), len(q)
     moves = {name: np.zeros((n, 6, 6)) for name in names}
     loads = {name: np.zeros((n, 6)) for name in names}
     arms = {name: np.zeros((n, 3)) for name in names}
@@ -594,7 +600,7 @@ def _elastic(
     carried = load.copy()
     carried[:, about] = 0.0
     if joint is not None and joint.springs is not None:
-        shift += _by_springs(joint.springs, carried)
+        shift += joint.springs.displacements(carried)
         words.append("its springs")
     elif isinstance(joint, RollingBearing):
         play = joint.play(second_order=False)
@@ -610,7 +616,7 @@ def _elastic(
             shift += compliance_shift(joint, pressed)
             words.append("its contacts")
     if own.elasticity is not None:
-        shift += _by_springs(own.elasticity, carried)
+        shift += own.elasticity.displacements(carried)
         words.append("given")
     elif joint is None:
         shift[:, 3:5] += carried[:, 3:5] / float(assumed["tilt_stiffness"])
@@ -628,10 +634,3 @@ def _elastic(
         words.append(f"class {kind!r}, assumed: {stiffness:g} N m/rad in torsion")
     words.sort(key=lambda text: not text.startswith("class"))
     return shift, "; ".join(dict.fromkeys(words))
-
-
-def _by_springs(springs: Elasticity, load: np.ndarray) -> np.ndarray:
-    """Displacements of springs at their first stiffness under loads (n, 6)."""
-    shift = np.zeros_like(load)
-    shift[:, :5] = np.linalg.solve(springs.stiffness, load[:, :5].T).T
-    return shift

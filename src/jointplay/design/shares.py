@@ -298,6 +298,7 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
         name: joint
         for name, joint in base.mechanism.clearance.items()
         if not getattr(joint, "ideal", False)
+        and joint.clearances
         and not (isinstance(joint, RollingBearing) and joint.preloaded)
     }
     if not joints:

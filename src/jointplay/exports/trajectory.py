@@ -53,7 +53,7 @@ def encoders(result: Result) -> dict[str, int]:
         if part == MOTOR:
             continue
         kind = class_of(given["clearance"][joint]) if part else None
-        if kind is None or (not kind.compound() and part == kind.ideal_freedoms[0]):
+        if kind is None or kind.ideal_freedoms == (part,):
             at[joint] = index
     return at
 

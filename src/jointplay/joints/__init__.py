@@ -21,11 +21,13 @@ from jointplay.joints.base import (
 from jointplay.joints.bearings import BallBearing, CrossedRollerBearing, RollingBearing
 from jointplay.joints.compliance import (
     CompliantJoint,
+    CompliantMount,
     CompliantSlider,
-    Elasticity,
-    GuideElasticity,
+    SeatParts,
+    parts_of_seat,
 )
 from jointplay.joints.cylindrical import CylindricalClearance
+from jointplay.joints.elasticity import Elasticity, GuideElasticity, MountElasticity
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
 from jointplay.joints.spherical import SphericalClearance
@@ -34,7 +36,7 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
     for kind in (
         *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
-        *(BallBearing, CrossedRollerBearing, CompliantJoint, CompliantSlider),
+        *(BallBearing, CrossedRollerBearing, CompliantJoint, CompliantSlider, CompliantMount),
     )
 }
 
@@ -76,6 +78,7 @@ __all__ = [
     "BallBearing",
     "Clearance",
     "CompliantJoint",
+    "CompliantMount",
     "CompliantSlider",
     "Coordinate",
     "CrossedRollerBearing",
@@ -83,13 +86,16 @@ __all__ = [
     "Elasticity",
     "GuideElasticity",
     "Material",
+    "MountElasticity",
     "Outline",
     "PrismaticClearance",
     "RevoluteClearance",
     "RollingBearing",
     "RoundClearance",
+    "SeatParts",
     "SlidingClearance",
     "SphericalClearance",
     "class_of",
+    "parts_of_seat",
     "replacing",
 ]

@@ -30,6 +30,8 @@ from jointplay.contact.compiled import compiled_touch, parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
 from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.core.units import readable
+from jointplay.geometry import Shape
+from jointplay.joints.elasticity import MountElasticity
 from jointplay.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -240,8 +242,10 @@ class Clearance(Described, ABC):
         return VIRTUAL_LINK
 
     @property
-    def drive_coordinate(self) -> str:
-        """That of `freedoms` which is the ideal joint's own."""
+    def drive_coordinate(self) -> str | None:
+        """That of `freedoms` which is the ideal joint's own; None if that has none."""
+        if not self.ideal_freedoms:
+            return None
         return "yaw" if "yaw" in self.ideal_freedoms else self.ideal_freedoms[0]
 
     @property
@@ -481,6 +485,30 @@ class Clearance(Described, ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WholeLawJoint(Clearance):
+    """A joint for which one law answers as a whole: rolling elements, springs, or both.
+
+    A kind must say, besides, `resultant` and `law`.
+    """
+
+    @property
+    def shape(self) -> Shape:
+        """No surfaces that slide: a law of its own."""
+        return Shape.ROLLING
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers of the law."""
+        assert self.resultant is not None
+        return self.resultant
+
+    @property
+    def friction(self) -> FrictionLaw:
+        """None where anything touches: what the law loses, it says itself."""
+        return resultant.NoFriction()
+
+
+@dataclass(frozen=True, kw_only=True)
 class SlidingClearance(Clearance):
     """A joint whose surfaces hit and slide on each other: a plain bearing, a socket or a guide.
 
@@ -505,10 +533,30 @@ class SlidingClearance(Clearance):
     """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
     its own stiffness does not use it.
     """
+    seat: MountElasticity | None = None
+    """How the bearing gives way in what carries it, in series with its play; None: not at all.
+
+    Its bush is then a body of its own between the two, held by a `CompliantMount`. An ideal joint
+    gives way nowhere.
+    """
+    seat_mass: float | None = quantity("kg", default=None, above=0.0, words="mass of the bush")
+    """Of the bush in its seat [kg]; None takes a steel one as long as the bearing, its wall half as
+    thick as its bore's half width (`compliance.parts_of_seat`).
+    """
 
     def __post_init__(self) -> None:
-        """Check the laws and the restitution."""
+        """Check the laws, the restitution and the seat."""
         super().__post_init__()
+        if self.seat is not None and not isinstance(self.seat, MountElasticity):
+            raise JointplayError(
+                f"the seat of a {self.kind} joint must be a MountElasticity, got {self.seat!r}",
+                where=("seat",),
+            )
+        if self.seat is None and self.seat_mass is not None:
+            raise JointplayError(
+                f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too",
+                where=("seat_mass",),
+            )
         if not 0.0 < self.restitution <= 1.0:
             raise JointplayError(
                 f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)

@@ -26,13 +26,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from jointplay.contact import resultant
-from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
+from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.schema import check_fields, choice, quantity
 from jointplay.core.units import readable
-from jointplay.geometry import Shape
-from jointplay.joints.base import SAMPLES, Clearance, Hinge, Material, Outline
-from jointplay.joints.compliance import Elasticity
+from jointplay.joints.base import SAMPLES, Hinge, Material, Outline, WholeLawJoint
+from jointplay.joints.elasticity import Elasticity
 from jointplay.joints.element_play import ElementPlay
 from jointplay.joints.materials import material
 from jointplay.joints.play import Play
@@ -121,7 +120,7 @@ class BearingState(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RollingBearing(Clearance):
+class RollingBearing(WholeLawJoint):
     """What ball and crossed roller bearings have in common.
 
     Raises:
@@ -284,9 +283,16 @@ class RollingBearing(Clearance):
         return self._dimension("pitch_diameter") or 0.5 * (self.d_bore + self.d_outside)
 
     @property
-    @abstractmethod
     def d_element(self) -> float:
-        """D [m]."""
+        """D [m]: given, or estimated."""
+        if self.element_diameter is not None:
+            return self.element_diameter
+        return self._estimated_diameter
+
+    @property
+    @abstractmethod
+    def _estimated_diameter(self) -> float:
+        """D by what else is known [m]."""
 
     @property
     @abstractmethod
@@ -625,16 +631,6 @@ class RollingBearing(Clearance):
         return ("rollers",) if self.roller_elements else ("balls",)
 
     @property
-    def shape(self) -> Shape:
-        """Elements between two rings."""
-        return Shape.ROLLING
-
-    @property
-    def dimensions(self) -> tuple[float, ...]:
-        """The numbers of the law."""
-        return self.resultant
-
-    @property
     def exponent(self) -> float:
         """n of the load of an element."""
         return resultant.ROLLER_EXPONENT if self.roller_elements else resultant.BALL_EXPONENT
@@ -653,11 +649,6 @@ class RollingBearing(Clearance):
     @abstractmethod
     def _most_loaded(self) -> float:
         """Q Z / F of the element that bears most, under a load across."""
-
-    @property
-    def friction(self) -> FrictionLaw:
-        """None at the elements: `drag` and `friction_lever` are of the bearing as a whole."""
-        return resultant.NoFriction()
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Of one element between both rings."""
@@ -927,13 +918,6 @@ class BallBearing(RollingBearing):
             return self.contact_angle
         return math.radians(float(self._entry.get("contact_angle", 0.0)))
 
-    @property
-    def d_element(self) -> float:
-        """D [m]."""
-        if self.element_diameter is not None:
-            return self.element_diameter
-        return self._estimated_diameter
-
     @cached_property
     def _estimated_diameter(self) -> float:
         """The catalogue's; that with which Z D^2 gives C_0; or a share of the room [m]."""
@@ -1178,15 +1162,9 @@ class CrossedRollerBearing(RollingBearing):
                 where=("roller_length",),
             )
 
-    @property
-    def d_element(self) -> float:
-        """D [m]: given, or that with which C_0 = 44 (1 - gamma) Z L D cos(45 deg)."""
-        if self.element_diameter is not None:
-            return self.element_diameter
-        return self._estimated_diameter
-
     @cached_property
     def _estimated_diameter(self) -> float:
+        """That with which C_0 = 44 (1 - gamma) Z L D cos(45 deg); or a share of the room [m]."""
         static = self.static_rating or float(self._entry.get("static", 0.0))
         if not static:
             return 0.3 * (self.d_outside - self.d_bore)

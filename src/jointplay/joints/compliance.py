@@ -1,233 +1,41 @@
 """Joints that give way: springs in the directions in which a joint holds its two bodies.
 
-`Elasticity` says how stiff; `CompliantJoint` is a joint without play that gives way like this, and
-a rolling bearing can have it as its `seat`, in series with its balls or rollers.
+`elasticity` says how stiff; `CompliantJoint` is a joint without play that gives way like this, and
+a rolling bearing can have it as its `seat`, in series with its balls or rollers. `CompliantMount`
+holds a body in every direction: in the place of a fixed joint, or under the bush of a joint whose
+surfaces slide (`parts_of_seat`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from jointplay.contact import resultant
-from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
-from jointplay.core.errors import JointplayError, require_numbers
-from jointplay.core.schema import Described, check_fields, quantity
-from jointplay.geometry import Shape
-from jointplay.joints.base import Clearance, Outline
+from jointplay.contact.law import ContactProperties, NormalForceLaw
+from jointplay.joints.base import Clearance, Outline, SlidingClearance, WholeLawJoint
+from jointplay.joints.elasticity import Elasticity, GuideElasticity, MountElasticity
 from jointplay.joints.element_play import NO_PLAY
 from jointplay.joints.play import Play
 
-_FREE = {"about its axis": 5, "along its axis": 2}
-"""Which of the six directions x, y, z, about x, y, z is free."""
-
-
-def _turn(places: Sequence[tuple[int, float]]) -> np.ndarray:
-    """Directions by parts of xi, (5, 5), from where each part stands and its sign."""
-    whole = np.zeros((resultant.WAYS, resultant.WAYS))
-    for k, (at, sign) in enumerate(places):
-        whole[at, k] = sign
-    return whole
-
-
-def _listed(names: Iterable[str]) -> str:
-    *first, last = names
-    return f"{', '.join(first)} and {last}"
-
 
 @dataclass(frozen=True, kw_only=True)
-class _Springs(Described):
-    """Springs in the five directions in which a joint holds."""
-
-    directions: ClassVar[tuple[str, ...]]
-    """Which stiffness holds in each direction."""
-    turn: ClassVar[np.ndarray]
-    """Directions of what compiled code calls xi, (5, 5)."""
-    free: ClassVar[str]
-    """In which direction a joint is free."""
-
-    matrix: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Instead of numbers: of all five directions, (5, 5)."""
-    damping_time: float = quantity("s", default=1e-5, least=0.0, words="damping time")
-    """Damping over stiffness [s]: a swing of angular frequency w decays by w damping_time / 2."""
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check_fields(self)
-        names = dict.fromkeys(self.directions)
-        for name in (f"{one}_curve" for one in names):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checked_curve(name, getattr(self, name)))
-        if self.matrix is not None:
-            object.__setattr__(self, "matrix", self._checked_matrix(self.matrix))
-            if any(getattr(self, one) is not None for one in names):
-                raise JointplayError(
-                    f"give the stiffness matrix or {_listed(names)} stiffness, not both",
-                    where=("matrix",),
-                )
-        lengths = 3 if _FREE[self.free] == 5 else 2
-        lever = np.repeat([1.0, 30.0], [lengths, resultant.WAYS - lengths])
-        sizes = np.linalg.eigvalsh(self.stiffness * np.outer(lever, lever))
-        if sizes.min() <= 1e-12 * sizes.max():
-            raise JointplayError(
-                f"a joint must be held in every direction but {self.free}: give {_listed(names)} "
-                "stiffness (or a curve for each), or a positive definite matrix"
-            )
-
-    def _checked_matrix(self, matrix: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-        given, where = require_numbers("the stiffness matrix", matrix), ("matrix",)
-        if given.shape not in ((resultant.WAYS,) * 2, (6, 6)) or not np.isfinite(given).all():
-            raise JointplayError(
-                f"the stiffness matrix must be finite and (5, 5), got {given.shape}", where=where
-            )
-        if given.shape == (6, 6):
-            at = _FREE[self.free]
-            if np.abs(given[at]).max() or np.abs(given[:, at]).max():
-                raise JointplayError(
-                    f"{self.free} a joint is free: row and column {at + 1} of a stiffness matrix "
-                    "must be zero (stiffness there is the gear's or the drive's)",
-                    where=where,
-                )
-            given = np.delete(np.delete(given, at, axis=0), at, axis=1)
-        if np.abs(given - given.T).max() > 1e-9 * np.abs(given).max():
-            raise JointplayError("the stiffness matrix must be symmetric", where=where)
-        return tuple(map(tuple, given.tolist()))
-
-    @property
-    def _curves(self) -> list[list[tuple[float, float]]]:
-        """By direction."""
-        curves = (getattr(self, f"{name}_curve") for name in self.directions)
-        return [[(one[0], one[1]) for one in curve or ()] for curve in curves]
-
-    @cached_property
-    def stiffness(self) -> np.ndarray:
-        """At small displacements in the five directions, shape (5, 5)."""
-        if self.matrix is not None:
-            whole = np.array(self.matrix)
-        else:
-            whole = np.diag([getattr(self, name) or 0.0 for name in self.directions])
-        for k, curve in enumerate(self._curves):
-            if curve:
-                whole[k, k] += curve[0][1] / curve[0][0]
-        return whole
-
-    @cached_property
-    def numbers(self) -> tuple[float, ...]:
-        """By which compiled code knows them."""
-        linear, curves = self.stiffness.copy(), self._curves
-        for k, curve in enumerate(curves):
-            if curve:
-                linear[k, k] -= curve[0][1] / curve[0][0]
-        at = np.abs(self.turn).argmax(axis=0)
-        return resultant.spring_numbers(
-            self.turn.T @ linear @ self.turn, [curves[int(k)] for k in at]
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Elasticity(_Springs):
-    """Stiffness and damping of what holds a joint that turns, in its own axes, z the axis.
-
-    Give numbers, a matrix, or a curve for a direction, which is added to them. About the axis a
-    joint is free: what gives way there is its gear or its drive.
-
-    Raises:
-        JointplayError: a stiffness that is not positive, a matrix that is not symmetric and
-            positive definite, or a curve that does not rise.
-    """
-
-    directions: ClassVar[tuple[str, ...]] = ("radial", "radial", "axial", "tilt", "tilt")
-    turn: ClassVar[np.ndarray] = _turn(((0, 1.0), (1, 1.0), (2, 1.0), (4, 1.0), (3, -1.0)))
-    free: ClassVar[str] = "about its axis"
-
-    radial: float | None = quantity("N/m", default=None, above=0.0, words="radial stiffness")
-    """Across the axis, in x and y alike [N/m]."""
-    axial: float | None = quantity("N/m", default=None, above=0.0, words="axial stiffness")
-    """Along the axis [N/m]."""
-    tilt: float | None = quantity("N*m/rad", default=None, above=0.0, words="tilt stiffness")
-    """About x and y alike [N m/rad]."""
-    radial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Points (displacement [m], force [N]), added in x and in y; at most 12."""
-    axial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Points (displacement [m], force [N]) along the axis."""
-    tilt_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Points (angle [rad], moment [N m]) about x and about y."""
-
-    @property
-    def words(self) -> str:
-        """Stiffness, for a line of text."""
-        x, _, z, tilt, _ = np.diag(self.stiffness)
-        return f"{1e-6 * x:.3g} N/um across, {1e-6 * z:.3g} N/um along, {tilt:.3g} N m/rad in tilt"
-
-
-@dataclass(frozen=True, kw_only=True)
-class GuideElasticity(_Springs):
-    """Stiffness and damping of what holds a slider, z the direction of sliding.
-
-    As `Elasticity`; a matrix is of displacements along x, y and rotations about x, y, z.
-
-    Raises:
-        JointplayError: see `Elasticity`.
-    """
-
-    directions: ClassVar[tuple[str, ...]] = ("across", "across", "tilt", "tilt", "torsion")
-    turn: ClassVar[np.ndarray] = _turn(((0, 1.0), (1, 1.0), (3, 1.0), (2, -1.0), (4, 1.0)))
-    free: ClassVar[str] = "along its axis"
-
-    across: float | None = quantity("N/m", default=None, above=0.0, words="stiffness across")
-    """In x and y alike [N/m]."""
-    tilt: float | None = quantity("N*m/rad", default=None, above=0.0, words="tilt stiffness")
-    """About x and y alike [N m/rad]."""
-    torsion: float | None = quantity("N*m/rad", default=None, above=0.0, words="torsion stiffness")
-    """About z [N m/rad]."""
-    across_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Points (displacement [m], force [N]), added in x and in y; at most 12."""
-    tilt_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Points (angle [rad], moment [N m]) about x and about y."""
-    torsion_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Points (angle [rad], moment [N m]) about z."""
-
-    @property
-    def words(self) -> str:
-        """Stiffness, for a line of text."""
-        x, _, tilt, _, turn = np.diag(self.stiffness)
-        return f"{1e-6 * x:.3g} N/um across, {tilt:.3g} N m/rad in tilt, {turn:.3g} in torsion"
-
-
-def _checked_curve(name: str, given: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-    rows = require_numbers(f"the {name.replace('_', ' ')}", given)
-    where = (name,)
-    if rows.ndim != 2 or rows.shape[1] != 2 or not 1 <= len(rows) <= resultant.NODES:
-        raise JointplayError(
-            f"a stiffness curve has 1 to {resultant.NODES} points (displacement, force), got the "
-            f"shape {rows.shape}",
-            where=where,
-        )
-    steps = np.diff(np.vstack([np.zeros(2), rows]), axis=0)
-    if not np.isfinite(rows).all() or not (steps > 0.0).all():
-        raise JointplayError(
-            "displacements and forces of a stiffness curve must rise from zero on", where=where
-        )
-    return tuple(map(tuple, rows.tolist()))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Held(Clearance):
-    """A joint without play that gives way in five directions: springs hold it."""
+class _Held(WholeLawJoint):
+    """A joint without play that gives way wherever it holds: springs hold it."""
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {}
     spring_law: ClassVar[int]
 
-    elasticity: Elasticity | GuideElasticity
+    elasticity: Elasticity | GuideElasticity | MountElasticity
     """How stiff it is."""
 
     @property
-    def springs(self) -> Elasticity | GuideElasticity:
+    def springs(self) -> Elasticity | GuideElasticity | MountElasticity:
         """Those of `elasticity`."""
         return self.elasticity
 
@@ -235,16 +43,6 @@ class _Held(Clearance):
     def contacts(self) -> tuple[str, ...]:
         """One, which always holds."""
         return ("springs",)
-
-    @property
-    def shape(self) -> Shape:
-        """No surfaces: a law of its own."""
-        return Shape.ROLLING
-
-    @property
-    def dimensions(self) -> tuple[float, ...]:
-        """The numbers of the law."""
-        return self.resultant
 
     @cached_property
     def resultant(self) -> tuple[float, ...]:
@@ -264,11 +62,6 @@ class _Held(Clearance):
     def normal(self) -> NormalForceLaw:
         """A linear spring across."""
         return resultant.ElementContact(1.0)
-
-    @property
-    def friction(self) -> FrictionLaw:
-        """None."""
-        return resultant.NoFriction()
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """The stiffest direction."""
@@ -375,3 +168,95 @@ class CompliantSlider(_Held):
     def directions(self) -> np.ndarray:
         """See `Clearance.directions`: across."""
         return np.eye(6)[:2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompliantMount(_Held):
+    """A fixed joint that gives way in all six directions: a soft table, a suspension, a flange.
+
+    Its six coordinates are free, and springs hold all of them; no drive acts on it. Its axes are
+    those of the URDF's joint.
+
+    Raises:
+        JointplayError: see `Elasticity`.
+    """
+
+    kind: ClassVar[str] = "compliant-mount"
+    replaces: ClassVar[tuple[str, ...]] = ("fixed",)
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ()
+    spring_law: ClassVar[int] = resultant.MOUNT
+
+    elasticity: MountElasticity
+    """How stiff it is."""
+
+    @property
+    def outline(self) -> Outline:
+        """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
+        _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
+        radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
+        return Outline("cylinder", (radius, radius, 0.25 * radius), (0.0, 0.0, 0.0), walls=True)
+
+    def directions(self) -> np.ndarray:
+        """See `Clearance.directions`: across and along."""
+        return np.eye(6)[:3]
+
+
+# The bush of a joint in a seat. A contact needs a body to push against: the time loop knows no
+# surfaces between bodies without mass, as the rings of rolling bearings are.
+
+
+BUSH_WALL = 0.5
+"""Wall of a bush over the half width of its bore, where no mass is given."""
+
+BUSH_DENSITY = 7850.0
+"""Steel [kg/m^3], where the bearing's material has none."""
+
+
+class SeatParts(NamedTuple):
+    """What a joint in a seat consists of."""
+
+    joint: Clearance
+    """The joint between the bush and the other body, without its seat."""
+    mount: Clearance
+    """What holds the bush in the body that carries the bearing."""
+    mass: float
+    """Of the bush [kg]."""
+    moments: tuple[float, float, float]
+    """Of inertia about the bush's centre and the bearing's axes [kg m^2]."""
+
+
+def parts_of_seat(joint: Clearance) -> SeatParts | None:
+    """Bush and mount of a joint in a seat; None if it has none, or a law of its own for it.
+
+    An ideal joint gives way no more than it has clearance.
+
+    The bush is a body as long as the bearing with a wall of half the half width of its bore
+    (`BUSH_WALL`), a tube, a hollow ball or a hollow block; `seat_mass` only scales it.
+    """
+    if not isinstance(joint, SlidingClearance) or joint.seat is None or joint.ideal:
+        return None
+    outline = joint.outline
+    inner = np.add(outline.size, outline.room)
+    wall = BUSH_WALL * float(inner[:2].min())
+    outer = inner + wall * np.array([1.0, 1.0, float(outline.form == "ball")])
+    (whole, most), (bore, less) = _solid(outline, outer), _solid(outline, inner)
+    volume, moments = whole - bore, most - less
+    density = joint.bearing_material.density or BUSH_DENSITY
+    mass = density * volume if joint.seat_mass is None else joint.seat_mass
+    x, y, z = map(float, mass / volume * moments)
+    alone = replace(joint, seat=None, seat_mass=None)
+    return SeatParts(alone, CompliantMount(elasticity=joint.seat), float(mass), (x, y, z))
+
+
+def _solid(outline: Outline, half: np.ndarray) -> tuple[float, np.ndarray]:
+    """Volume [m^3] and moments of inertia at density 1 [m^5] of a body with these half extents."""
+    x, y, z = half
+    if outline.form == "ball":
+        volume = 4.0 / 3.0 * math.pi * x * y * z
+        return volume, volume / 5.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    if outline.form == "block":
+        volume = 8.0 * x * y * z
+        return volume, volume / 3.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    volume = 2.0 * math.pi * x * y * z
+    across = x * x / 4.0 + z * z / 3.0
+    return volume, volume * np.array([across, across, x * x / 2.0])

@@ -52,14 +52,14 @@ def to_urdf(mechanism: Mechanism) -> str:
         raise JointplayError(
             f"{what} {name!r} cannot be written: a URDF can only describe a tree of joints"
         )
-    text = mechanism.description.text
+    text = mechanism.description.text  # mounts have no play, and stay fixed
     data = text.encode("utf-8")
     joints = mechanism.description.elements().findall("joint")
     elements = {joint.get("name", ""): joint for joint in joints}
     taken = set(elements) | set(mechanism.description.links)
     pieces, end = [], 0
     for name, start, stop in _spans(data):
-        if name in mechanism.clearance:
+        if name in mechanism.clearance and name not in mechanism.mounts:
             chain = _chain(mechanism, name, elements[name])
             for element in chain:
                 if element.get("name") in taken - {name}:

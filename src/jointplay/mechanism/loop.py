@@ -221,9 +221,7 @@ def _open(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
     """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
     unless all of them are wanted."""
-    own = {
-        mechanism.coordinate(name) for name in mechanism.clearance if name not in mechanism.loops
-    }
+    own = {mechanism.coordinate(name) for name in mechanism.joints if name in mechanism.clearance}
     for name in mechanism.locks:
         own.update(mechanism.carriage(name))
     every = (i for i in range(mechanism.model.nv) if journals or i in own or not mechanism.plays(i))

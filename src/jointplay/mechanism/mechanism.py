@@ -23,12 +23,21 @@ from jointplay.core.imports import load_object
 from jointplay.core.schema import Described, plain, quantity
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
-from jointplay.joints import MOTOR, RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance, Coordinate
+from jointplay.joints import (
+    MOTOR,
+    RELATIVE,
+    UNNAMED_KIND,
+    VIRTUAL_LINK,
+    Clearance,
+    Coordinate,
+    parts_of_seat,
+)
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import Frame, build, parse
 from jointplay.mechanism.robots import urdf_of
+from jointplay.mechanism.seats import SEAT, seat_of_joint, seat_of_loop
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 
 # Where bearing and journal of joints are, how they move, and what holds loops together.
@@ -114,8 +123,10 @@ class Mechanism(Overview, Described):
         model, data: the Pinocchio model and data that the simulation uses.
         coordinates: names of the generalised coordinates, in the order of q and v.
         given_joints: as given, ideal ones too, which say of what kind a loop's joint or a ball is.
+            One with a seat stands here without it, and its mount ``JOINT_seat`` beside it.
         clearance: those of them that have clearance.
-        loops, gears: as given.
+        description, loops: as given, with the bushes of seats, links ``JOINT_bush``.
+        gears: as given.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
             and of what is fixed to it (`mechanism.loop`).
 
@@ -153,12 +164,17 @@ class Mechanism(Overview, Described):
         for name, joint in self.given_joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)
+        if tool is None:
+            bare = parse(self.description)
+            tool = bare.frames[bare.nframes - 1].name
+        self._take_seats()
         self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
-        source = parse(self.description)
+        fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
+        source = parse(self.description, tuple(sorted(fixed.intersection(self.clearance))))
         self._make(source, {})
-        if tool is not None and not isinstance(tool, str):
+        if not isinstance(tool, str):
             raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
-        self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
+        self.tool = tool
         self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
         for name, gear in self.gears.items():
             with within("gears", name):
@@ -174,6 +190,29 @@ class Mechanism(Overview, Described):
         if needed:
             self._make(source, needed)
             self.tool_frame = frame_index(self.model, self.tool)
+
+    def _take_seats(self) -> None:
+        """Put a bush and its mount between the two links of each joint in a seat."""
+        given, self.given_joints = self.given_joints, {}
+        for name, joint in given.items():
+            parts = parts_of_seat(joint)
+            if parts is None:
+                self.given_joints[name] = joint
+                continue
+            with within("clearance", name, "seat"):
+                if name in self.loops:
+                    if joint.freedoms != VIRTUAL_LINK:
+                        locked = [part for part in VIRTUAL_LINK if part not in joint.freedoms]
+                        raise JointplayError(
+                            f"loop {name!r} has a seat and locks {', '.join(locked)}: its bush "
+                            "gives way in these directions, too; leave out the locks or the seat"
+                        )
+                    seated = seat_of_loop(self.description, name, self.loops[name], joint, parts)
+                    self.description, self.loops[name] = seated
+                else:
+                    self.description = seat_of_joint(self.description, name, joint, parts)
+            self.given_joints[name] = parts.joint
+            self.given_joints[f"{name}{SEAT}"] = parts.mount
 
     def _check_gear(self, name: str, gear: Gearing) -> None:
         if not isinstance(gear, Gearing):
@@ -240,8 +279,14 @@ class Mechanism(Overview, Described):
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
-        names = (coordinate.joint for coordinate in self.coordinates)
-        return tuple(name for name in dict.fromkeys(names) if name not in self.loops)
+        names = dict.fromkeys(coordinate.joint for coordinate in self.coordinates)
+        return tuple(name for name in names if name not in self.loops and name not in self.mounts)
+
+    @property
+    def mounts(self) -> tuple[str, ...]:
+        """Names of the joints that cannot move without clearance, and give way."""
+        joints = self.clearance.items()
+        return tuple(name for name, joint in joints if not joint.ideal_freedoms)
 
     def coordinate(self, joint: str) -> int:
         """Index in q of the ideal coordinate of `joint` (yaw, or z of a slider, with clearance).
@@ -252,7 +297,7 @@ class Mechanism(Overview, Described):
         given = self.given_joints.get(joint)
         name = Coordinate(joint)
         if given is not None and (joint in self.clearance or given.compound()):
-            name = Coordinate(joint, given.drive_coordinate)
+            name = Coordinate(joint, given.drive_coordinate or "")
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
@@ -364,7 +409,8 @@ class Mechanism(Overview, Described):
         moving = list(self.joints)
         facts = {"moving joints": few(moving)}
         for name, joint in self.clearance.items():
-            facts[f"joint {name}"] = f"{joint.kind} with clearance, play {joint.play_words}"
+            play = f"{joint.kind} with clearance, play {joint.play_words}"
+            facts[f"joint {name}"] = play if joint.springs is None else joint.words
         for name, loop in self.loops.items():
             kind = self.loop_class(name).kind
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"

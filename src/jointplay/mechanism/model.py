@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ Frame = tuple[int, pin.SE3]
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
 _PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"
-_URDF_FLOATING = "floating"
+_URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
 
 _SINGLE = {
     "x": pin.JointModelPX,
@@ -36,15 +37,27 @@ _SINGLE = {
 }
 
 
-def parse(description: Description) -> pin.Model:
+def parse(description: Description, released: Collection[str] = ()) -> pin.Model:
     """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
 
     The same text is read once: what is returned is shared, and must not be changed.
 
+    Args:
+        description: the URDF.
+        released: fixed joints that are read as floating ones, for Pinocchio would make one body of
+            the two links.
+
     Raises:
         JointplayError: Pinocchio cannot read it.
     """
-    return _parsed(description.text, str(description.path))
+    text = description.text
+    if released:
+        root = description.elements()
+        for joint in root.findall("joint"):
+            if joint.get("name") in released:
+                joint.set("type", _URDF_FLOATING)
+        text = ElementTree.tostring(root, encoding="unicode")
+    return _parsed(text, str(description.path))
 
 
 @lru_cache(maxsize=32)
@@ -155,7 +168,11 @@ def _axis(
     """Axis of a joint in its own frame, and whether it slides along it."""
     name, joint = source.names[index], source.joints[index]
     kind = joint.shortname()
-    if kind == _FLOATING and given is not None and _URDF_FLOATING in given.replaces:
+    if (
+        kind == _FLOATING
+        and given is not None
+        and {_URDF_FLOATING, _URDF_FIXED} & {*given.replaces}
+    ):
         return np.array([0.0, 0.0, 1.0]), False
     if not kind.startswith(_REVOLUTE + _PRISMATIC) or joint.nv != 1:
         remedy = (

@@ -220,7 +220,7 @@ MOST_LETTERS = 200
 GROUND = "universe"
 """Pinocchio's own frame and joint: what is called like it would be taken for the ground."""
 
-_NO_AXIS = ("fixed", "floating", "ball")
+NO_AXIS = ("fixed", "floating", "ball")
 """Types of joint whose axis means nothing; exporters write zeros there."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -445,7 +445,7 @@ def _check_placements(root: ElementTree.Element) -> None:
                 for key in ("xyz", "rpy"):
                     _numbers(origin, key, f"{owner}: origin {key}", 3, "0 0 0")
             axis = element.find("axis")
-            if axis is None or kind == "link" or element.get("type") in _NO_AXIS:
+            if axis is None or kind == "link" or element.get("type") in NO_AXIS:
                 continue
             if not any(_numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
                 raise JointplayError(

@@ -451,6 +451,8 @@ class Auditor:
         depth, relative = 0.0, 0.0
         joints = mechanism.clearance.values()
         for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
+            if joint.springs is not None:  # they give way, and nothing penetrates
+                continue
             for gap, room in zip(gaps, joint.rooms, strict=False):
                 depth = max(depth, -gap)
                 if joint.resultant is None:  # elements give way by more than they are free

@@ -61,7 +61,8 @@ def _facts(run: Run) -> dict[str, str]:
                 f"{field.replace('_', ' ')} {text}" for field, text in joint.estimates.items()
             )
             words += f"; estimated: {guessed}" if guessed else ""
-        facts[f"joint {name}"] = f"{words}; {steps:.0f} steps in an impact"
+        hits = f"; {steps:.0f} steps in an impact" if joint.springs is None else ""
+        facts[f"joint {name}"] = words + hits
     if not mechanism.clearance:
         facts["joints"] = "all ideal"
     for name, gear in mechanism.gears.items():

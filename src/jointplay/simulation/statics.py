@@ -231,11 +231,12 @@ class ElasticJoint:
 
 
 class _ElasticElements(ElasticJoint):
-    """The elements of a rolling bearing, its cage where it starts."""
+    """The elements of a rolling bearing, its cage where it starts; or springs."""
 
     def __init__(self, joint: Clearance) -> None:
         assert joint.resultant is not None
         self._law, self._numbers = joint.law, joint.resultant
+        self._holds = joint.law in resultant.HOLDING
         self._cage = joint.resultant[resultant.CAGE]
         self.reach = float(np.linalg.norm(joint.outline.size))
 
@@ -251,11 +252,12 @@ class _ElasticElements(ElasticJoint):
         return -float(self._look(pose[None])[0, resultant.DEEPEST])
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
-        """See `ElasticJoint.wrench`; no moment about the axis, where the cage is free to go."""
+        """See `ElasticJoint.wrench`; of a bearing no moment about the axis: its cage may go."""
         found = self._look(pose[None])[0]
         axis = pose[[5, 8, 11]]
         wrench = found[:6].copy()
-        wrench[3:] -= (wrench[3:] @ axis) * axis
+        if not self._holds:
+            wrench[3:] -= (wrench[3:] @ axis) * axis
         return wrench
 
     def inner_load(self, pose: np.ndarray) -> float:
@@ -566,7 +568,7 @@ class StaticEquilibrium:
         self._trailing: dict[int, int] = {}  # motors whose encoder sees the link
         self._through: dict[int, tuple[float, float, float]] = {}
         """Spring, torque and lever with which such a motor's drive acts on the link now."""
-        self._pull = 0.0
+        self._pull = np.zeros(0)
         self._bands, self._reach = np.zeros(nv), np.full(nv, np.inf)
         """By which springs of drives give way at first, and what they are bent by at most."""
         sprung = self._servos(servos, reference, drives)
@@ -578,7 +580,7 @@ class StaticEquilibrium:
         self._inertia, self._given = np.zeros(nv), np.zeros(nv)
         self.refresh(self._start)
         self.basis = self._find_basis(sprung, drives, set(given))
-        self.scale, self._room = self._scales()
+        self.scale, self._rooms = self._scales()
 
     def _servos(
         self,
@@ -670,7 +672,7 @@ class StaticEquilibrium:
             if not film and not given & set(members.values()):
                 blocks[name] = {members[part] for part in limited_freedoms(joint)}
                 play |= blocks[name]
-        own -= {mechanism.coordinate(n) for n in mechanism.clearance if n not in mechanism.loops}
+        own -= {mechanism.coordinate(n) for n in mechanism.joints if n in mechanism.clearance}
         every = np.eye(nv)
         columns = [every[:, sorted((play | sprung) - given)]]
         # What moves one journal only, unless it has to close an ideal loop.
@@ -695,21 +697,31 @@ class StaticEquilibrium:
             basis = basis @ right[rank:].T
         return basis
 
-    def _scales(self) -> tuple[np.ndarray, float]:
-        """How far each direction moves until a journal has crossed its clearance, and that [m]."""
+    def _scales(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far each direction moves until a journal has crossed its clearance, and that [m].
+
+        Clearances of one mechanism may differ by orders of magnitude: of a journal and of springs.
+        """
         joints = self._mechanism.clearance
         pin.computeJointJacobians(self._model, self._data, self._start)
-        scale = np.full(self.basis.shape[1], np.inf)
-        for name, joint in joints.items():
+        scale, rooms = np.full((2, self.basis.shape[1]), np.inf)
+        # Springs are as far from their middle as the weight bends them.
+        bent = max(self.weight(), 1.0)
+        least = {
+            name: joint.search_room * (1.0 if joint.springs is None else bent)
+            for name, joint in joints.items()
+        }
+        for name in joints:
             moves = self._jacobian(name) @ self.basis
             way = np.linalg.norm(moves[:3], axis=0)
             way += self._elastic[name].reach * np.linalg.norm(moves[3:], axis=0)
             with np.errstate(divide="ignore"):
-                scale = np.minimum(scale, joint.search_room / way)
-        rooms = [joint.search_room for joint in joints.values()]
+                own = least[name] / way
+            rooms = np.where(own < scale, least[name], rooms)
+            scale = np.minimum(scale, own)
         plays = [gear.play / 2.0 for _, _, gear in self._gears]
-        room = min(rooms, default=min(plays, default=1e-4) or 1e-4)
-        return np.where(np.isfinite(scale), scale, room), room
+        room = min(least.values(), default=min(plays, default=1e-4) or 1e-4)
+        return np.where(np.isfinite(scale), scale, room), np.where(np.isfinite(rooms), rooms, room)
 
     def refresh(self, q: np.ndarray) -> None:
         """Reckon anew, in configuration q, what is no potential.
@@ -752,8 +764,8 @@ class StaticEquilibrium:
         for m, k, gear in self._gears:
             if m not in self._trailing:
                 total += gear.first_load(float(gear.twist(q[m], q[k])))[0]
-        if self._pull > 0.0:
-            total += 0.5 * self._pull * float(np.sum((away @ self.basis / self.scale) ** 2))
+        if self._pull.any():
+            total += 0.5 * float(self._pull @ (away @ self.basis / self.scale) ** 2)
         return float(total) if np.isfinite(total) else np.inf
 
     def slopes(self, q: np.ndarray, names: Collection[str]) -> tuple[np.ndarray, np.ndarray, float]:
@@ -785,9 +797,9 @@ class StaticEquilibrium:
             gradient += torque * ways
             curvature += stiffness * np.outer(ways, ways)
             curvature[m, m] += torque * bend
-        if self._pull > 0.0:
+        if self._pull.any():
             parts = self.basis / self.scale
-            gradient += self._pull * (parts @ ((q - self._start) @ parts))
+            gradient += parts @ (self._pull * ((q - self._start) @ parts))
             curvature += self._pull * parts @ parts.T
         return gradient, curvature, load
 
@@ -834,7 +846,7 @@ class StaticEquilibrium:
                 what the others do to a joint's load is of second order.
         """
         self.refresh(self._start)
-        self._pull = TOWARDS_MIDDLE * self.weight() * self._room
+        self._pull = TOWARDS_MIDDLE * self.weight() * self._rooms
         q, trials, residual, load = self._start, 0, np.inf, 1.0
         if near is not None:
             q, residual, load, trials = self._newton_descent(near, MOST_TRIALS)
@@ -844,14 +856,14 @@ class StaticEquilibrium:
                 q, *_ = self._newton_descent(q, MOST_LOCAL, {name}, at)
             q, _, _, tried = self._newton_descent(q, MOST_TRIALS)
             trials += tried
-        self._pull = 0.0
+        self._pull = np.zeros(0)
         for _ in range(MOST_ROUNDS):
             q, residual, load, tried = self._newton_descent(q, MOST_TRIALS)
             trials += tried
             # Inertia and what is no potential, where the machine rests.
             self.refresh(q)
             slope = self.slopes(q, self._elastic)[0] @ self.basis * self.scale
-            residual = float(np.abs(slope).max(initial=0.0)) / self._room
+            residual = float(np.abs(slope / self._rooms).max(initial=0.0))
             if residual <= BALANCED * load:
                 break
         q = self.close(q)
@@ -873,13 +885,14 @@ class StaticEquilibrium:
     ) -> tuple[np.ndarray, float, float, int]:
         """Newton's method in a trust region; returns q, residual [N], load [N] and trials."""
         names = self._elastic if names is None else names
-        ways = self.basis * self.scale
+        ways, rooms = self.basis * self.scale, self._rooms
         if at:
-            ways = ways[:, np.abs(ways[list(at)]).any(axis=0)]
+            own = np.abs(ways[list(at)]).any(axis=0)
+            ways, rooms = ways[:, own], rooms[own]
         radius, trials = 1.0, 0
         here = self._look(q, ways, names)
         while True:
-            residual = float(np.abs(here.slope).max(initial=0.0)) / self._room
+            residual = float(np.abs(here.slope / rooms).max(initial=0.0))
             load = here.load
             if residual <= SOLVED * (load or self.weight()) or trials >= most or radius < 1e-12:
                 return here.q, residual, load, trials
