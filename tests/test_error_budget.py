@@ -143,3 +143,8 @@ def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     assert (out / "errors.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main([*options, "--causes", "play,wear"]) == 2
     assert "wear" in capsys.readouterr().err
+
+
+def test_causes_without_the_whole_budget_are_refused(capsys):
+    assert cli.main(["budget", "ur5", "--clearance", "1e-4", "--causes", "play"]) == 2
+    assert "--causes play selects causes of the whole error" in capsys.readouterr().err

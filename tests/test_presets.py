@@ -9,7 +9,7 @@ import jointplay as jp
 from jointplay import cli
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.design.error_budget import error_budget, error_classes
-from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_of, presets
+from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_for, preset_of, presets
 
 ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
         "printed-servo": "z1", "opentorque": "z1"}  # fmt: skip
@@ -60,6 +60,8 @@ def test_the_servo_shows_the_play_that_was_measured():
 
 def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
     assert preset_of("so101").name == "so101"
+    assert preset_for("so101", "").name == "so101"
+    assert preset_for("so101", "ur-like").name == "ur-like"
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset ur-like"):
         preset_of("ur5")
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset"):

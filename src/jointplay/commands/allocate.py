@@ -11,8 +11,7 @@ from jointplay.commands import (
     add_repeatable,
     add_shared,
     given,
-    name_and_value,
-    quantity,
+    numbers_by_name,
 )
 from jointplay.commands.mechanism import add_poses, add_robot, preset_chosen, task
 from jointplay.core.errors import JointplayError
@@ -40,7 +39,10 @@ def add(commands: Any) -> None:
         "--quantile P",
         "share of states that must meet the target, such as 0.99 (default: all)",
     )
-    add_option(parser, "--cost", "cost of a clearance c: 1/c, 1/c^2 or -c", COSTS[0], choices=COSTS)
+    add_option(
+        parser, "--cost", f"cost of a clearance c: 1/c, 1/c^2 or -c (default {COSTS[0]})",
+        choices=COSTS,
+    )  # fmt: skip
     add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost (default 1)")
     add_repeatable(
         parser,
@@ -75,26 +77,24 @@ def run(options: argparse.Namespace) -> int:
     work = task(options)
     if options.verify is not None and work.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    weights = {}
-    for text in options.weight:
-        name, value = name_and_value(text)
-        if value is None:
-            raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
-        weights[name] = quantity(value, "", f"--weight {name}")
-    out.claim()
-    bearings = [isinstance(one, RollingBearing) for one in work.mechanism.clearance.values()]
-    if any(bearings):
+    if any(isinstance(one, RollingBearing) for one in work.mechanism.clearance.values()):
         return _by_class(options, work, out)
+    if options.price:
+        raise JointplayError(
+            f"--price {options.price[0]} is for classes of rolling bearings, and no joint has one "
+            "(--joint NAME=BEARING); clearances have --cost and --weight"
+        )
+    weights = numbers_by_name(options.weight, "--weight JOINT=X")
+    out.claim()
     allotment = allocate(
         work.mechanism,
         work.q,
         options.target,
         quantile=options.quantile,
-        cost=options.cost,
         weights=weights,
         driven=work.driven,
         progress=not options.quiet,
-        **given(options, "least", "most"),
+        **given(options, "cost", "least", "most"),
     )
     notes = [note for note in work.notes if not note.startswith("play:")]
     print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
@@ -124,17 +124,14 @@ def _by_class(options: argparse.Namespace, work: Any, out: Outputs) -> int:
     """Choose classes of rolling bearings."""
     from jointplay.design.class_allocation import allocate_classes
 
-    for name in ("quantile", "least", "most", "verify"):
-        if getattr(options, name) is not None:
+    for name in ("quantile", "cost", "weight", "least", "most", "verify"):
+        if getattr(options, name) not in (None, []):
             raise JointplayError(
-                f"--{name} is for clearances that can be any; bearings have classes"
+                f"--{name} is for clearances that can be any; bearings have classes (--price "
+                "CLASS=X)"
             )
-    prices = {}
-    for text in options.price:
-        name, value = name_and_value(text)
-        if value is None:
-            raise JointplayError(f"--price must read CLASS=X, got {text!r}")
-        prices[name] = quantity(value, "", f"--price {name}")
+    prices = numbers_by_name(options.price, "--price CLASS=X")
+    out.claim()
     found = allocate_classes(
         work.mechanism, work.q, options.target, prices=prices, driven=work.driven
     )

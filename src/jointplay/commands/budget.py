@@ -60,6 +60,11 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.design.static_budget import FOLLOW, budget
     from jointplay.loads.drive import Drive
 
+    if options.causes is not None and options.whole is None:
+        raise JointplayError(
+            f"--causes {','.join(options.causes)} selects causes of the whole error: give --whole "
+            "CLASS, too"
+        )
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
     if options.whole:

@@ -13,6 +13,7 @@ from jointplay.commands import (
     add_shared,
     given,
     name_and_value,
+    numbers_by_name,
     quantity,
 )
 from jointplay.core.errors import JointplayError
@@ -211,11 +212,9 @@ def _mechanism(
 
 def preset_chosen(options: argparse.Namespace) -> Preset | None:
     """What --preset selects."""
-    from jointplay.scenario.presets import preset, preset_of
+    from jointplay.scenario.presets import preset_for
 
-    if options.preset is None:
-        return None
-    return preset(options.preset) if options.preset else preset_of(str(options.robot))
+    return None if options.preset is None else preset_for(str(options.robot), options.preset)
 
 
 def _clearance(
@@ -291,11 +290,7 @@ def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, An
     from jointplay.mechanism.gear import Gear
 
     gears = {}
-    for text in options.gear:
-        name, angle = name_and_value(text)
-        if angle is None:
-            raise JointplayError(f"--gear must read JOINT=ANGLE, got {text!r}")
-        whole = quantity(angle, "rad", f"--gear {name}")
+    for name, whole in numbers_by_name(options.gear, "--gear JOINT=ANGLE", "rad").items():
         # Statics need the play only; a scenario's gear keeps the rest.
         gear = present.get(name, Gear(0.0, 0.1, 1e4))
         if "play" not in (one.name for one in fields(gear)):
