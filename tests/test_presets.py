@@ -8,7 +8,8 @@ import pytest
 import jointplay as jp
 from jointplay import cli
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.error_budget import error_budget, error_classes
+from jointplay.design.error_budget import error_budget
+from jointplay.design.robot_errors import CLASSES
 from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_for, preset_of, presets
 
 ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
@@ -24,7 +25,7 @@ def test_every_number_says_where_it_comes_from(name):
     one = preset(name)
     assert {origin.origin for origin in one.origins} <= set(ORIGINS)
     assert all(origin.source for origin in one.origins)
-    assert one.errors in error_classes()
+    assert one.errors in CLASSES
     given = {
         f"{part}.{key}" for table in [one.every, *one.ordered] for part in table if part != "joints"
         for key in table[part] if key not in ("kind", "voltage")
