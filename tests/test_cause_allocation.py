@@ -237,6 +237,13 @@ def test_the_command_line_spends_on_causes(tmp_path, capsys):
     assert (out / "allocation.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main([*options, "--statistical", "--causes", "geometry"]) == 0
     assert "RMS" in capsys.readouterr().out
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        '[robot]\nurdf = "jointplay:scara.urdf"\ntool = "suction_cup"\n'
+        '[errors]\nassumed = "industrial"\naxis_offset = "0.2 mm"\n'
+    )
+    assert cli.main(["allocate", str(path), "--whole", "--target", "1 mm"]) == 0
+    assert "given: geometry: offset 0.0002 m (all joints)" in capsys.readouterr().out
     for wrong in (["--cost", "linear"], ["--quantile", "0.9"]):
         assert cli.main([*options, *wrong]) == 2
         assert "does not go with --whole" in capsys.readouterr().err

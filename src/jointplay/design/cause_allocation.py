@@ -245,9 +245,9 @@ def allocate_causes(
     held = ["as is" if p > 1.0 - 1e-6 else "limit" if p < low * (1.0 + 1e-6) else "target"
             for p, low in zip(x, least, strict=True)]  # fmt: skip
     place = {key: k for k, key in enumerate(free)}
-    start = _Error(first, free, np.ones(len(free)), statistical)
-    gain = start.parts(np.ones(len(free)))
-    worth = np.array([gain[key] for key in free]) / weight
+    ones = np.ones(len(free))
+    start = _Error(first, free, ones, statistical)
+    gain, worth = start.parts(ones), start.slopes(ones) / weight
     bought = [k for k in np.argsort(-worth) if held[k] != "as is"]
     parts = last.parts(x)
     return CauseAllocation(
@@ -348,27 +348,27 @@ class _Error:
         rows = self._quadratic(whole) if self.statistical else self._linear(whole)
         return rows[:, :-1], rows[:, -1]
 
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """How the largest error falls with each part, (k,) [m]."""
+        rows, offsets = self.rows(x)
+        return np.asarray(rows[(rows @ x + offsets).argmax()])
+
     def parts(self, x: np.ndarray) -> dict[tuple[str, str], float]:
         """What each adds at the worst pose, those that stay too [m]."""
-        whole = np.append(x, 1.0)
-        rows = self._quadratic(whole) if self.statistical else self._linear(whole)
-        at = int((rows @ whole).argmax())
-        found = dict(zip(self.free, rows[at, :-1] * x, strict=True))
-        left = [one for one, k in zip(self.budget.contributions, self._of, strict=True)
-                if k == len(self.free)]  # fmt: skip
-        if self.statistical:
-            mean = self._mean[at].T @ whole
-            size = max(float(rows[at] @ whole), 1e-300)
-            for one in left:
+        rows, offsets = self.rows(x)
+        at = int((rows @ x + offsets).argmax())
+        found = dict(zip(self.free, rows[at] * x, strict=True))
+        for one, k in zip(self.budget.contributions, self._of, strict=True):
+            if k < len(self.free):
+                continue
+            if self.statistical:
+                mean = self._mean[at].T @ np.append(x, 1.0)
                 own = one.mean()[at] @ mean + float(np.trace(one.variance()[at]))
-                key = one.joint, one.cause
-                found[key] = found.get(key, 0.0) + own / size
-            return found
-        pose, direction = self._poses[at], self._d[at]
-        for one in left:
-            value = one.at([pose]).along(direction[None, None])[0][0, 0]
+                own /= max(float(rows[at] @ x + offsets[at]), 1e-300)
+            else:
+                own = one.at([self._poses[at]]).along(self._d[at][None, None])[0][0, 0]
             key = one.joint, one.cause
-            found[key] = found.get(key, 0.0) + float(value)
+            found[key] = found.get(key, 0.0) + float(own)
         return found
 
     def _quadratic(self, whole: np.ndarray) -> np.ndarray:

@@ -40,8 +40,9 @@ class JointErrors(Described):
     """About (along) the axis, of gear, shaft and drive [N m/rad or N/m]; if not given, a gear's
     own."""
     elasticity: Elasticity | GuideElasticity | None = None
-    """Of housings and links at the joint, besides its bearing's; of a joint without bearing, if not
-    given, the robot's `tilt_stiffness`."""
+    """Of housings and links at the joint, besides its bearing's; of joints that slide with the keys
+    ``across``, ``tilt``, ``torsion``. Of a joint without bearing, if not given, the robot's
+    ``tilt_stiffness``."""
 
     def __post_init__(self) -> None:
         """Check the values."""
