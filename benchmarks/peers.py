@@ -473,20 +473,17 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     if dr:
         speed = touch_speed(run_jointplay(smooth, fine, 2e-4), smooth)
         finest = {"step": 1e-8 if quick else 2.5e-9}
-        law["Drake, constant steps"] = Ladder(
-            lambda t, how, T, n: dr.run(t, T, speed, **how),
-            [{"step": step} for step in STEPS],
-            [f"{1e6 * step:g}" for step in STEPS],
-            finest,
-            steps=False,
-        )
-        law["Drake, CENIC"] = Ladder(
-            lambda t, how, T, n: dr.run(t, T, speed, **how),
-            [{"accuracy": accuracy} for accuracy in ACCURACIES],
-            [f"{accuracy:g}" for accuracy in ACCURACIES],
-            finest,
-            steps=False,
-        )
+        for name, key, values, scale in (
+            ("Drake, constant steps", "step", STEPS, 1e6),
+            ("Drake, CENIC", "accuracy", ACCURACIES, 1.0),
+        ):
+            law[name] = Ladder(
+                lambda t, how, T, n: dr.run(t, T, speed, **how),
+                [{key: value} for value in values],
+                [f"{scale * value:g}" for value in values],
+                finest,
+                steps=False,
+            )
     horizon = 6e-4
     out["horizon"] = horizon
     out["work"] = work_precision(law, smooth, horizon, 2e-3 if quick else 6e-3)

@@ -95,5 +95,19 @@ def test_the_command_line_allocates_by_class(tmp_path, capsys):
     assert "elbow_joint" in shown
     assert "of 1000.00 um" in shown
     assert (out / "allocation.csv").read_text().startswith("joint,class,")
-    assert cli.main([*options, "--least", "1 um"]) == 2
-    assert "have classes" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("joint", "option", "says"),
+    [
+        ("elbow_joint=6010", ["--least", "1 um"], "--least is for clearances that can be any"),
+        ("elbow_joint=6010", ["--weight", "elbow_joint=2"], "--weight is for clearances"),
+        ("elbow_joint=6010", ["--cost", "linear"], "--cost is for clearances"),
+        ("elbow_joint=6010", ["--price", "C2"], "--price must read CLASS=X, got 'C2'"),
+        ("elbow_joint", ["--price", "C2=3"], "--price C2=3 is for classes of rolling bearings"),
+        ("elbow_joint", ["--weight", "elbow_joint"], "--weight must read JOINT=X"),
+    ],
+)
+def test_options_that_do_not_fit_the_joints_are_refused(joint, option, says, capsys):
+    assert cli.main(["allocate", "ur5", "--joint", joint, "--target", "1 mm", *option]) == 2
+    assert says in capsys.readouterr().err

@@ -6,7 +6,8 @@ import pytest
 import jointplay as jp
 from jointplay import cli
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.error_budget import CAUSES, JointErrors, error_budget
+from jointplay.design.error_budget import CAUSES, error_budget
+from jointplay.design.robot_errors import JointErrors, RobotErrors
 from jointplay.design.static_budget import budget
 from jointplay.loads.drive import Prescribed
 from jointplay.plots.design import cause_bars
@@ -50,12 +51,14 @@ def test_parts_sum_to_the_worst_case_and_shares_of_variance_to_one(robot):
 
 def test_what_is_given_counts_and_is_not_called_assumed(robot):
     exact = {name: JointErrors(axis_offset=0.0, axis_tilt=0.0) for name in robot.joints}
-    found = error_budget(robot, POSE, errors=exact, causes=["geometry", "encoder"])
+    found = error_budget(
+        robot, POSE, errors=RobotErrors(joints=exact), causes=["geometry", "encoder"]
+    )
     assert found.by("cause")["geometry"] == (0.0, 0.0)
     assert not any("geometry" in line for line in found.assumed)
     assert any("encoder" in line for line in found.assumed)
     fine = {name: JointErrors(encoder=0.0, zero_offset=0.0) for name in robot.joints}
-    none = error_budget(robot, POSE, errors={**fine}, causes=["encoder"])
+    none = error_budget(robot, POSE, errors=RobotErrors(joints=fine), causes=["encoder"])
     assert none.worst[0] == 0.0
 
 
@@ -66,7 +69,9 @@ def test_an_encoder_alone_is_half_of_its_step_times_the_lever(robot):
         for name in robot.joints
         if name != "shoulder_pan_joint"
     }
-    found = error_budget(robot, POSE, errors={**rest, **step}, causes=["encoder"])
+    found = error_budget(
+        robot, POSE, errors=RobotErrors(joints={**rest, **step}), causes=["encoder"]
+    )
     position = np.array(robot.data.oMf[robot.tool_frame].translation)
     lever = np.linalg.norm(position[:2])
     assert found.worst[0] == pytest.approx(0.5e-3 * lever, rel=1e-6)
@@ -88,7 +93,7 @@ def test_an_elastic_joint_sags_as_its_stiffness_says():
     rigid = JointErrors(torsional_stiffness=1e12, elasticity=hard)
     stiff = dict.fromkeys(robot.joints, rigid)
     stiff["elbow_joint"] = JointErrors(torsional_stiffness=1e12)
-    found = error_budget(robot, POSE, errors=stiff, causes=["elasticity"])
+    found = error_budget(robot, POSE, errors=RobotErrors(joints=stiff), causes=["elasticity"])
     rest = budget(robot, POSE, drive=Prescribed())
     assert found.mean[0] == pytest.approx(rest.rest_tool[0, :3], rel=5e-3, abs=1e-7)
 
@@ -104,7 +109,7 @@ def test_a_class_that_does_not_fit_is_said(robot):
     [
         ({"kind": "industrail"}, "industrial"),
         ({"causes": ["wear"]}, "elasticity"),
-        ({"errors": {"elbow": JointErrors()}}, "elbow_joint"),
+        ({"errors": RobotErrors(joints={"elbow": JointErrors()})}, "elbow_joint"),
         ({"force": (1.0, 2.0)}, "three components"),
     ],
 )
@@ -143,3 +148,8 @@ def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     assert (out / "errors.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main([*options, "--causes", "play,wear"]) == 2
     assert "wear" in capsys.readouterr().err
+
+
+def test_causes_without_the_whole_budget_are_refused(capsys):
+    assert cli.main(["budget", "ur5", "--clearance", "1e-4", "--causes", "play"]) == 2
+    assert "--causes play selects causes of the whole error" in capsys.readouterr().err

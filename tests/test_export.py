@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
+from jointplay import BallBearing, JointplayError, Mechanism, RevoluteClearance, shipped
 from jointplay.cli import main
 from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.mechanism import robots
@@ -319,6 +319,30 @@ def test_command(arm, tmp_path, capsys):
     assert "mesh paths are relative" in printed
     assert main(options) == 2  # never overwrites
     assert "already exists; choose another name" in capsys.readouterr().err
+
+
+def test_a_rolling_bearing_is_free_as_far_as_its_free_set(arm, tmp_path, capsys):
+    out = tmp_path / "play.urdf"
+    options = ["urdf", "--urdf", str(arm), "--joint", "shoulder=6010/C3", "--joint", "elbow=50 um"]
+    assert main([*options, "--out", str(out)]) == 0
+    assert "shoulder.x" in capsys.readouterr().out
+    joints = {one.get("name"): one for one in ElementTree.parse(out).getroot().findall("joint")}
+    play = BallBearing(designation="6010/C3").play(second_order=False)
+    for freedom, place in {"x": 0, "z": 2, "pitch": 4, "roll": 3}.items():
+        upper = float(joints[f"shoulder.{freedom}"].find("limit").get("upper"))
+        # Across and in tilt it is that along one axis; between two balls there is a little more.
+        near = 0.03 if freedom == "roll" else 1e-9
+        assert upper == pytest.approx(play.support(np.eye(6)[place]).value[0], rel=near)
+    upper = float(joints["elbow.x"].find("limit").get("upper"))
+    assert upper == pytest.approx(LIMIT_FACTOR * 50e-6)
+
+
+def test_a_joint_without_play_is_refused(arm):
+    pair = BallBearing(designation="7210 C DB", preload=200.0)
+    with pytest.raises(
+        JointplayError, match=r"'shoulder' has no play .*cannot say how it gives way"
+    ):
+        to_urdf(Mechanism(arm, {"shoulder": pair}))
 
 
 def test_command_names_the_joints_there_are(arm, tmp_path, capsys):

@@ -9,8 +9,9 @@ import pytest
 import jointplay as jp
 from jointplay import cli
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.error_budget import error_budget, error_classes
-from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_of, presets
+from jointplay.design.error_budget import error_budget
+from jointplay.design.robot_errors import CLASSES
+from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_for, preset_of, presets
 
 ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
         "printed-servo": "z1", "opentorque": "z1"}  # fmt: skip
@@ -25,7 +26,7 @@ def test_every_number_says_where_it_comes_from(name):
     one = preset(name)
     assert {origin.origin for origin in one.origins} <= set(ORIGINS)
     assert all(origin.source for origin in one.origins)
-    assert one.errors in error_classes()
+    assert one.errors in CLASSES
     given = {
         f"{part}.{key}" for table in [one.every, *one.ordered] for part in table if part != "joints"
         for key in table[part] if key not in ("kind", "voltage")
@@ -85,6 +86,8 @@ def test_the_servo_holds_its_lever_where_the_published_stand_found_it(tmp_path, 
 
 def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
     assert preset_of("so101").name == "so101"
+    assert preset_for("so101", "").name == "so101"
+    assert preset_for("so101", "ur-like").name == "ur-like"
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset ur-like"):
         preset_of("ur5")
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset"):

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 import xarray as xr
-from sweep_scenario import GRID, SCENARIO
+from sweep_scenario import ARM, GRID, SCENARIO
 from warm import PYTHON
 
 import jointplay as jp
@@ -18,7 +18,7 @@ from jointplay.sweeps import plan_of, sealed
 from jointplay.sweeps.case import Bench, job
 from jointplay.sweeps.measures import about
 from jointplay.sweeps.run import probe
-from jointplay.sweeps.table import columns_of, table
+from jointplay.sweeps.table import columns_of, measured, table
 
 VARYING = "cost"
 
@@ -520,3 +520,41 @@ def test_an_axis_with_the_name_of_a_measure_is_refused(swept, tmp_path):
     one = 'peak_force = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm"] }'
     with pytest.raises(JointplayError, match="an axis cannot be called 'peak_force'"):
         jp.sweep(swept(one, "", "2 ms"), tmp_path / "s", jobs=1)
+
+
+def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
+    """In one of two joints; the other one has no rolling elements."""
+    text = ARM.replace(
+        '[joints.joint_b]\nradial_clearance = "0.2 mm"\naxial_clearance = "0.2 mm"\n'
+        'friction = { law = "ambrosio", mu_d = 0.1 }',
+        '[joints.joint_b]\nkind = "ball-bearing"\ndesignation = "6010/C3"\n'
+        '[joints.joint_a]\nradial_clearance = "0.1 mm"\naxial_clearance = "0.1 mm"',
+    )
+    assert "6010" in text
+    path = tmp_path / "bearings.toml"
+    path.write_text(
+        text + '[integration]\nduration = "10 ms"\n[sweep]\ntool_error = false\n[sweep.axes]\n'
+        'kind = { key = "joints.joint_b.designation", values = ["6010/C2", "6010/C4"] }\n'
+    )
+    data = jp.sweep(path, tmp_path / "store")
+    result = jp.Scenario.load(path).simulation(
+        changes={"joints": {"joint_b": {"designation": "6010/C4"}}}
+    ).run(estimate=False)  # fmt: skip
+    life = jp.analysis.bearing_life(result, "joint_b")
+    last = data.isel(kind=-1)
+    assert float(last["largest_element_load_joint_b"]) == life.largest_load
+    assert float(last["loaded_elements_joint_b"]) == life.most_loaded
+    assert float(last["bearing_life_joint_b"]) == pytest.approx(life.revolutions, rel=1e-12)
+    assert float(last["bearing_life_hours_joint_b"]) == pytest.approx(life.hours, rel=1e-12)
+    assert data["largest_element_load_joint_b"].attrs["units"] == "N"
+    assert "largest_element_load_joint_a" not in data
+    with pytest.raises(
+        jp.JointplayError,
+        match="joint with rolling elements; of this sweep's there are bearing_life_h",
+    ):
+        measured(data, "bearing_life_joint_a")
+
+
+def test_a_sweep_without_rolling_elements_says_that_it_has_no_lives(done):
+    with pytest.raises(jp.JointplayError, match="joints none has any"):
+        measured(jp.open_sweep(done[0]), "bearing_life")

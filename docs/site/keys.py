@@ -16,6 +16,7 @@ from jointplay.core.schema import (
     is_word,
     names_of,
 )
+from jointplay.design.robot_errors import JointErrors, RobotErrors
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
@@ -37,6 +38,7 @@ KINDS = {
     **{"Robot": Robot, "LoopEnds": LoopEnds, "Clearance": Clearance, "MotionTable": MotionTable},
     **{"NormalForceLaw": NormalForceLaw, "FrictionLaw": FrictionLaw, "FilmLaw": FilmLaw},
     **{"Drive": Drive, "JointFriction": JointFriction, "Gearing": Gearing, "Load": Load},
+    **{"RobotErrors": RobotErrors, "JointErrors": JointErrors},
     **{"HeldPayload": HeldPayload, "IntegrationTable": IntegrationTable, "Output": Output},
 }
 """Classes whose keys have a table on the page."""

@@ -9,9 +9,13 @@ from . import study as study
 from .analysis.certification import certify as certify
 from .core.errors import JointplayError as JointplayError
 from .design.allocation import allocate as allocate
+from .design.cause_allocation import allocate_causes as allocate_causes
+from .design.error_budget import error_budget as error_budget
 from .design.iso9283 import iso9283 as iso9283
 from .design.maintenance import maintenance as maintenance
 from .design.reduction import reduce as reduce
+from .design.robot_errors import JointErrors as JointErrors
+from .design.robot_errors import RobotErrors as RobotErrors
 from .design.shares import shares as shares
 from .design.static_budget import budget as budget
 from .design.wear import wear as wear

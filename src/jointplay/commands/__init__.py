@@ -133,6 +133,22 @@ def name_and_value(
     return text, None
 
 
+def numbers_by_name(entries: Iterable[str], words: str, unit: str = "") -> dict[str, float]:
+    """Numbers of a repeatable option such as ``--weight JOINT=X`` by name, in SI units.
+
+    Raises:
+        JointplayError: an entry without a number, or a number of another unit.
+    """
+    option, _, form = words.partition(" ")
+    numbers = {}
+    for text in entries:
+        name, value = name_and_value(text)
+        if value is None:
+            raise JointplayError(f"{option} must read {form}, got {text!r}")
+        numbers[name] = quantity(value, unit, f"{option} {name}")
+    return numbers
+
+
 def listed(text: str) -> list[str]:
     """Names of an option that takes several, joined by commas; one with commas in double quotes.
 

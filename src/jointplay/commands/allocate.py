@@ -10,11 +10,21 @@ from jointplay.commands import (
     add_option,
     add_repeatable,
     add_shared,
+    add_switch,
     given,
-    name_and_value,
-    quantity,
+    listed,
+    numbers_by_name,
 )
-from jointplay.commands.mechanism import add_poses, add_robot, preset_chosen, task
+from jointplay.commands.mechanism import (
+    add_load,
+    add_poses,
+    add_robot,
+    add_whole,
+    error_class,
+    load_on_tool,
+    preset_chosen,
+    task,
+)
 from jointplay.core.errors import JointplayError
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
@@ -28,8 +38,8 @@ def add(commands: Any) -> None:
         description="Find the cheapest clearances of all joints that keep the tool's static "
         "error below a target, at a pose, along a motion or over the workspace, and "
         "the marginal cost of each. The bearings' dimensions come from the options "
-        "or the scenario; the ratio of axial to radial clearance is kept. See "
-        "docs/decisions.md.",
+        "or the scenario; the ratio of axial to radial clearance is kept. With --whole, which "
+        "cause of the whole error to improve at which joint. See docs/decisions.md.",
         epilog='Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200',
     )
     add_robot(parser)
@@ -40,13 +50,32 @@ def add(commands: Any) -> None:
         "--quantile P",
         "share of states that must meet the target, such as 0.99 (default: all)",
     )
-    add_option(parser, "--cost", "cost of a clearance c: 1/c, 1/c^2 or -c", COSTS[0], choices=COSTS)
+    add_whole(parser)
+    add_switch(
+        parser, "--statistical", "with --whole, the target is of the RMS, not of the worst case"
+    )
+    add_option(
+        parser,
+        "--keep LIST",
+        "with --whole, causes that count but stay as they are, such as heat,play",
+        type=listed,
+    )
+    add_repeatable(
+        parser,
+        "--limit CAUSE=X",
+        "with --whole, part of a cause that remains at least (default 0.1)",
+    )
+    add_load(parser)
+    add_option(
+        parser, "--cost", f"cost of a clearance c: 1/c, 1/c^2 or -c (default {COSTS[0]})",
+        choices=COSTS,
+    )  # fmt: skip
     add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost (default 1)")
     add_repeatable(
         parser,
-        "--price CLASS=X",
-        "price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1, preloaded), relative; "
-        "joints given as NAME=BEARING are allocated by class",
+        "--price NAME=X",
+        "price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1, preloaded), relative: "
+        "joints given as NAME=BEARING are allocated by class; with --whole, of halving a cause",
     )
     add_option(parser, "--least LENGTH", "smallest possible clearance (default 2 um)")
     add_option(parser, "--most LENGTH", "largest possible clearance (default 1 mm)")
@@ -68,6 +97,9 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.design.allocation import allocate
     from jointplay.joints import RollingBearing
 
+    _require_fitting(options)
+    if options.whole is not None:
+        return _causes(options, out)
     chosen = preset_chosen(options)
     named = str(options.robot).endswith(".toml") or (chosen is not None and chosen.bearings)
     if options.clearance is None and not named:
@@ -75,26 +107,24 @@ def run(options: argparse.Namespace) -> int:
     work = task(options)
     if options.verify is not None and work.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    weights = {}
-    for text in options.weight:
-        name, value = name_and_value(text)
-        if value is None:
-            raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
-        weights[name] = quantity(value, "", f"--weight {name}")
-    out.claim()
-    bearings = [isinstance(one, RollingBearing) for one in work.mechanism.clearance.values()]
-    if any(bearings):
+    if any(isinstance(one, RollingBearing) for one in work.mechanism.clearance.values()):
         return _by_class(options, work, out)
+    if options.price:
+        raise JointplayError(
+            f"--price {options.price[0]} is for classes of rolling bearings, and no joint has one "
+            "(--joint NAME=BEARING); clearances have --cost and --weight"
+        )
+    weights = numbers_by_name(options.weight, "--weight JOINT=X")
+    out.claim()
     allotment = allocate(
         work.mechanism,
         work.q,
         options.target,
         quantile=options.quantile,
-        cost=options.cost,
         weights=weights,
         driven=work.driven,
         progress=not options.quiet,
-        **given(options, "least", "most"),
+        **given(options, "cost", "least", "most"),
     )
     notes = [note for note in work.notes if not note.startswith("play:")]
     print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
@@ -120,21 +150,68 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+_OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
+_OF_THE_WHOLE = ("causes", "keep", "limit", "statistical", "force", "payload")
+
+
+def _require_fitting(options: argparse.Namespace) -> None:
+    """Refuse options that would be ignored, with --whole or without.
+
+    Raises:
+        JointplayError: one of them was given.
+    """
+    for name in _OF_THE_WHOLE if options.whole is None else _OF_CLEARANCES:
+        if getattr(options, name) not in (None, [], False):
+            needs = "needs --whole" if options.whole is None else "does not go with --whole"
+            raise JointplayError(f"--{name} {needs}, which allocates causes of the whole error")
+
+
+def _causes(options: argparse.Namespace, out: Outputs) -> int:
+    """Choose which causes of the whole error to improve."""
+    from jointplay.design.cause_allocation import allocate_causes
+    from jointplay.design.error_budget import CAUSES
+
+    work = task(options)
+    kind = error_class(options, work)
+    numbers = {
+        "prices": numbers_by_name(options.price, "--price CAUSE=X"),
+        "weights": numbers_by_name(options.weight, "--weight JOINT=X"),
+        "limits": numbers_by_name(options.limit, "--limit CAUSE=X"),
+    }
+    out.claim()
+    found = allocate_causes(
+        work.mechanism,
+        work.q,
+        options.target,
+        statistical=options.statistical,
+        force=load_on_tool(options, work.mechanism.gravity),
+        errors=work.errors,
+        kind=kind,
+        causes=options.causes or CAUSES,
+        keep=options.keep or (),
+        progress=not options.quiet,
+        **numbers,
+    )
+    print("\n".join([*work.notes, f"at: {work.poses}", str(found)]))
+    if options.out:
+        from jointplay.plots.design import cause_allocation
+
+        out.write({"allocation.csv": found.csv(), "allocation.png": cause_allocation(found)})
+    return 0
+
+
 def _by_class(options: argparse.Namespace, work: Any, out: Outputs) -> int:
     """Choose classes of rolling bearings."""
     from jointplay.design.class_allocation import allocate_classes
 
-    for name in ("quantile", "least", "most", "verify"):
-        if getattr(options, name) is not None:
+    for name in (*_OF_CLEARANCES, "weight"):
+        if getattr(options, name) not in (None, []):
             raise JointplayError(
-                f"--{name} is for clearances that can be any; bearings have classes"
+                f"--{name} is for clearances that can be any; bearings have classes (--price "
+                "CLASS=X)"
             )
-    prices = {}
-    for text in options.price:
-        name, value = name_and_value(text)
-        if value is None:
-            raise JointplayError(f"--price must read CLASS=X, got {text!r}")
-        prices[name] = quantity(value, "", f"--price {name}")
+    prices = numbers_by_name(options.price, "--price CLASS=X")
+    out.claim()
     found = allocate_classes(
         work.mechanism, work.q, options.target, prices=prices, driven=work.driven
     )

@@ -6,8 +6,16 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from jointplay.commands import Outputs, add_option, add_switch, listed, quantity
-from jointplay.commands.mechanism import add_poses, add_robot, task
+from jointplay.commands import Outputs, add_option, add_switch
+from jointplay.commands.mechanism import (
+    add_load,
+    add_poses,
+    add_robot,
+    add_whole,
+    error_class,
+    load_on_tool,
+    task,
+)
 from jointplay.core.errors import JointplayError
 
 
@@ -25,8 +33,7 @@ def add(commands: Any) -> None:
     )
     add_robot(parser)
     add_poses(parser)
-    add_option(parser, "--force FX,FY,FZ", "force on the tool, world axes [N]")
-    add_option(parser, "--payload MASS", "mass held at the tool")
+    add_load(parser)
     add_option(
         parser,
         "--friction MU",
@@ -39,30 +46,24 @@ def add(commands: Any) -> None:
         "for budget.csv, find the position at rest at every pose, not only the worst one (0.4 s "
         "per pose with one joint, up to 3.5 s with six)",
     )
-    add_option(
-        parser,
-        "--whole CLASS",
-        "the whole error: besides play elasticity, encoders, gears, geometry and heat, of a robot "
-        "of this class where nothing else is known (calibrated-industrial, industrial, printed)",
-    )
-    add_option(
-        parser,
-        "--causes LIST",
-        "causes that count in --whole, such as play,elasticity (default: all)",
-        type=listed,
-    )
+    add_whole(parser)
     add_option(parser, "--out DIR", "folder for budget.csv (errors.csv) and the figures")
 
 
 def run(options: argparse.Namespace) -> int:
     """Compute, print, draw."""
-    out = Outputs(options.out, ["errors.csv" if options.whole else "budget.csv"])
+    out = Outputs(options.out, ["budget.csv" if options.whole is None else "errors.csv"])
     from jointplay.design.static_budget import FOLLOW, budget
     from jointplay.loads.drive import Drive
 
+    if options.causes is not None and options.whole is None:
+        raise JointplayError(
+            f"--causes {','.join(options.causes)} selects causes of the whole error: give --whole "
+            "CLASS, too"
+        )
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
-    if options.whole:
+    if options.whole is not None:
         return _whole(options, work, force, out)
     out.names += ["bars.png", "robot.png", "reach.png"]
     out.names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
@@ -117,7 +118,12 @@ def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: 
     out.names.append("errors.png")
     out.claim()
     errors = error_budget(
-        work.mechanism, work.q, force=force, kind=options.whole, causes=options.causes or CAUSES
+        work.mechanism,
+        work.q,
+        force=force,
+        errors=work.errors,
+        kind=error_class(options, work),
+        causes=options.causes or CAUSES,
     )
     print("\n".join([*work.notes, f"at: {work.poses}"]))
     print(errors.table())
@@ -126,16 +132,3 @@ def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: 
 
         out.write({"errors.csv": errors.csv(), "errors.png": cause_bars(errors)})
     return 0
-
-
-def load_on_tool(
-    options: argparse.Namespace, gravity: Sequence[float]
-) -> tuple[float, float, float]:
-    """Force on the tool in world axes [N]: what --force and --payload say."""
-    parts = ["0"] * 3 if options.force is None else options.force.split(",")
-    if len(parts) != 3:
-        raise JointplayError(f"--force must be three numbers fx,fy,fz [N], got {options.force!r}")
-    force = [quantity(part, "N", "--force") for part in parts]
-    if options.payload is not None:
-        force = [f + options.payload * g for f, g in zip(force, gravity, strict=True)]
-    return force[0], force[1], force[2]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,9 @@ from jointplay.commands import (
     add_repeatable,
     add_shared,
     given,
+    listed,
     name_and_value,
+    numbers_by_name,
     quantity,
 )
 from jointplay.core.errors import JointplayError
@@ -20,6 +23,7 @@ from jointplay.core.errors import JointplayError
 if TYPE_CHECKING:
     import numpy as np
 
+    from jointplay.design.robot_errors import RobotErrors
     from jointplay.joints import Clearance
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.motion.reference import Motion
@@ -45,6 +49,8 @@ class Task:
     """Joints of closed loops that stand; None without loops."""
     notes: tuple[str, ...]
     """What was chosen for the user, a line each."""
+    errors: RobotErrors | None = None
+    """Besides play, of the scenario."""
 
 
 def add_robot(parser: Any) -> None:
@@ -95,6 +101,65 @@ def add_poses(parser: Any) -> None:
     add_option(group, "--workspace N", "N poses spread over the limits of all joints")
 
 
+def add_load(parser: Any) -> None:
+    """Add the options that say what pulls at the tool."""
+    add_option(parser, "--force FX,FY,FZ", "force on the tool, world axes [N]")
+    add_option(parser, "--payload MASS", "mass held at the tool")
+
+
+def load_on_tool(
+    options: argparse.Namespace, gravity: Sequence[float]
+) -> tuple[float, float, float]:
+    """Force on the tool in world axes [N]: what --force and --payload say."""
+    parts = ["0"] * 3 if options.force is None else options.force.split(",")
+    if len(parts) != 3:
+        raise JointplayError(f"--force must be three numbers fx,fy,fz [N], got {options.force!r}")
+    force = [quantity(part, "N", "--force") for part in parts]
+    if options.payload is not None:
+        force = [f + options.payload * g for f, g in zip(force, gravity, strict=True)]
+    return force[0], force[1], force[2]
+
+
+def add_whole(parser: Any) -> None:
+    """Add the options that say which causes of error count beside play."""
+    parser.add_argument(
+        "--whole",
+        metavar="CLASS",
+        nargs="?",
+        const="",
+        help="the whole error: besides play elasticity, encoders, gears, geometry and heat, of a "
+        "robot of this class where nothing else is known (calibrated-industrial, industrial, "
+        "printed; without CLASS that of the scenario's [errors] or of the preset)",
+    )
+    add_option(
+        parser,
+        "--causes LIST",
+        "causes that count in --whole, such as play,elasticity (default: all)",
+        type=listed,
+    )
+
+
+def error_class(options: argparse.Namespace, work: Task) -> str:
+    """The class that --whole names, or else the scenario, or the preset.
+
+    Raises:
+        JointplayError: none of them does.
+    """
+    from jointplay.design.robot_errors import CLASSES
+
+    said = [options.whole, work.errors and work.errors.assumed]
+    if (chosen := preset_chosen(options)) is not None:
+        said.append(chosen.errors)
+    for one in said:
+        if one:
+            return str(one)
+    raise JointplayError(
+        f"--whole needs a class of robots from which is taken what is not given: "
+        f"{', '.join(CLASSES)}; or [errors] of the scenario says it, such as assumed = "
+        f'"{CLASSES[1]}"'
+    )
+
+
 def task(options: argparse.Namespace) -> Task:
     """Build what the options say.
 
@@ -103,7 +168,7 @@ def task(options: argparse.Namespace) -> Task:
     """
     from jointplay.design import poses
 
-    mechanism, simulation, notes = _mechanism(options)
+    mechanism, simulation, errors, notes = _mechanism(options)
     chosen = given(options, "pose", "motion", "workspace")
     if len(chosen) > 1:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
@@ -138,7 +203,7 @@ def task(options: argparse.Namespace) -> Task:
         words = "pose " + ", ".join(shown)
         if options.pose is None:
             words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
-    return Task(mechanism, q, words, kind, motion, simulation, driven, tuple(notes))
+    return Task(mechanism, q, words, kind, motion, simulation, driven, tuple(notes), errors)
 
 
 def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
@@ -161,16 +226,16 @@ def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float])
 
 def _mechanism(
     options: argparse.Namespace,
-) -> tuple[Mechanism, Simulation | None, list[str]]:
+) -> tuple[Mechanism, Simulation | None, RobotErrors | None, list[str]]:
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.tool import choose_tool
 
-    simulation, notes = None, []
+    simulation, errors, notes = None, None, []
     if str(options.robot).endswith(".toml"):
         from jointplay.scenario import Scenario
 
         scenario = Scenario.load(options.robot)
-        simulation = scenario.simulation(options.case)
+        simulation, errors = scenario.simulation(options.case), scenario.robot_errors(options.case)
         named = scenario.model(options.case or scenario.cases[0]).robot.tool
         description = simulation.mechanism.description
         allowed = simulation.mechanism.allow_unphysical
@@ -206,16 +271,14 @@ def _mechanism(
         tool=tool,
         allow_unphysical=allowed,
     )
-    return mechanism, simulation, notes
+    return mechanism, simulation, errors, notes
 
 
 def preset_chosen(options: argparse.Namespace) -> Preset | None:
     """What --preset selects."""
-    from jointplay.scenario.presets import preset, preset_of
+    from jointplay.scenario.presets import preset_for
 
-    if options.preset is None:
-        return None
-    return preset(options.preset) if options.preset else preset_of(str(options.robot))
+    return None if options.preset is None else preset_for(str(options.robot), options.preset)
 
 
 def _clearance(
@@ -291,11 +354,7 @@ def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, An
     from jointplay.mechanism.gear import Gear
 
     gears = {}
-    for text in options.gear:
-        name, angle = name_and_value(text)
-        if angle is None:
-            raise JointplayError(f"--gear must read JOINT=ANGLE, got {text!r}")
-        whole = quantity(angle, "rad", f"--gear {name}")
+    for name, whole in numbers_by_name(options.gear, "--gear JOINT=ANGLE", "rad").items():
         # Statics need the play only; a scenario's gear keeps the rest.
         gear = present.get(name, Gear(0.0, 0.1, 1e4))
         if "play" not in (one.name for one in fields(gear)):

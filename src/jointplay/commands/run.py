@@ -492,12 +492,12 @@ def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:
     """A preset, by its name or that of the robot, and its tables as settings."""
     from jointplay.mechanism.robots import urdf_of
     from jointplay.mechanism.urdf import read
-    from jointplay.scenario.presets import preset, preset_of
+    from jointplay.scenario.presets import preset_for
     from jointplay.scenario.robot import SCARA, resolve
     from jointplay.scenario.settings import Setting
 
     place = SCARA if target is None else target
-    chosen = preset(name) if name else preset_of("scara" if target is None else target)
+    chosen = preset_for("scara" if target is None else target, name)
     path = resolve(place) if ":" in place else urdf_of(place)
     return chosen, [
         Setting((table, joint, key), value, f"--preset {chosen.name}")

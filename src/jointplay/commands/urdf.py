@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jointplay.commands import add_option, add_shared
+from jointplay.commands import add_option, add_shared, name_and_value, quantity
 from jointplay.core import files
 
 
@@ -21,14 +21,16 @@ def add(commands: Any) -> None:
         "link: three translations x, y, z of the journal in its bearing, then yaw, pitch and roll. "
         "Yaw keeps the joint's name, limits, friction and transmission. Everything else in the "
         "file stays as it is.",
-        epilog="Limits let the journal move about twice its clearance; the bearings themselves "
-        "(round, elastic, with friction) cannot be described in a URDF: docs/robots.md.",
+        epilog="Limits let the journal move about twice its clearance, and the inner ring of a "
+        "rolling bearing as far as it is free; the bearings themselves (round, elastic, with "
+        "friction) cannot be described in a URDF: docs/robots.md.",
     )
     add_option(parser, "--urdf FILE", "path of a URDF, or example-robot-data:NAME", required=True)
     add_option(
         parser,
-        "--joint NAME",
-        "revolute joint to be given clearance (repeatable)",
+        "--joint NAME[=LENGTH|=BEARING]",
+        "revolute joint to be given clearance, and optionally its radial clearance or the "
+        'designation of its rolling bearing, such as elbow="6010/C3" (repeatable)',
         action="append",
         required=True,
     )
@@ -42,27 +44,34 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the URDF and say what is in it."""
-    from jointplay.joints import RevoluteClearance
+    from jointplay.core.schema import read as make
+    from jointplay.joints import Clearance, RevoluteClearance
+    from jointplay.joints.bearings import listed_kind
     from jointplay.mechanism.export import to_urdf
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.robots import resolve
+    from jointplay.mechanism.urdf import read
 
     out = Path(options.out)
     files.check_new(out)
-    bearing = RevoluteClearance(
-        bearing_radius=options.bearing_radius,
-        bearing_length=options.bearing_length,
-        radial_clearance=options.radial,
-        axial_clearance=options.axial,
-    )
-    mechanism = Mechanism(
-        resolve(options.urdf),
-        dict.fromkeys(options.joint, bearing),
-        allow_unphysical=options.allow_unphysical,
-    )
+    description = read(resolve(options.urdf), options.allow_unphysical)
+    joints = {}
+    for text in options.joint:
+        name, value = name_and_value(text, description.joints, listed_kind)
+        if value is not None and (kind := listed_kind(value)) is not None:
+            joints[name] = make(Clearance, {"kind": kind, "designation": value})
+            continue
+        radial = options.radial if value is None else quantity(value, "m", f"--joint {name}")
+        joints[name] = RevoluteClearance(
+            bearing_radius=options.bearing_radius,
+            bearing_length=options.bearing_length,
+            radial_clearance=radial,
+            axial_clearance=options.axial,
+        )
+    mechanism = Mechanism(description, joints, allow_unphysical=options.allow_unphysical)
     text = to_urdf(mechanism)
     files.write(out, text)
-    for joint in options.joint:
+    for joint in joints:
         print(f"{joint}: {', '.join(f'{joint}.{part}' for part in 'xyz')}, {joint} (yaw), ", end="")
         print(f"{joint}.pitch, {joint}.roll")
     moved = out.parent.resolve() != mechanism.description.path.parent.resolve()

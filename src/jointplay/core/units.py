@@ -33,6 +33,8 @@ WORDS = {
     "Pa*s": ("viscosity", "0.1 Pa*s"),
     "1/m": ("bristle stiffness", "1e5 1/m"),
     "s/m": ("bristle damping", "10 s/m"),
+    "K": ("temperature difference", "10 K"),
+    "1/K": ("thermal expansion", "2.3e-5 1/K"),
     "V": ("voltage", "12 V"),
     "ohm": ("resistance", "2.7 ohm"),
     "N*m/A": ("torque constant", "1.2 N*m/A"),

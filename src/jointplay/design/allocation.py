@@ -45,7 +45,7 @@ SAMPLES = 4000
 _MM = 1e3
 """Costs are of clearances in millimetres."""
 _QUANTILE_POSES = 12
-_PATIENCE_S = 2.0
+PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
 _DIRECTIONS_TIED = 60
 """Over half a sphere, where plays hold each other: each is a search, in every round anew."""
@@ -72,7 +72,7 @@ class ErrorModel:
         self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
         self.seed, self.driven = seed, driven
         self._bar = tqdm(
-            desc="allocating", unit="round", disable=not progress, delay=_PATIENCE_S, leave=False
+            desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
         )
         self.names = allocated(mechanism)
         self.nominal = np.array([mechanism.clearance[name].radial_room for name in self.names])

@@ -6,24 +6,20 @@ of it grows with heat. Each of these displaces the body beyond a joint by a smal
 can be anywhere in a set add as sets, so that a worst case is a sum of their support functions;
 twists at random add by their variances; what loads displace is a shift that both share.
 
-What is not given of a robot is taken from a class of robots (``data/error_classes.toml``), and said
-to be assumed.
+What is not given of a robot is taken from a class of robots (`robot_errors`), and said to be
+assumed.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite
-from jointplay.core.schema import Described, quantity
+from jointplay.core.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import (
     GEAR,
@@ -34,8 +30,9 @@ from jointplay.design.levers import (
     tool_place,
 )
 from jointplay.design.rest import compliance_shift
+from jointplay.design.robot_errors import CLASSES, ERROR_CLASSES, JointErrors, RobotErrors
 from jointplay.design.static_budget import half_sphere
-from jointplay.joints import Elasticity, RollingBearing
+from jointplay.joints import Elasticity, GuideElasticity, RollingBearing
 from jointplay.joints.play import Play, Support
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -50,38 +47,6 @@ _FITS = 0.02
 """Part of the worst case by which the exact kinematics may put it elsewhere."""
 _DIRECTIONS = 400
 _CLIMBS = 12
-
-
-@cache
-def error_classes() -> dict[str, dict[str, Any]]:
-    """What ``data/error_classes.toml`` says, by name."""
-    with (Path(__file__).parent / "data" / "error_classes.toml").open("rb") as file:
-        return tomllib.load(file)
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointErrors(Described):
-    """Errors of one joint besides its play; None: those of the class.
-
-    Raises:
-        JointplayError: a value that is negative or not finite.
-    """
-
-    encoder: float | None = quantity("rad", "m", default=None, least=0.0, words="resolution")
-    """Resolution of the encoder, at the joint [rad or m]."""
-    zero_offset: float | None = quantity("rad", "m", default=None, least=0.0, words="zero offset")
-    """How far the encoder's zero may be off, either way [rad or m]."""
-    gear_error: float | None = quantity("rad", "m", default=None, least=0.0, words="gear error")
-    """Amplitude of the gear's own error [rad or m]."""
-    axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
-    """How far the axis may be off along each of x, y, z, either way [m]."""
-    axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
-    """How far it may lean about x and y, either way [rad]."""
-    torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
-    """About (along) the axis, of gear, shaft and drive [N m/rad or N/m]; a gear's own counts."""
-    elasticity: Elasticity | None = None
-    """Of housings and links at the joint, besides its bearing's; None: a tilt stiffness of the
-    class, where the joint has no bearing of its own."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +89,9 @@ class Contribution:
     """Where the numbers come from."""
     factor: float = 1.0
     """What all of it is multiplied by."""
+    proportional: bool = True
+    """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
+    not."""
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Farthest displacement along directions (n, m, 3) and where, (n, m) and (n, m, 3) [m]."""
@@ -139,6 +107,10 @@ class Contribution:
             value = value + found.value.reshape(n, m)
             point = point + np.einsum("nik,nmk->nmi", rows, found.point.reshape(n, m, 6))
         return self.factor * value, self.factor * point
+
+    def at(self, poses: Sequence[int] | np.ndarray) -> Contribution:
+        """The same at some of the poses."""
+        return replace(self, shift=self.shift[poses], move=self.move[poses])
 
     def variance(self) -> np.ndarray:
         """Covariance of the tool's displacement, (n, 3, 3) [m^2]."""
@@ -220,16 +192,18 @@ class ErrorBudget:
     """On the tool, world axes [N]."""
     assumed: tuple[str, ...]
     """What was assumed, lines of text."""
+    given: tuple[str, ...] = ()
+    """What was given besides the mechanism, lines of text."""
 
     @cached_property
     def worst(self) -> np.ndarray:
         """Largest distance of the tool from where it should be, (n,) [m]."""
-        return self._worst(self.contributions)[0]
+        return self.farthest(self.contributions)[0]
 
     @cached_property
     def direction(self) -> np.ndarray:
         """Where to, unit vectors, (n, 3)."""
-        return self._worst(self.contributions)[1]
+        return self.farthest(self.contributions)[1]
 
     @cached_property
     def parts(self) -> np.ndarray:
@@ -268,9 +242,9 @@ class ErrorBudget:
         at = self.worst_pose
         own = self.contributions
         other = [replace(one, factor=0.5) if i == index else one for i, one in enumerate(own)]
-        rest = ErrorBudget(tuple(_at(one, at) for one in other), self.q[at : at + 1],
+        rest = ErrorBudget(tuple(one.at([at]) for one in other), self.q[at : at + 1],
                            self.mechanism, self.force, ())  # fmt: skip
-        found = rest._worst(rest.contributions, self.direction[at : at + 1])[0][0]
+        found = rest.farthest(rest.contributions, self.direction[at : at + 1])[0][0]
         return float(self.worst[at] - found), float(self.rms[at] - rest.rms[0])
 
     def csv(self) -> str:
@@ -295,14 +269,22 @@ class ErrorBudget:
             found[key] = worst + float(self.parts[i, at]), share + own
         return found
 
-    def _worst(
+    @staticmethod
+    def sphere() -> np.ndarray:
+        """Directions among which the worst one is searched first, (m, 3)."""
+        half = half_sphere(_DIRECTIONS)
+        return np.vstack([half, -half])
+
+    def farthest(
         self, contributions: Sequence[Contribution], start: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Worst distances and their directions."""
-        n = len(self.q)
+        """Worst distances (n,) [m] and their directions (n, 3), found from `start` on.
+
+        Without a start the whole sphere is searched.
+        """
+        n = len(self.q) if start is None else len(start)
         if start is None:
-            half = half_sphere(_DIRECTIONS)
-            sphere = np.vstack([half, -half])
+            sphere = self.sphere()
             every = np.broadcast_to(sphere, (n, *sphere.shape))
             values = sum(one.along(every)[0] for one in contributions)
             start = sphere[np.asarray(values).argmax(axis=1)]
@@ -319,13 +301,13 @@ class ErrorBudget:
         Sets are drawn as their variances suppose.
         """
         random, at = np.random.default_rng(seed), self.worst_pose
-        return self._displaced([_at(one, at).draw(random, count) for one in self.contributions])
+        return self._displaced([one.at([at]).draw(random, count) for one in self.contributions])
 
     @property
     def reached(self) -> float:
         """Distance by the exact kinematics where all twists are those of `worst` [m]."""
         at = self.worst_pose
-        twists = [_at(one, at).twist(self.direction[at]) for one in self.contributions]
+        twists = [one.at([at]).twist(self.direction[at]) for one in self.contributions]
         return float(np.linalg.norm(self._displaced(twists)[0]))
 
     def _displaced(self, twists: Sequence[np.ndarray]) -> np.ndarray:
@@ -396,13 +378,9 @@ class ErrorBudget:
             f"by the exact kinematics the worst case is {1e3 * self.reached:.4f} mm "
             f"({100 * off:+.2f} %{fits})"
         )
+        lines += [f"given: {line}" for line in self.given]
         lines += [f"assumed: {line}" for line in self.assumed]
         return "\n".join(lines)
-
-
-def _at(one: Contribution, pose: int) -> Contribution:
-    some = slice(pose, pose + 1)
-    return replace(one, shift=one.shift[some], move=one.move[some])
 
 
 def _rms(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -422,9 +400,10 @@ def error_budget(
     poses: np.ndarray | Mapping[str, float],
     *,
     force: Sequence[float] = (0.0, 0.0, 0.0),
-    errors: Mapping[str, JointErrors] | None = None,
-    kind: str = "industrial",
+    errors: RobotErrors | None = None,
+    kind: str | None = None,
     causes: Collection[str] = CAUSES,
+    remaining: Mapping[tuple[str, str], float] | None = None,
 ) -> ErrorBudget:
     """The whole error of the tool, by joint and by cause.
 
@@ -432,12 +411,18 @@ def error_budget(
         mechanism: a tree, with or without play.
         poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq).
         force: on the tool, besides gravity, world axes [N].
-        errors: what is known of joints.
-        kind: class of robots from which all else is taken: one of `error_classes`.
+        errors: what is known of the robot and of its joints.
+        kind: class of robots from which all else is taken, of `ERROR_CLASSES`; None: that of
+            `errors`, or ``industrial``.
         causes: those that count, of `CAUSES`.
+        remaining: parts of single causes that remain, by joint and cause: clearances, plays of
+            gears, deflections, amplitudes and tolerances are so many times as large; of a joint
+            with a rolling bearing and a gear, the gear's play.
 
     Raises:
-        JointplayError: loops; a force that is no vector.
+        JointplayError: loops; a force that is no vector; springs of another kind of joint; a part
+            that is not positive, or of the play of a rolling bearing, which is not proportional
+            to its clearance.
         MissingName: no such joint, class or cause.
     """
     if mechanism.loops:
@@ -448,13 +433,19 @@ def error_budget(
     for cause in causes:
         if cause not in CAUSES:
             raise MissingName("cause of errors", cause, CAUSES)
-    known, given = error_classes(), dict(errors or {})
-    if kind not in known:
-        raise MissingName("class of errors", kind, known)
-    for name in given:
-        if name not in mechanism.joints:
-            raise MissingName("joint", name, mechanism.joints)
-    assumed = known[kind]
+    given = RobotErrors() if errors is None else errors
+    kind = kind or given.assumed or "industrial"
+    if kind not in ERROR_CLASSES:
+        raise MissingName("class of errors", kind, CLASSES)
+    refuse_misfit(given, mechanism)
+    parts = _checked_parts(mechanism, remaining or {})
+    smaller = {
+        name: mechanism.clearance[name].scaled(own["play"])
+        for name, own in parts.items()
+        if "play" in own and is_proportional(mechanism, name)
+    }
+    if smaller:
+        mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
     q = configurations(mechanism, poses)
     push = np.array([require_finite("force on the tool", one, "N") for one in force])
     if push.shape != (3,):
@@ -464,22 +455,86 @@ def error_budget(
     for name in mechanism.joints:
         if not moves[name].any():
             continue
-        own = given.get(name, JointErrors())
         at = moves[name], loads[name], arms[name]
-        found += _of_joint(mechanism, name, own, assumed, kind, *at)
+        found += _of_joint(mechanism, name, _Sizes(given, kind), parts.get(name, {}), *at)
     for name in mechanism.mounts:
         if moves[name].any():
-            given_way = mechanism.clearance[name].springs.displacements(loads[name])
-            spread = float(assumed["stiffness_spread"])
-            found.append(Contribution(name, "elasticity", None, given_way, spread,
-                                      np.zeros((6, 6)), moves[name], "its springs"))  # fmt: skip
+            shift = mechanism.clearance[name].springs.displacements(loads[name])
+            sizes = _Sizes(given, kind)
+            spread, origin = sizes.of(name, "stiffness_spread")
+            words = sizes.words({f"either way {100 * spread:g} %": origin}, ["its springs"])
+            factor = parts.get(name, {}).get("elasticity", 1.0)
+            found.append(
+                Contribution(name, "elasticity", None, shift, spread, np.zeros((6, 6)), moves[name],
+                             words, factor)
+            )  # fmt: skip
     kept = tuple(one for one in found if one.cause in causes)
     if not kept:
         raise JointplayError("nothing moves the tool, or no cause is counted")
-    lines = dict.fromkeys(
-        f"{one.cause}: {one.origin}" for one in kept if one.origin.startswith("class")
+    assumed, stated = dict[str, None](), dict[str, list[str]]()
+    for one in kept:
+        head, mark, told = one.origin.partition("given: ")
+        if mark:
+            line = f"{one.cause}: {told.partition(';')[0]}"
+            stated.setdefault(line, []).append(one.joint)
+        if head.startswith("class"):
+            assumed[f"{one.cause}: {head.partition(';')[0]}"] = None
+    moved = len({one.joint for one in kept})
+    lines = (
+        f"{line} ({'all joints' if len(names) == moved else ', '.join(names)})"
+        for line, names in stated.items()
     )
-    return ErrorBudget(kept, q, mechanism, push, tuple(lines))
+    return ErrorBudget(kept, q, mechanism, push, tuple(assumed), tuple(lines))
+
+
+def is_proportional(mechanism: Mechanism, joint: str) -> bool:
+    """Whether a joint has a clearance to which its play is proportional, in the first order.
+
+    The play of a rolling bearing along its axis and in tilt grows with the root of its clearance.
+    """
+    own = mechanism.clearance.get(joint)
+    return own is not None and bool(own.clearances) and own.resultant is None
+
+
+def _checked_parts(
+    mechanism: Mechanism, remaining: Mapping[tuple[str, str], float]
+) -> dict[str, dict[str, float]]:
+    """What remains of causes, by joint."""
+    parts: dict[str, dict[str, float]] = {}
+    for (name, cause), part in remaining.items():
+        if name not in (*mechanism.joints, *mechanism.mounts):
+            raise MissingName("joint", name, [*mechanism.joints, *mechanism.mounts])
+        if cause not in CAUSES:
+            raise MissingName("cause of errors", cause, CAUSES)
+        part = require_positive(f"part of {cause} of {name!r} that remains", part, "")
+        if cause == "play" and not is_proportional(mechanism, name):
+            own = mechanism.clearance.get(name)
+            if own is not None and max(own.play().reach) > 0.0 and name not in mechanism.gears:
+                raise JointplayError(
+                    f"the play of joint {name!r} ({own.kind}) is not proportional to its "
+                    "clearance; give the joint another class of bearing"
+                )
+        parts.setdefault(name, {})[cause] = part
+    return parts
+
+
+def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
+    """Refuse errors of joints that there are not, and springs of another kind of joint.
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: springs of a joint that turns for one that slides, or the other way.
+    """
+    for name, own in errors.joints.items():
+        if name not in mechanism.joints:
+            raise MissingName("joint", name, mechanism.joints, where=("joints", name))
+        fitting = GuideElasticity if mechanism.description.joints[name].slides else Elasticity
+        if own.elasticity is not None and not isinstance(own.elasticity, fitting):
+            raise JointplayError(
+                f"joint {name!r} is {mechanism.description.joints[name].kind}: its elasticity is "
+                f"of {fitting.__name__}, with {', '.join(dict.fromkeys(fitting.directions))}",
+                where=("joints", name, "elasticity"),
+            )
 
 
 def _levers(
@@ -510,27 +565,18 @@ def _levers(
 def _of_joint(
     mechanism: Mechanism,
     name: str,
-    own: JointErrors,
-    assumed: Mapping[str, Any],
-    kind: str,
+    sizes: _Sizes,
+    remaining: Mapping[str, float],
     move: np.ndarray,
     load: np.ndarray,
     arm: np.ndarray,
 ) -> list[Contribution]:
-    """All contributions of a joint."""
+    """All contributions of a joint; of each cause `remaining` remains."""
     n = len(move)
     slides = mechanism.description.joints[name].slides
     about = 2 if slides else 5
+    unit = "m" if slides else "rad"
     none, nothing = np.zeros((n, 6)), np.zeros((6, 6))
-    origins = {one.name: f"class {kind!r}, assumed" for one in fields(own)}
-    origins |= {one.name: "given" for one in fields(own) if getattr(own, one.name) is not None}
-
-    def value(key: str) -> float:
-        given = getattr(own, key)
-        if given is not None:
-            return float(given)
-        # Classes have angles; a slider's resolution is that of a pinion of 10 mm.
-        return float(assumed[key]) * (0.01 if slides and key in _AXIAL else 1.0)
 
     def along(size: float) -> tuple[float, ...]:
         return tuple(size if k == about else 0.0 for k in range(6))
@@ -548,55 +594,93 @@ def _of_joint(
         if play is not None and max(play.reach) > 0.0:
             states = _pushed(play, random, DRAWS)
             spread = states.T @ states / DRAWS
-            found.append(Contribution(name, "play", play, none, 0.0, spread, move, words))
-    shift, words = _elastic(mechanism, name, own, assumed, kind, load, about)
-    found.append(
-        Contribution(name, "elasticity", None, shift, float(assumed["stiffness_spread"]), nothing,
-                     move, words)
-    )  # fmt: skip
-    for key, part in (("encoder", 0.5), ("zero_offset", 1.0)):
-        size = along(part * value(key))
-        box, cov = BoxPlay(size), variance(size) / 3.0
-        found.append(Contribution(name, "encoder", box, none, 0.0, cov, move, origins[key]))
-    wave = SinePlay(along(value("gear_error")))
-    if gear is not None and gear.error_terms and own.gear_error is None:
-        wave = SinePlay(along(sum(abs(amplitude) for _, amplitude, _ in gear.error_terms)))
-        origins["gear_error"] = "its gear"
+            # A clearance has been made smaller already.
+            turns = isinstance(play, TurnPlay)
+            factor = remaining.get("play", 1.0) if turns else 1.0
+            chosen = turns or is_proportional(mechanism, name)
+            found.append(
+                Contribution(name, "play", play, none, 0.0, spread, move, words, factor, chosen)
+            )
+    shift, words, spread = _elastic(mechanism, name, sizes, load, about)
+    found.append(Contribution(name, "elasticity", None, shift, spread, nothing, move, words))
+    for key, part, word in (("encoder", 0.5, "resolution"), ("zero_offset", 1.0, "zero offset")):
+        size, origin = sizes.of(name, key, slides)
+        box, cov = BoxPlay(along(part * size)), variance(along(part * size)) / 3.0
+        words = sizes.words({f"{word} {size:.4g} {unit}": origin})
+        found.append(Contribution(name, "encoder", box, none, 0.0, cov, move, words))
+    size, origin = sizes.of(name, "gear_error", slides)
+    words = sizes.words({f"amplitude {size:.4g} {unit}": origin})
+    own = sizes.given.joints.get(name)
+    if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
+        size, words = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms), "its gear"
+    wave = SinePlay(along(size))
     found.append(
         Contribution(name, "gear error", wave, none, 0.0, variance(wave.amplitude) / 2.0, move,
-                     origins["gear_error"])
+                     words)
     )  # fmt: skip
-    offset, tilt = value("axis_offset"), value("axis_tilt")
+    offset, offset_from = sizes.of(name, "axis_offset")
+    tilt, tilt_from = sizes.of(name, "axis_tilt")
+    words = sizes.words({f"offset {offset:.4g} m": offset_from, f"tilt {tilt:.4g} rad": tilt_from})
     halves = (offset, offset, offset, tilt, tilt, 0.0)
     found.append(
         Contribution(name, "geometry", BoxPlay(halves), none, 0.0, variance(halves) / 3.0, move,
-                     origins["axis_offset"])
+                     words)
     )  # fmt: skip
-    growth = 0.5 * float(assumed["heating"]) * float(assumed["expansion"])
-    grown = np.concatenate([growth * arm, np.zeros((n, 3))], axis=1)
-    found.append(
-        Contribution(name, "heat", None, grown, 1.0, nothing, move,
-                     f"class {kind!r}, assumed: up to {assumed['heating']:g} K, "
-                     f"{1e6 * assumed['expansion']:.3g} um/(m K)")
-    )  # fmt: skip
-    return [one for one in found if one.set is not None or one.shift.any()]
+    heating, heating_from = sizes.of(name, "heating")
+    expansion, expansion_from = sizes.of(name, "expansion")
+    grown = np.concatenate([0.5 * heating * expansion * arm, np.zeros((n, 3))], axis=1)
+    words = sizes.words({
+        f"up to {heating:g} K": heating_from, f"{1e6 * expansion:.3g} um/(m K)": expansion_from,
+    })  # fmt: skip
+    found.append(Contribution(name, "heat", None, grown, 1.0, nothing, move, words))
+    return [
+        one if one.cause == "play" else replace(one, factor=remaining.get(one.cause, 1.0))
+        for one in found
+        if one.set is not None or one.shift.any()
+    ]
 
 
-_AXIAL = ("encoder", "zero_offset", "gear_error")
+_TURNING = ("encoder", "zero_offset", "gear_error")
+"""What robots and their classes have of joints that turn."""
+_PINION = 0.01
+"""Radius of the pinion by which a slider has what a class has of joints that turn [m]."""
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """What is given of a robot, and what a class has where nothing is."""
+
+    given: RobotErrors
+    kind: str
+
+    def of(self, joint: str, key: str, slides: bool = False) -> tuple[float, str]:
+        """A number of a joint, and whether it is ``given`` or ``assumed``."""
+        own = getattr(self.given.joints.get(joint), key, None)
+        turns = slides and key in _TURNING
+        if own is None and not turns:
+            own = getattr(self.given, key)
+        if own is not None:
+            return float(own), "given"
+        return getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0), "assumed"
+
+    def words(self, parts: Mapping[str, str], others: Sequence[str] = ()) -> str:
+        """Where numbers come from, by their texts, those that are assumed first."""
+        found = []
+        for origin, head in (("assumed", f"class {self.kind!r}, assumed"), ("given", "given")):
+            if any(own == origin for own in parts.values()):
+                texts = [text for text, own in parts.items() if own == origin]
+                found.append(f"{head}: {', '.join(texts)}")
+        return "; ".join([*found, *others])
 
 
 def _elastic(
-    mechanism: Mechanism,
-    name: str,
-    own: JointErrors,
-    assumed: Mapping[str, Any],
-    kind: str,
-    load: np.ndarray,
-    about: int,
-) -> tuple[np.ndarray, str]:
-    """How a joint gives way under its loads (n, 6), and by which stiffness."""
+    mechanism: Mechanism, name: str, sizes: _Sizes, load: np.ndarray, about: int
+) -> tuple[np.ndarray, str, float]:
+    """How a joint gives way under its loads (n, 6), by which stiffness, and its spread."""
     shift, words = np.zeros((len(load), 6)), []
+    parts: dict[str, str] = {}
     joint, gear = mechanism.clearance.get(name), mechanism.gears.get(name)
+    own = sizes.given.joints.get(name, JointErrors())
     carried = load.copy()
     carried[:, about] = 0.0
     if joint is not None and joint.springs is not None:
@@ -617,20 +701,23 @@ def _elastic(
             words.append("its contacts")
     if own.elasticity is not None:
         shift += own.elasticity.displacements(carried)
-        words.append("given")
+        parts[own.elasticity.words] = "given"
     elif joint is None:
-        shift[:, 3:5] += carried[:, 3:5] / float(assumed["tilt_stiffness"])
-        words.append(f"class {kind!r}, assumed: {assumed['tilt_stiffness']:g} N m/rad in tilt")
-    if own.torsional_stiffness is None and gear is not None:
+        stiffness, origin = sizes.of(name, "tilt_stiffness")
+        shift[:, 3:5] += carried[:, 3:5] / stiffness
+        parts[f"{stiffness:g} N m/rad in tilt"] = origin
+    if own.torsional_stiffness is not None:
+        shift[:, about] += load[:, about] / own.torsional_stiffness
+        unit = "N m/rad in torsion" if about == 5 else "N/m along the axis"
+        parts[f"{own.torsional_stiffness:g} {unit}"] = "given"
+    elif gear is not None:
         torque = load[:, about]
         shift[:, about] += np.sign(torque) * gear.curve().depth(np.abs(torque))
         words.append("its gear")
-    elif own.torsional_stiffness is not None:
-        shift[:, about] += load[:, about] / own.torsional_stiffness
-        words.append("given")
     elif about == 5:
-        stiffness = float(assumed["torsional_stiffness"])
+        stiffness, origin = sizes.of(name, "torsional_stiffness")
         shift[:, about] += load[:, about] / stiffness
-        words.append(f"class {kind!r}, assumed: {stiffness:g} N m/rad in torsion")
-    words.sort(key=lambda text: not text.startswith("class"))
-    return shift, "; ".join(dict.fromkeys(words))
+        parts[f"{stiffness:g} N m/rad in torsion"] = origin
+    spread, origin = sizes.of(name, "stiffness_spread")
+    parts[f"either way {100 * spread:g} %"] = origin
+    return shift, sizes.words(parts, words), spread

@@ -1,7 +1,8 @@
 """A URDF with play in it: each joint with clearance becomes the chain of its virtual link.
 
 Other simulators then have the freedoms that play adds. The bearings themselves - round, elastic,
-with friction - cannot be said in a URDF; limits take their place: a box about twice the clearance.
+with friction - cannot be said in a URDF; limits take their place: a box about twice the clearance,
+or of a rolling bearing, to which no contacts can be added, as far as its inner ring is free.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ def to_urdf(mechanism: Mechanism) -> str:
     for byte.
 
     Raises:
-        JointplayError: the mechanism has loops or gears, which URDF cannot express, or one of the
-            new names is taken.
+        JointplayError: the mechanism has loops or gears, which URDF cannot express, a joint has no
+            play, such as a preloaded bearing, or one of the new names is taken.
     """
     for name in (*mechanism.loops, *mechanism.gears):
         what = "loop" if name in mechanism.loops else "gear with play"
@@ -97,6 +98,11 @@ def _chain(
 ) -> list[ElementTree.Element]:
     """Joints and links, from the parent's side to the child's."""
     joint = mechanism.clearance[name]
+    if max(joint.play(second_order=False).reach) == 0.0:
+        raise JointplayError(
+            f"joint {name!r} has no play ({joint.words}), and a URDF cannot say how it gives way: "
+            "leave it out, or give it a bearing with clearance"
+        )
     entry = mechanism.description.joints[name]
     child = mechanism.model.getFrameId(entry.child, pin.FrameType.BODY)
     # The mechanism turned the child's frame back from the bearing's: this is the way there.
@@ -118,7 +124,7 @@ def _chain(
             kind = "revolute" if group else "prismatic"
             element = ElementTree.Element("joint", name=f"{name}.{freedom}", type=kind)
             _add(element, "axis", xyz=axis)
-            room = LIMIT_FACTOR * joint.travel[freedom]
+            room = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
             _add(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"

@@ -13,6 +13,7 @@ from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
 from jointplay.design.allocation import Allocation
+from jointplay.design.cause_allocation import CauseAllocation
 from jointplay.design.error_budget import ErrorBudget
 from jointplay.design.iso9283 import Iso9283
 from jointplay.design.levers import GEAR
@@ -214,6 +215,44 @@ def allocation(allotment: Allocation) -> Figure:
             f"target {1e6 * allotment.target:.4g} µm",
             fontsize=9,
         )
+    return figure
+
+
+def cause_allocation(allotment: CauseAllocation) -> Figure:
+    """Each joint's causes as they are and in the end, and what each costs."""
+    joints = list(dict.fromkeys(allotment.joints))
+    causes = list(dict.fromkeys(allotment.causes))
+    shown = np.zeros((3, len(causes), len(joints)))
+    values = (1e3 * allotment.before, 1e3 * allotment.after, allotment.price)
+    for k, (joint, cause) in enumerate(zip(allotment.joints, allotment.causes, strict=True)):
+        shown[:, causes.index(cause), joints.index(joint)] += [one[k] for one in values]
+    place, errors = np.arange(len(joints)), allotment.words
+    labels = (
+        f"part of the {errors} [mm]\npale: {1e3 * allotment.before.sum():.4g} mm as it is; full: "
+        f"{1e3 * allotment.error:.4g} mm",
+        f"price, {allotment.total:.4g} in all",
+    )
+    with panels(9.0, 1.9 + 0.42 * len(joints), 1, 2, sharey=True) as (figure, axes):
+        for panel, label, bars_of in zip(
+            axes, labels, (((0, -0.2, 0.45), (1, 0.2, 1.0)), ((2, 0.0, 1.0),)), strict=True
+        ):
+            for which, shift, opacity in bars_of:
+                ends = {1.0: np.zeros(len(joints)), -1.0: np.zeros(len(joints))}
+                for k, cause in enumerate(causes):
+                    own = shown[which, k]
+                    for sign, end in ends.items():  # loads may shift the tool back
+                        part = np.where(np.sign(own) == sign, own, 0.0)
+                        named = which == 1 and sign > 0.0
+                        panel.barh(
+                            place + shift, part, 0.36 if len(bars_of) > 1 else 0.6, left=end,
+                            color=COLOURS[k], alpha=opacity, label=cause if named else None,
+                        )  # fmt: skip
+                        end += part
+            panel.set_xlabel(label)
+        axes[0].set_yticks(place, joints)
+        axes[0].invert_yaxis()
+        figure.legend(loc="outside upper center", ncols=len(causes))
+        footnote(figure, "; ".join(one for one in allotment.notes if one.startswith("assumed")))
     return figure
 
 

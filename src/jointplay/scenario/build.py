@@ -16,7 +16,8 @@ from jointplay.contact import trust
 from jointplay.core.errors import JointplayError, MissingName, require_positive, within
 from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
 from jointplay.core.units import Measured, expected, named, toml_text
-from jointplay.joints import JOINT_WORDS, Clearance
+from jointplay.design.robot_errors import JointErrors, RobotErrors
+from jointplay.joints import JOINT_WORDS, Clearance, Elasticity, GuideElasticity
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
@@ -193,6 +194,42 @@ def payloads_of(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
                 raise MissingName("frame", payload.frame, names, where=("frame",))
             payloads.append(payload)
     return tuple(payloads)
+
+
+def errors_of(model: Model, mechanism: Mechanism) -> RobotErrors | None:
+    """Errors besides play, where the scenario says anything of them.
+
+    Raises:
+        JointplayError: no such joint, a unit of another kind of joint, or a value that cannot be;
+            `where` has the key.
+    """
+    robot: Any = model.errors
+    if robot is None:
+        return None
+    joints = {}
+    for name, draft in drafts(robot.fields.get("joints", {})).items():
+        path, fitted = ("errors", "joints", name), dict(draft.fields)
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints, where=path)
+        for key, value in draft.fields.items():
+            units = fields_of(JointErrors)[key].units
+            if len(units) == 2 and value is not None:
+                fitted[key] = fit(mechanism, name, value, (units[0], units[1]), (*path, key))
+        springs = fitted.get("elasticity")
+        if springs is not None:  # which keys it can have depends on the joint
+            slides = mechanism.description.joints[name].slides
+            kind = GuideElasticity if slides else Elasticity
+            for key in springs.fields:
+                if key not in fields_of(kind):
+                    whose = f" of a joint that {'slides' if slides else 'turns'}"
+                    at = (*path, "elasticity", key)
+                    raise JointplayError(unknown_key(key, fields_of(kind), whose), where=at)
+            fitted["elasticity"] = replace(springs, kind=kind)
+        with within(*path):
+            joints[name] = replace(draft, fields=fitted).make()
+    with within("errors"):
+        errors: RobotErrors = replace(robot, fields={**robot.fields, "joints": joints}).make()
+        return errors
 
 
 # The motion that a scenario gives: of a file, of joints, of the tool.
@@ -373,6 +410,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
     drive = drive_of(model, mechanism, motion)
+    errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = ((Integration, model.integration), (Recording, model.output), (Limited, model.robot))
     simulation = Simulation(
         mechanism,

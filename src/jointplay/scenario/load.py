@@ -23,6 +23,7 @@ from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree
 
 if TYPE_CHECKING:
+    from jointplay.design.robot_errors import RobotErrors
     from jointplay.scenario.build import Built
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
@@ -175,6 +176,13 @@ class Scenario(Overview):
             raise self.error(error.where, str(error), case, True) from None
         self.notes += [line for line in notes if line not in self.notes]
         return simulation
+
+    def robot_errors(self, case: str | None = None) -> RobotErrors | None:
+        """Errors besides play of a case's robot; None if the file has none. See `simulation`."""
+        mechanism = self.simulation(case).mechanism
+        from jointplay.scenario.build import errors_of
+
+        return errors_of(self.model(self.cases[0] if case is None else case), mechanism)
 
     def ready_run(
         self, case: str | None = None, progress: bool = False, records: Path | None = None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from jointplay.core.schema import choice, quantity
+from jointplay.design.robot_errors import RobotErrors
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
@@ -166,6 +167,8 @@ class Model:
     """Other loads, each under a name of your choice."""
     payloads: list[HeldPayload] = field(default_factory=list)
     """Bodies that the tool picks up and releases."""
+    errors: RobotErrors | None = None
+    """Errors besides play, for the whole error budget; runs have none of them."""
     integration: IntegrationTable = IntegrationTable()
     """Time integration, and the start."""
     output: Output = Output()

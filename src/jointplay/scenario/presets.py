@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from jointplay.loads.drive import Drive
     from jointplay.mechanism.mechanism import Mechanism
 
-__all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
+__all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_for", "preset_of", "presets"]
 
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
 """Tables of a scenario by what a preset calls a joint's."""
@@ -213,3 +213,13 @@ def preset_of(robot: str) -> Preset:
         f"nothing is publicly known of the joints of {robot!r}; choose what they may be like: "
         + ", ".join(f"--preset {name}" for name in classes)
     )
+
+
+def preset_for(robot: str, name: str) -> Preset:
+    """A preset by its name, or without one (``""``) that of the robot.
+
+    Raises:
+        MissingName: none of that name.
+        JointplayError: no name, and nothing is publicly known of the robot's joints.
+    """
+    return preset(name) if name else preset_of(robot)

@@ -24,8 +24,8 @@ _PART = re.compile(
 _CLEARANCES = ("radial_clearance", "clearance")
 """Keys of a joint that are 0 in an ideal one."""
 
-NOT_SWEPT = ("title", "output", "cases", "sweep")
-"""Tables over which no sweep goes."""
+NOT_SWEPT = ("title", "errors", "output", "cases", "sweep")
+"""Tables over which no sweep goes; runs have no errors."""
 
 
 def path_of(name: str) -> Key:

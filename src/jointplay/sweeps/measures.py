@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.analysis.bearings import bearing_life
 from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
+from jointplay.analysis.twins import rolls
 from jointplay.contact.trust import function_in_folder, imported, is_beside
 from jointplay.core.errors import JointplayError
 from jointplay.geometry import Mode
@@ -24,6 +26,14 @@ USER = "user"
 
 NUMERICAL_ERROR = "numerical_error_"
 """What the names begin with of measures that say how far off a certified figure may be."""
+
+BEARING = {
+    "largest_element_load": ("N", "largest load of a rolling element"),
+    "loaded_elements": ("1", "most rolling elements that bore load at a time"),
+    "bearing_life": ("1", "L10 in revolutions, at the loads of the motion"),
+    "bearing_life_hours": ("h", "L10 in hours of repeating the motion"),
+}
+"""Measures of joints with a rolling bearing, with unit and meaning; `analysis.BearingLife`."""
 
 _JOINT_FORCE = {"peak": "joint_force_peak", "rms": "joint_force"}
 
@@ -49,6 +59,9 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
         text = f"share of the time in mode {mode.replace('_', ' ')}"
         found[f"share_{mode}"] = "1", text
         found |= {f"share_{mode}_{joint}": ("1", f"{text}, at {joint}") for joint in joints}
+    for name, (unit, text) in BEARING.items():
+        found[name] = unit, text
+        found |= {f"{name}_{joint}": (unit, f"{text}, at {joint}") for joint in joints}
     found |= {
         "impacts": ("1", "contacts that began"),
         "impulse": ("N s", "normal impulse of all contacts"),
@@ -113,6 +126,7 @@ def measure(
         modes = np.bincount(_values(result, "mode")[kept, k], minlength=len(Mode))
         for mode in Mode:
             measures[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(kept.sum(), 1))
+    measures |= dict(_bearings(result, joints, kept))
     measures["penetration"] = audit.largest_penetration if kept.all() else _deepest(result, kept)
     measures["energy_error"] = audit.relative_energy_residual
     measures["under_resolved"] = audit.under_resolved_impulse
@@ -121,6 +135,21 @@ def measure(
         for figure in result.certificate.headline:
             measures[_of_figure(figure.name)] = figure.error
     return measures
+
+
+def _bearings(
+    result: Result, joints: Sequence[str], kept: np.ndarray
+) -> Iterator[tuple[str, float]]:
+    """Loads and life of rolling bearings; none of joints without, nor of a single record."""
+    if kept.sum() < 2:
+        return
+    for joint in result.joints:
+        if not rolls(result, joint):
+            continue
+        life = bearing_life(result, joint)
+        values = (life.largest_load, life.most_loaded, life.revolutions, life.hours)
+        for name, value in zip(BEARING, values, strict=True):
+            yield f"{name}_{joint}" if len(joints) > 1 else name, float(value)
 
 
 def _since(values: np.ndarray, kept: np.ndarray) -> np.ndarray:

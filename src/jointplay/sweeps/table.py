@@ -18,6 +18,7 @@ from jointplay.analysis.uncertainty import (
 )
 from jointplay.core.errors import JointplayError, MissingName, require_share
 from jointplay.sweeps.case import FAILED
+from jointplay.sweeps.measures import BEARING
 from jointplay.sweeps.plan import REPEAT, SAMPLE
 
 SHOWN = (
@@ -84,9 +85,16 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
 
     Raises:
         MissingName: there is none of the name.
+        JointplayError: it is of a rolling bearing, and no case has one there.
     """
     names = _measures(dataset)
     if name not in names:
+        if any(name == one or name.startswith(f"{one}_") for one in BEARING):
+            having = [one for one in names if one.startswith(tuple(BEARING))]
+            raise JointplayError(
+                f"no measure {name!r}: it is of a joint with rolling elements; of this sweep's "
+                + (f"there are {', '.join(having)}" if having else "joints none has any")
+            )
         raise MissingName("measure", name, names)
     return dataset[name]
 
