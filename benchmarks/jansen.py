@@ -36,7 +36,7 @@ RANGES = {
     "turns a second": (0.5, 1.5),
     "load [N]": (10.0, 30.0),
 }
-MOST_OF_WEAR = 0.9
+PARTS_OF_WEAR = (0.5, 0.9)
 DRAWN = 4
 """Runs whose wear is drawn."""
 
@@ -97,10 +97,10 @@ def gather(
         return list(tqdm(pool.map(measures, work), total=len(work), unit="run", desc=words))
 
 
-def arc(depth: np.ndarray) -> float:
-    """Angle of the least part of a bore that holds `MOST_OF_WEAR` of its wear [deg]."""
+def arc(depth: np.ndarray, part: float) -> float:
+    """Angle of the least part of a bore that holds a part of its wear [deg]."""
     sizes = np.sort(depth)[::-1].cumsum()
-    count = int(np.searchsorted(sizes, MOST_OF_WEAR * sizes[-1])) + 1
+    count = int(np.searchsorted(sizes, part * sizes[-1])) + 1
     return 360.0 * count / len(depth)
 
 
@@ -217,9 +217,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 f"  {joint}: largest force [N] {interval(force)}; {force.mean() / ideal[joint]:.3g}"
                 " times that without clearance",
                 f"  {joint}: wear a turn, mean depth [nm] {interval(depths.mean(axis=1), 1e9)}",
-                f"  {joint}: {100 * MOST_OF_WEAR:g} % of the wear on {arc(mean):.0f} deg of the "
-                f"bore (one run: {min(map(arc, depths)):.0f} to {max(map(arc, depths)):.0f}); "
-                f"deepest over mean {mean.max() / mean.mean():.3g}",
+                f"  {joint}: "
+                + ", ".join(
+                    f"{100 * part:g} % of the wear on {arc(mean, part):.0f} deg"
+                    for part in PARTS_OF_WEAR
+                )
+                + f" of the bore; deepest over mean {mean.max() / mean.mean():.3g}",
             ]
     lines += ["wear and clearance coupled, knee:", feedback("knee", 4, options.jobs)]
     lines += sensitivity(options.samples, options.phases, options.jobs)
