@@ -56,6 +56,7 @@ def bearing(*rooms, film=None, kinds=("rim", "rim")):
         normal=Law(),
         film=film,
         resultant=None,
+        springs=None,
         contact_properties=lambda k: kinds[k],
     )
 
