@@ -141,7 +141,7 @@ def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     assert cli.main([*options, "--payload", "5 kg", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "elasticity" in shown
-    assert "assumed: geometry: class 'industrial'" in shown
+    assert "assumed: geometry: offset 0.0003 m, tilt 0.0003 rad (class 'industrial')" in shown
     assert "by cause:" in shown
     text = (out / "errors.csv").read_text()
     assert "elbow_joint,play" in text

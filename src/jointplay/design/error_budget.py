@@ -237,11 +237,11 @@ class ErrorBudget:
         """Index of the pose with the largest error."""
         return int(self.worst.argmax())
 
-    def halved(self, index: int) -> tuple[float, float]:
-        """By how much `worst` and `rms` fall at the worst pose by half of one contribution [m]."""
+    def halved(self, *indices: int) -> tuple[float, float]:
+        """By how much `worst` and `rms` fall at the worst pose by half of contributions [m]."""
         at = self.worst_pose
         own = self.contributions
-        other = [replace(one, factor=0.5) if i == index else one for i, one in enumerate(own)]
+        other = [replace(one, factor=0.5) if i in indices else one for i, one in enumerate(own)]
         rest = ErrorBudget(tuple(one.at([at]) for one in other), self.q[at : at + 1],
                            self.mechanism, self.force, ())  # fmt: skip
         found = rest.farthest(rest.contributions, self.direction[at : at + 1])[0][0]
@@ -345,22 +345,30 @@ class ErrorBudget:
         at = self.worst_pose
         head = ("joint", "cause", "worst case [mm]", "share", "rms [mm]", "halved: worst, rms [mm]")
         rows: list[tuple[str, ...]] = [head]
-        order = np.argsort(-self.parts[:, at])
-        for i in order:
-            one = self.contributions[i]
-            if self.parts[i, at] <= _LISTED * self.worst[at]:
+        same: dict[tuple[str, str], list[int]] = {}
+        for i, one in enumerate(self.contributions):
+            same.setdefault((one.joint, one.cause), []).append(i)
+        small = []
+        for (joint, cause), indices in sorted(
+            same.items(), key=lambda item: -self.parts[item[1], at].sum()
+        ):
+            part = float(self.parts[indices, at].sum())
+            if part <= _LISTED * self.worst[at]:
+                small.append(part)
                 continue
-            own = _rms(one.mean()[at][None], one.variance()[at][None])[0]
-            gain, less = self.halved(int(i))
+            ones = [self.contributions[i] for i in indices]
+            mean, variance = (
+                np.sum([getattr(one, name)()[at] for one in ones], axis=0)
+                for name in ("mean", "variance")
+            )
+            gain, less = self.halved(*indices)
             rows.append((
-                one.joint, one.cause, f"{1e3 * self.parts[i, at]:.4f}",
-                f"{100 * self.parts[i, at] / self.worst[at]:.1f}%", f"{1e3 * own:.4f}",
+                joint, cause, f"{1e3 * part:.4f}", f"{100 * part / self.worst[at]:.1f}%",
+                f"{1e3 * _rms(mean[None], variance[None])[0]:.4f}",
                 f"-{1e3 * gain:.4f}, -{1e3 * less:.4f}",
             ))  # fmt: skip
-        small = self.parts[:, at] <= _LISTED * self.worst[at]
-        if small.any():
-            rest = 1e3 * float(self.parts[small, at].sum())
-            rows.append((f"{int(small.sum())} more", "", f"{rest:.4f}", "", "", ""))
+        if small:
+            rows.append((f"{len(small)} more", "", f"{1e3 * sum(small):.4f}", "", "", ""))
         rows.append(
             ("all", "", f"{1e3 * self.worst[at]:.4f}", "100%", f"{1e3 * self.rms[at]:.4f}", "")
         )
@@ -478,7 +486,8 @@ def error_budget(
             line = f"{one.cause}: {told.partition(';')[0]}"
             stated.setdefault(line, []).append(one.joint)
         if head.startswith("class"):
-            assumed[f"{one.cause}: {head.partition(';')[0]}"] = None
+            told = head.partition(";")[0].partition("assumed: ")[2]
+            assumed[f"{one.cause}: {told} (class {kind!r})"] = None
     moved = len({one.joint for one in kept})
     lines = (
         f"{line} ({'all joints' if len(names) == moved else ', '.join(names)})"
