@@ -8,6 +8,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
@@ -79,11 +80,18 @@ def cause_bars(budget: ErrorBudget) -> Figure:
                     label=cause if panel is axes[0] else None,
                 )  # fmt: skip
             panel.set_xlabel(label)
+            _leave_room(panel)
         axes[0].set_yticks(place, joints)
         axes[0].invert_yaxis()
         figure.legend(loc="outside upper center", ncols=len(causes))
         footnote(figure, "; ".join(budget.assumed))
     return figure
+
+
+def _leave_room(panel: Axes) -> None:
+    """Leave room beside bars that begin where others end, which Matplotlib keeps at the edge."""
+    low, high = panel.dataLim.intervalx
+    panel.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
 
 
 def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
@@ -249,6 +257,7 @@ def cause_allocation(allotment: CauseAllocation) -> Figure:
                         )  # fmt: skip
                         end += part
             panel.set_xlabel(label)
+            _leave_room(panel)
         axes[0].set_yticks(place, joints)
         axes[0].invert_yaxis()
         figure.legend(loc="outside upper center", ncols=len(causes))
