@@ -44,8 +44,8 @@ INFORMED = 0.5
 """Part of a prior's variance that the poses must take away, or they tell nothing."""
 TOGETHER = 0.7
 """Correlation from which two coefficients are said to act together."""
-FRICTIONS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7)
-TRANSITIONS = (0.05, 0.15, 0.3, 0.6)
+FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
+TRANSITIONS = (0.02, 0.05, 0.15, 0.3, 0.6)
 """Of play, over the largest load of the joint, where they are sought."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
@@ -284,7 +284,9 @@ class Calibration:
             "kept": [str(term) for term in self.kept],
             "models": [vars(one) | {"terms": list(one.terms)} for one in self.steps],
             "coefficients": [dict(vars(one)) for one in self.coefficients],
-            "play": [dict(vars(one)) for one in self.play],
+            "play": [
+                {k: None if v == np.inf else v for k, v in vars(one).items()} for one in self.play
+            ],
             "notes": list(self.notes),
         }
 
@@ -312,32 +314,37 @@ class _Fits:
     tick: Callable[[], None]
 
     def problem(
-        self, terms: Sequence[Term], rows: np.ndarray
+        self, terms: Sequence[Term], rows: np.ndarray, start: State | None = None
     ) -> tuple[Problem, Fitted, dict[str, tuple[float, float]]]:
         """The problem of some terms, with friction and transition of play as these rows have them,
-        its solution, and what was chosen by joint."""
+        its solution, and what was chosen by joint; base and tool begin where `start` has them."""
         made = [column for term in terms for column in self.poses.columns(term)]
         sought = [i for i, one in enumerate(made) if one.term.kind == "play" and self.sought(one)]
         problem = replace(self.base, columns=tuple(made))
         chosen: dict[str, tuple[float, float]] = {}
         if not sought:
-            return problem, problem.fit(rows), chosen
+            return problem, problem.fit(rows, self._blank(problem, start)), chosen
         # From the solution without these columns, each in turn takes the best of its features; once
         # more with the others as they are.
         without = replace(
             self.base, columns=tuple(c for i, c in enumerate(made) if i not in sought)
         )
-        state = without.fit(rows).state
+        state = without.fit(rows, self._blank(without, start)).state
         c = np.zeros(len(made))
         c[[i for i in range(len(made)) if i not in sought]] = state.c
-        start = replace(state, c=c)
+        now = replace(state, c=c)
         for _ in range(2):
             for i in sought:
-                zeroed = replace(start, c=np.where(np.arange(len(made)) == i, 0.0, start.c))
+                zeroed = replace(now, c=np.where(np.arange(len(made)) == i, 0.0, now.c))
                 made[i], chosen[made[i].joint] = self._best_lean(made, i, zeroed, rows)
             problem = replace(self.base, columns=tuple(made))
-            start = problem.fit(rows, start).state
-        return problem, problem.fit(rows, start), chosen
+            fitted = problem.fit(rows, now)
+            now = fitted.state
+        return problem, fitted, chosen
+
+    def _blank(self, problem: Problem, start: State | None) -> State | None:
+        """A state with no errors but base and tool as given."""
+        return None if start is None else replace(start, c=np.zeros(len(problem.columns)))
 
     def sought(self, column: Column) -> bool:
         """Whether friction or transition of a column of play is sought."""
@@ -397,13 +404,16 @@ class _Fits:
             np.sum(position**2, axis=1) / sp**2 + np.sum(orientation**2, axis=1) / so**2
         )
 
-    def held_back(self, terms: Sequence[Term]) -> tuple[np.ndarray, np.ndarray]:
-        """Errors of position and orientation of every row by fits that have not seen it."""
+    def held_back(self, terms: Sequence[Term], start: State) -> tuple[np.ndarray, np.ndarray]:
+        """Errors of position and orientation of every row by fits that have not seen it.
+
+        `start` only saves the search for where base and tool roughly are.
+        """
         n = len(self.poses)
         position, orientation = np.zeros((n, 3)), np.zeros((n, 3))
         for out in self.folds:
             train = np.setdiff1d(np.arange(n), out)
-            problem, fitted, _ = self.problem(terms, train)
+            problem, fitted, _ = self.problem(terms, train, start)
             position[out], orientation[out] = problem.errors(fitted.state, out)
             self.tick()
         return position, orientation
@@ -452,9 +462,7 @@ def calibrate(
     if not isinstance(mechanism, Mechanism):
         mechanism = Mechanism(mechanism)
     if not isinstance(poses, StaticPoses):
-        sliding = {name: not entry.turns for name, entry in mechanism.description.joints.items()}
-        known = mechanism.ideal().joints
-        poses = StaticPoses.from_csv(poses, {name: sliding.get(name, False) for name in known})
+        poses = read_poses(mechanism, poses)
     if poses.position is None and poses.point is None:
         raise JointplayError(
             f"{poses.source}: nothing measured: neither positions of the tool nor points"
@@ -475,6 +483,17 @@ def calibrate(
             base = replace(base, error=_estimated(fits, [*given, *candidates]))
             fits.base = base
         return _select(mechanism, poses, fits, candidates, given, words)
+
+
+def read_poses(mechanism: Mechanism, path: str | Path) -> StaticPoses:
+    """Read a CSV file of static poses of a mechanism.
+
+    Raises:
+        JointplayError: see `StaticPoses.from_csv`.
+    """
+    entries = mechanism.description.joints
+    joints = {name: name in entries and entries[name].slides for name in mechanism.ideal().joints}
+    return StaticPoses.from_csv(path, joints)
 
 
 def _bar(show: bool, total: int) -> Any:
@@ -529,9 +548,9 @@ def _estimated(fits: _Fits, terms: Sequence[Term]) -> tuple[float, float]:
     """Scatter about the fit of all terms, per axis [m, rad]; degrees of freedom by the share of
     each coefficient that the poses determine."""
     rows = np.arange(len(fits.poses))
-    state = None
+    state: State | None = None
     for _ in range(4):
-        problem, fitted, _ = fits.problem(terms, rows)
+        problem, fitted, _ = fits.problem(terms, rows, state)
         state = fitted.state
         position, orientation = problem.errors(state, rows)
         m = 3 * len(rows)
@@ -558,11 +577,14 @@ def _select(
     """Forward selection, then intervals and bounds."""
     rows = np.arange(len(poses))
 
+    begin: list[State | None] = [None]
+
     def tried(terms: Sequence[Term]) -> tuple[Any, ...]:
-        problem, fitted, _ = fits.problem(terms, rows)
+        problem, fitted, _ = fits.problem(terms, rows, begin[0])
+        begin[0] = fitted.state
         fits.tick()
         training = problem.errors(fitted.state, rows)
-        held = fits.held_back(terms)
+        held = fits.held_back(terms, fitted.state)
         return problem, fitted, training, held, fits.loss(*held)
 
     def step(added: str, terms: Sequence[Term], made: Any, kept: bool, more: Any) -> Step:
@@ -599,7 +621,7 @@ def _select(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
             f"({listed}); put right"
         )
-    chosen = fits.problem(kept, rows)[2]
+    chosen = fits.problem(kept, rows, now[1].state)[2]
     for joint, (friction, transition) in chosen.items():
         notes.append(
             f"play {joint}: friction {friction:.2g}, transition {transition:.2g} N m, "
@@ -610,8 +632,8 @@ def _select(
         poses,
         tuple(kept),
         tuple(steps),
-        _coefficients(fits, kept),
-        _bounds(fits, kept, candidates),
+        _coefficients(fits, kept, now[1].state),
+        _bounds(fits, kept, candidates, now[1].state),
         fits.base.error,
         now[1].state,
         now[2],
@@ -652,10 +674,10 @@ def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, 
     return two, one, stretch
 
 
-def _coefficients(fits: _Fits, kept: Sequence[Term]) -> tuple[Coefficient, ...]:
+def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Coefficient, ...]:
     """Of the terms that were kept, with intervals."""
     rows = np.arange(len(fits.poses))
-    problem, fitted, _ = fits.problem(kept, rows)
+    problem, fitted, _ = fits.problem(kept, rows, start)
     half, _, stretch = _spread(fits, problem, fitted)
     made = []
     for i, column in enumerate(problem.columns):
@@ -667,7 +689,9 @@ def _coefficients(fits: _Fits, kept: Sequence[Term]) -> tuple[Coefficient, ...]:
         told, _, other = _informed(problem, fitted, i)
         name, kind, unit = column.label, column.term.kind, column.unit
         made.append(
-            Coefficient(name, kind, column.joint, unit, value, low, high, told > INFORMED, other)
+            Coefficient(
+                name, kind, column.joint, unit, value, low, high, bool(told > INFORMED), other
+            )
         )
     return tuple(made)
 
@@ -716,7 +740,9 @@ def _informed(problem: Problem, fitted: Fitted, i: int) -> tuple[float, float, s
     return told, float(own.max()), problem.columns[int(own.argmax())].label
 
 
-def _bounds(fits: _Fits, kept: Sequence[Term], candidates: Sequence[Term]) -> tuple[PlayBound, ...]:
+def _bounds(
+    fits: _Fits, kept: Sequence[Term], candidates: Sequence[Term], start: State
+) -> tuple[PlayBound, ...]:
     """What is told of every joint's play, with all candidates and everybody's play free."""
     poses, rows = fits.poses, np.arange(len(fits.poses))
     every = [*kept, *(one for one in candidates if one not in kept)]
@@ -726,7 +752,7 @@ def _bounds(fits: _Fits, kept: Sequence[Term], candidates: Sequence[Term]) -> tu
     rest = tuple(n for n in poses.known if n not in in_terms and poses.loaded(n))
     model = [*others, *named, *([Term("play", rest)] if rest else [])]
     predicted = {c.joint for term in kept if term.kind == "play" for c in poses.columns(term)}
-    problem, fitted, _ = fits.problem(model, rows)
+    problem, fitted, _ = fits.problem(model, rows, start)
     half, side, stretch = _spread(fits, problem, fitted)
     made = []
     for joint in poses.known:
@@ -749,14 +775,14 @@ def _bounds(fits: _Fits, kept: Sequence[Term], candidates: Sequence[Term]) -> tu
             low, high = _over_leans(fits, problem, fitted, i, half[k], stretch)
             upper = max(upper, max(high - half[k], 0.0) + side[k])
         else:
-            upper = max(upper, _smoothed(fits, problem, i))
+            upper = max(upper, _smoothed(fits, problem, fitted.state, i))
         reason = _why_not(poses, problem, fitted, i)
-        seen = joint in predicted and low > 0.0
+        seen = bool(joint in predicted and low > 0.0)
         made.append(PlayBound(joint, unit, value, low, high, upper, "" if seen else reason, seen))
     return tuple(made)
 
 
-def _smoothed(fits: _Fits, problem: Problem, i: int) -> float:
+def _smoothed(fits: _Fits, problem: Problem, start: State, i: int) -> float:
     """The largest bound over other transitions of this joint's play."""
     column, largest = problem.columns[i], 0.0
     friction, transition = column.term.friction or 0.0, column.term.transition or 0.0
@@ -765,7 +791,7 @@ def _smoothed(fits: _Fits, problem: Problem, i: int) -> float:
         columns = list(problem.columns)
         columns[i] = replace(column, feature=feature)
         other = replace(problem, columns=tuple(columns))
-        fitted = other.fit(np.arange(len(fits.poses)))
+        fitted = other.fit(np.arange(len(fits.poses)), start)
         side = _spread(fits, other, fitted)[1][other.first + i]
         largest = max(largest, max(float(fitted.state.c[i]), 0.0) + side)
     return largest

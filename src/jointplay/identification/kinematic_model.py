@@ -621,29 +621,36 @@ class Problem:
         body, origin, *_ = self.poses.chain.forward(self.poses.q[rows], None)
         measured = self.poses.measured
         assert measured.position is not None
-        position, orientation = measured.position[rows], measured.orientation
-        tries = []
+        position, n = measured.position[rows], len(rows)
+        centred = position - position.mean(axis=0)
+        seen = None if measured.orientation is None else measured.orientation[rows]
+        back = np.swapaxes(body, 1, 2)
+        best, found = np.inf, None
         for base in _GRID:
-            reach = at = np.zeros(3)
-            for _ in range(3):
-                across = np.concatenate([np.tile(eye, (len(rows), 1, 1)), base @ body], axis=2)
-                goal = (position - origin @ base.T).ravel()
-                found = np.linalg.lstsq(across.reshape(-1, 6), goal, rcond=None)[0]
-                at, reach = found[:3], found[3:]
+            grip, cost = eye, 0.0
+            # Without orientations the base turns to where the points are; else the grid is enough
+            # for what follows.
+            for _ in range(1 if seen is not None else 4):
+                mixed = base @ body.sum(axis=0)
+                matrix = np.block([[n * eye, mixed], [mixed.T, n * eye]]) + 1e-9 * np.eye(6)
+                goal = position - origin @ base.T
+                inner = np.einsum("nab,nb->a", back, goal @ base)
+                solved = np.linalg.solve(matrix, np.concatenate([goal.sum(axis=0), inner]))
+                at, reach = solved[:3], solved[3:]
                 tip = origin + body @ reach
-                about = (position - position.mean(axis=0)).T @ (tip - tip.mean(axis=0))
-                if orientation is None:
-                    base = nearest_rotation(about)
+                if seen is None:
+                    base = nearest_rotation(centred.T @ (tip - tip.mean(axis=0)))
                     at = position.mean(axis=0) - base @ tip.mean(axis=0)
-            grip = eye
-            if orientation is not None:
-                seen = np.swapaxes(body, 1, 2) @ base.T @ orientation[rows]
-                grip = nearest_rotation(seen.sum(axis=0))
-            state = State((base, at), (grip, reach), none)
-            off = self.residual(state, rows)[0]
-            tries.append((float(off @ off), state))
-        best = min(range(len(tries)), key=lambda i: tries[i][0])
-        return tries[best][1]
+            cost = float(np.sum((position - at - tip @ base.T) ** 2)) / self.error[0] ** 2
+            if seen is not None:
+                own = back @ base.T @ seen
+                grip = nearest_rotation(own.sum(axis=0))
+                # Half of the Frobenius norm's square is the angle's, where that is small.
+                cost += 0.5 * float(np.sum((own - grip) ** 2)) / self.error[1] ** 2
+            if cost < best:
+                best, found = cost, State((base, at), (grip, reach), none)
+        assert found is not None
+        return found
 
     def fit(self, rows: np.ndarray, start: State | None = None, rounds: int = 40) -> Fitted:
         """Least squares by Levenberg and Marquardt's damped normal equations."""
