@@ -137,7 +137,7 @@ def test_derivatives_are_those_of_finite_differences(arm):
 
 def test_intervals_hold_the_truth_in_95_of_100_cases(arm):
     """Over random robots; of all coefficients of joints that gravity loads and of their play."""
-    inside = total = 0
+    inside = total = seen = 0
     for seed in range(25):
         random = np.random.default_rng(100 + seed)
         offsets = dict(zip(JOINTS[1:3], random.normal(0.0, 0.01, 2), strict=True))
@@ -146,13 +146,15 @@ def test_intervals_hold_the_truth_in_95_of_100_cases(arm):
         truth = Truth(arm, seed, n=40).offset(**offsets).compliance(**soft).play(**halves)
         play = Term("play", JOINTS[1:3], friction=0.0, transition=0.3)
         fit = calibrate(arm, truth.measured(), (), always=["offset", "compliance", play], folds=2)
+        seen += fit.within.sum()
         for kind, sizes in (("offset", offsets), ("compliance", soft), ("play", halves)):
             for name, size in sizes.items():
                 one = fit[f"{kind} {name}"]
                 total += 1
                 inside += one.low <= size <= one.high
                 assert one.high - one.low < {"compliance": 2e-4}.get(kind, 2e-3)
-    assert 0.92 <= inside / total <= 1.0  # 150 intervals: 95 % less two standard deviations
+    assert 0.91 <= inside / total <= 1.0  # 150 intervals: 95 % less two standard deviations
+    assert 0.92 <= seen / (25 * 40) <= 0.98  # regions predicted for held-back positions
 
 
 def test_play_is_found_with_its_friction_and_told_from_compliance(arm):

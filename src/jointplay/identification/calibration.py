@@ -42,6 +42,8 @@ RARER_SIGN = 0.05
 """Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
 INFORMED = 0.5
 """Part of a prior's variance that the poses must take away, or they tell nothing."""
+LARGE = 1.2
+"""Excess of held-back errors from which on it is said."""
 TOGETHER = 0.7
 """Correlation from which two coefficients are said to act together."""
 FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
@@ -178,6 +180,8 @@ class Calibration:
     """Errors of position (n, 3) [m] and orientation (n, 3) [rad] by the model that was kept."""
     held_back: tuple[np.ndarray, np.ndarray]
     """The same, each row by a fit that has not seen it."""
+    within: np.ndarray
+    """Whether each held-back position lay in its predicted 95 % region, shape (n,)."""
     folds: str
     """What was held back, in words."""
     notes: tuple[str, ...] = ()
@@ -213,6 +217,10 @@ class Calibration:
                 cells += [f"{np.degrees(orientation):.2f}"] if turned else []
             rows.append([*cells, "yes" if one.kept else "no"])
         lines = [*self.notes, *aligned(rows)]
+        lines.append(
+            f"{int(self.within.sum())} of {len(self.within)} held-back positions lie in their "
+            "predicted 95 % regions"
+        )
         lines.append(
             f"held back: {self.folds}; a term is kept if the squared errors of held-back "
             f"{_unit_words(self.poses)} shrink by more than chance (one-sided 90 %) and their RMS "
@@ -280,6 +288,7 @@ class Calibration:
             "joints": list(self.poses.joints),
             "poses": len(self.poses),
             "held_back": self.folds,
+            "within_region": [bool(one) for one in self.within],
             "error": {"position": self.error[0], "orientation": self.error[1]},
             "kept": [str(term) for term in self.kept],
             "models": [vars(one) | {"terms": list(one.terms)} for one in self.steps],
@@ -312,6 +321,8 @@ class _Fits:
     """Rows that are held back together."""
     units: np.ndarray
     tick: Callable[[], None]
+    excess: float = 1.0
+    """By which held-back errors exceed what the fits predict; intervals are enlarged by it."""
 
     def problem(
         self, terms: Sequence[Term], rows: np.ndarray, start: State | None = None
@@ -404,19 +415,45 @@ class _Fits:
             np.sum(position**2, axis=1) / sp**2 + np.sum(orientation**2, axis=1) / so**2
         )
 
-    def held_back(self, terms: Sequence[Term], start: State) -> tuple[np.ndarray, np.ndarray]:
-        """Errors of position and orientation of every row by fits that have not seen it.
+    def held_back(
+        self, terms: Sequence[Term], start: State
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Errors of position and orientation of every row by fits that have not seen it, whether
+        the position was within its predicted 95 % region, and its mean square over what was
+        predicted.
 
         `start` only saves the search for where base and tool roughly are.
         """
         n = len(self.poses)
         position, orientation = np.zeros((n, 3)), np.zeros((n, 3))
+        within, excess = np.zeros(n, bool), np.zeros(n)
         for out in self.folds:
             train = np.setdiff1d(np.arange(n), out)
             problem, fitted, _ = self.problem(terms, train, start)
             position[out], orientation[out] = problem.errors(fitted.state, out)
+            within[out], excess[out] = self._within(problem, fitted, out)
             self.tick()
-        return position, orientation
+        return position, orientation, within, excess
+
+    def _within(
+        self, problem: Problem, fitted: Fitted, out: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Whether held-back positions lie in the 95 % regions that the fit of the others predicts,
+        of its unknowns' covariance and of the scatter about it; and their mean square over it."""
+        from scipy.stats import f
+
+        free, stretch = freedom(problem, fitted)
+        residual, slope = problem.residual(fitted.state, out, jacobian=True)
+        n = len(out)
+        off, slope = residual[: 3 * n].reshape(n, 3), slope[: 3 * n].reshape(n, 3, -1)
+        own = np.ones(n)
+        if problem.closure:  # about the mean of the held-back rows of the same point
+            names = np.array(problem.poses.measured.point)[out]
+            own = np.array([1.0 - 1.0 / (names == name).sum() for name in names])
+        spread = slope @ fitted.covariance @ np.swapaxes(slope, 1, 2)
+        spread = stretch * (spread + np.maximum(own, 1e-9)[:, None, None] * np.eye(3))
+        distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
+        return distance <= 3.0 * f.ppf(0.95, 3, free), distance / 3.0
 
 
 def calibrate(
@@ -585,10 +622,10 @@ def _select(
         fits.tick()
         training = problem.errors(fitted.state, rows)
         held = fits.held_back(terms, fitted.state)
-        return problem, fitted, training, held, fits.loss(*held)
+        return problem, fitted, training, held, fits.loss(*held[:2])
 
     def step(added: str, terms: Sequence[Term], made: Any, kept: bool, more: Any) -> Step:
-        training, held = ((rms(a), rms(b)) for a, b in (made[2], made[3]))
+        training, held = ((rms(one[0]), rms(one[1])) for one in (made[2], made[3]))
         unknowns = made[0].first + len(made[0].columns)
         return Step(added, tuple(map(str, terms)), unknowns, training, held, kept, *more)
 
@@ -614,7 +651,13 @@ def _select(
         left.remove(best[1])
         steps.append(step(f"+ {best[1].short}", kept, best[0], True, best[2][1:]))
         now = best[0]
+    fits.excess = max(1.0, float(np.sqrt(np.mean(now[3][3]))))
     notes = []
+    if fits.excess > LARGE:
+        notes.append(
+            f"note: held-back errors are {fits.excess:.1f} times as large as the fits predict: "
+            "these causes do not explain all of it; intervals and bounds are enlarged accordingly"
+        )
     if poses.exchanged:
         listed = ", ".join(str(i + 1) for i in poses.exchanged)
         notes.append(
@@ -637,11 +680,24 @@ def _select(
         fits.base.error,
         now[1].state,
         now[2],
-        now[3],
+        now[3][:2],
+        now[3][2],
         words,
         tuple(notes),
         now[0],
     )
+
+
+def freedom(problem: Problem, fitted: Fitted) -> tuple[float, float]:
+    """Degrees of freedom that a fit leaves, counting of each unknown what the poses determine; and
+    the residuals' mean square, in the weights' units."""
+    slope, residual = fitted.jacobian, fitted.residual
+    free = len(residual) - float(np.sum((slope @ fitted.covariance) * slope))
+    if problem.closure:
+        points = problem.poses.measured.point or ()
+        free -= 3.0 * len({points[i] for i in fitted.rows})
+    free = max(free, 3.0)
+    return free, float(residual @ residual) / free
 
 
 def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, np.ndarray, float]:
@@ -651,11 +707,7 @@ def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, 
 
     covariance, n = fitted.covariance, len(fits.poses)
     slope, residual = fitted.jacobian, fitted.residual
-    free = len(residual) - float(np.sum((slope @ covariance) * slope))
-    if problem.closure:
-        free -= 3.0 * len(np.unique(fits.units))
-    free = max(free, 3.0)
-    stretch = float(residual @ residual) / free
+    free, stretch = freedom(problem, fitted)
     plain = np.sqrt(stretch * np.diag(covariance))
     parts = np.arange(len(residual))
     owner = np.where(parts < 3 * n, parts // 3, (parts - 3 * n) // 3)
@@ -671,7 +723,7 @@ def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, 
     wide = np.sqrt(np.maximum(np.diag(robust), 0.0))
     two = np.maximum(t.ppf(0.975, free) * plain, t.ppf(0.975, max(m - 1, 4)) * wide)
     one = np.maximum(t.ppf(0.95, free) * plain, t.ppf(0.95, max(m - 1, 4)) * wide)
-    return two, one, stretch
+    return fits.excess * two, fits.excess * one, fits.excess**2 * stretch
 
 
 def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Coefficient, ...]:

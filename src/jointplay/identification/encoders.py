@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
 FINE_FRICTIONS = tuple(np.linspace(0.0, 0.9, 19))
 """Over the largest load; without other unknowns a fine grid costs nothing."""
-FINE_TRANSITIONS = (0.02, *TRANSITIONS, 0.45, 0.8)
+FINE_TRANSITIONS = (*TRANSITIONS, 0.45, 0.8)
+STEEP = 0.15
+"""Transitions over the largest load up to which play is told from compliance beside it."""
 CAUSES = {
     "eccentricity": "periodic error of an encoder, once a turn",
     "two harmonics": "periodic error of an encoder, once and twice a turn",
@@ -208,7 +210,9 @@ class _Joint:
             names += ["approach"]
         return names
 
-    def _variants(self, name: str) -> list[tuple[tuple[float, ...], np.ndarray]]:
+    def _variants(
+        self, name: str, widest: float = 1.0
+    ) -> list[tuple[tuple[float, ...], np.ndarray]]:
         """What a cause leaves to choose, and its columns (n, k), each way."""
         q = self.angle
         first = np.column_stack([np.sin(q), np.cos(q)])
@@ -227,17 +231,19 @@ class _Joint:
         frictions = FINE_FRICTIONS if name == "play with friction" else (0.0,)
         made: list[tuple[tuple[float, ...], np.ndarray]] = []
         for friction, transition in product(frictions, FINE_TRANSITIONS):
+            if transition > widest:
+                continue
             sizes = (friction * self.largest, transition * self.largest)
             push = self.load - sizes[0] * self.approach
             made.append((sizes, np.clip(push / sizes[1], -1.0, 1.0)[:, None]))
         return made
 
     def _designs(
-        self, names: Sequence[str]
+        self, names: Sequence[str], widest: float = 1.0
     ) -> list[tuple[dict[str, tuple[float, ...]], np.ndarray]]:
         """Design matrices of a model, with a constant, for all that it leaves to choose."""
         made = []
-        for chosen in product(*(self._variants(name) for name in names)):
+        for chosen in product(*(self._variants(name, widest) for name in names)):
             columns = [np.ones((len(self.y), 1)), *(one[1] for one in chosen)]
             choice = {name: one[0] for name, one in zip(names, chosen, strict=True)}
             made.append((choice, np.column_stack(columns)))
@@ -286,21 +292,25 @@ class _Joint:
             self.joint, self.unit, spread, table, kept, causes, friction, transition, play, why_not
         )
 
-    def _fits(self, names: Sequence[str]) -> list[tuple[float, Any, np.ndarray, np.ndarray]]:
+    def _fits(
+        self, names: Sequence[str], widest: float
+    ) -> list[tuple[float, Any, np.ndarray, np.ndarray]]:
         """Cost, choice, coefficients and their standard errors over residuals, of all choices."""
         made = []
-        for choice, design in self._designs(names):
+        for choice, design in self._designs(names, widest):
             inverse = np.linalg.pinv(design.T @ design)
             c = inverse @ design.T @ self.y
             off = self.y - design @ c
             made.append((float(off @ off), choice, c, np.sqrt(np.diag(inverse))))
         return made
 
-    def _coefficients(self, names: Sequence[str]) -> tuple[tuple[Cause, ...], float, float]:
+    def _coefficients(
+        self, names: Sequence[str], widest: float = 1.0
+    ) -> tuple[tuple[Cause, ...], float, float]:
         """With intervals that hold for all choices that are not significantly worse."""
         from scipy.stats import t
 
-        fits = self._fits(names)
+        fits = self._fits(names, widest)
         best = min(fits, key=lambda one: one[0])
         free = max(len(self.y) - len(best[2]), 1)
         noise = best[0] / free
@@ -334,9 +344,10 @@ class _Joint:
         if rarer < max(RARER_SIGN * len(self.y), 2.0):
             times = "never" if not rarer else f"in only {rarer} of {len(self.y)} poses"
             return None, f"its load is on the other side {times}"
+        widest = 1.0
         if not any(name.startswith("play") for name in kept):
-            kept = (*kept, "play")
-        causes = self._coefficients(kept)[0]
+            kept, widest = (*kept, "play"), STEEP
+        causes = self._coefficients(kept, widest)[0]
         found = next(one for one in causes if one.name == "half-play")
         half = 0.5 * (found.high - found.low)
         if half > max(abs(found.value), float(np.std(self.y))):
