@@ -510,6 +510,9 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
         axes[0].set_yticks(place, list(fits_mukca), fontsize=7)
         axes[0].invert_yaxis()
         axes[0].set_xscale("log")
+        axes[0].set_xlim(0.1, 6.0)
+        axes[0].set_xticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0], ["0.1", "0.2", "0.5", "1", "2", "5"])
+        axes[0].minorticks_off()
         axes[0].set_xlabel("held-back scatter of the ball [mm] (RMS)")
         axes[0].legend(fontsize=7)
         for row, fit in enumerate(fits_mukca.values()):

@@ -90,7 +90,7 @@ class Step:
     """One model that was tried: its causes, and its errors in training and on held-back poses."""
 
     added: str
-    """The term that it has beyond those kept before."""
+    """The term that it has beyond those kept before, or lacks (-)."""
     terms: tuple[str, ...]
     unknowns: int
     training: tuple[float, float]
@@ -100,7 +100,7 @@ class Step:
     gain: float
     """Mean reduction of the squared weighted error of held-back rows."""
     margin: float
-    """What the gain had to exceed."""
+    """What the gain had to exceed; of a term that is dropped, what it did not."""
 
 
 @dataclass(frozen=True)
@@ -472,7 +472,8 @@ def calibrate(
     """Fit causes of errors to static poses, and keep those that predict held-back poses better.
 
     Forward selection: to what is kept, the term is added whose fit predicts held-back poses best,
-    as long as that is better by more than chance (`improves`). Base and tool are unknown always.
+    as long as that is better by more than chance (`improves`); then terms are dropped whose loss is
+    not worse by more than chance. Base and tool are unknown always.
     Intervals are those of the linearised fit (Gauss-Newton with priors), by Student's t, or of the
     sandwich over independent units where that is wider; those of play hold for every friction and
     transition whose fit is not significantly worse.
@@ -651,6 +652,19 @@ def _select(
         left.remove(best[1])
         steps.append(step(f"+ {best[1].short}", kept, best[0], True, best[2][1:]))
         now = best[0]
+    # What came in early may be explained by what came later: without it, is anything worse?
+    while len(kept) > len(given):
+        needless = []
+        for term in kept[len(given) :]:
+            terms = [one for one in kept if one is not term]
+            made = tried(terms)
+            worse, *gain = improves(made[4], now[4], fits.units)
+            if not worse:
+                needless.append((gain, term, terms, made))
+        if not needless:
+            break
+        gain, term, kept, now = min(needless, key=lambda one: one[0][0])
+        steps.append(step(f"- {term.short}", kept, now, True, gain))
     fits.excess = max(1.0, float(np.sqrt(np.mean(now[3][3]))))
     notes = []
     if fits.excess > LARGE:
