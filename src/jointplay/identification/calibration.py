@@ -3,6 +3,8 @@
 Offsets, lengths, compliance, play and encoder errors are fitted to static poses together with the
 unknown places of base and tool. A cause is kept only if it predicts poses better that the fit has
 not seen; of every joint's play there is an interval or bound, or the reason why there is none.
+Words and methods are those of J. M. Hollerbach and C. W. Wampler (International Journal of Robotics
+Research 15, 1996); play, priors and the rule for held-back poses are added here.
 """
 
 from __future__ import annotations
