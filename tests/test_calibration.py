@@ -433,3 +433,55 @@ def test_arrays_that_cannot_be_are_refused(arm):
             replace(poses, **change)
     with pytest.raises(JointplayError, match="nothing measured"):
         calibrate(arm, replace(poses, position=None, orientation=None))
+
+
+def test_markers_groups_and_points_are_read_from_tables(arm, tmp_path, capsys):
+    truth = Truth(arm, 17, n=12).offset(elbow=0.02)
+    position, rotation = truth.tool()
+    shape = np.array([[0.0, 0.0, 0.0], [0.14, 0.0, 0.0], [0.03, 0.05, 0.0]])
+    markers = position[:, None] + np.einsum("nij,kj->nki", rotation, shape)
+    markers[4] = markers[4][[1, 0, 2]]
+    head = [f"{j} motor [rad]" for j in JOINTS] + ["elbow link [rad]", "group"]
+    head += [f"marker {name} {axis} [mm]" for name in "abc" for axis in "xyz"]
+    lines = [",".join(head)]
+    for i in range(12):
+        link = "" if i == 3 else f"{truth.q[i, 2]:.9f}"
+        cells = [*(f"{x:.9f}" for x in truth.motor[i]), link, f"day {i % 3}"]
+        lines.append(",".join([*cells, *(f"{1e3 * x:.6f}" for x in markers[i].ravel())]))
+    path = tmp_path / "poses.csv"
+    path.write_text("\n".join(lines) + "\n")
+    poses = StaticPoses.from_csv(path, dict.fromkeys(JOINTS, False))
+    assert poses.exchanged == (4,)
+    assert poses.group[:4] == ("day 0", "day 1", "day 2", "day 0")
+    assert np.isnan(poses.link[3, 2])
+    assert not poses.approach().any()  # each row is of another day than the one before
+    order = ["calibrate", str(arm.description.path), str(path), "--term", "offset"]
+    order += ["--folds", "groups", "--payload", "0.5", "--point", "0,0,10 mm"]
+    assert main([*order, "--scatter", "0.1 mm, 1 mrad"]) == 0
+    said = capsys.readouterr().out
+    assert "labels of markers are exchanged in 1 of 12 rows (5)" in said
+    assert "held back: each of 3 groups" in said
+    assert "offset elbow                                      20 mrad" in said
+    with pytest.raises(JointplayError, match="elbow has no encoder on the link's side in every"):
+        poses.read_by_link("elbow")
+    rows = [line.split(",")[:4] for line in lines[1:]]
+    text = ["".join([",".join([*row, f"p{i % 2}"])]) for i, row in enumerate(rows)]
+    path.write_text("\n".join([",".join([*head[:4], "point"]), *text]) + "\n")
+    assert main(["calibrate", str(arm.description.path), str(path), "--term", "offset"]) == 0
+    assert "held back: each of 2 points" in capsys.readouterr().out
+
+
+def test_results_are_plain_data_and_name_what_there_is(arm):
+    truth = Truth(arm, 18, n=20).offset(elbow=0.01)
+    fit = calibrate(arm, truth.measured(), ["offset"], folds="rows")
+    assert fit.folds == "each of 20 poses"
+    described = fit.describe()
+    assert json.loads(json.dumps(described))["kept"] == ["offset"]
+    rows = [line.split(",") for line in fit.csv().splitlines()]
+    assert rows[0] == ["kind", "name", "unit", "value", "low", "high", "kept", "why_not"]
+    elbow = next(row for row in rows if row[1] == "offset elbow")
+    assert float(elbow[4]) < 0.01 < float(elbow[5])
+    with pytest.raises(JointplayError, match="no coefficient 'offset knee'"):
+        fit["offset knee"]
+    assert str(Term.parse("placement elbow.z")) == "placement elbow.z"
+    assert str(Term.parse("rail waist by lift")) == "rail waist by lift"
