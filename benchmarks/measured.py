@@ -201,6 +201,20 @@ def tiago(repository: Repository, report: Report) -> dict[str, Calibration]:
         fits[f"{frame}, {encoder}"] = fit
         report.say(str(fit))
         report.count(f"TIAGo, {frame}, {encoder}", int(fit.within.sum()), len(fit.within))
+    report.say("", "## Of the placements the forearm's length alone", "")
+    forearm = Term("placement", ("arm_5_joint",), 1e-2, axes="z")
+    for words, poses in (("motor", base), ("link of arm_6", base.read_by_link("arm_6_joint"))):
+        soft = Term("compliance", ("arm_6_joint",), 2e-2)
+        few = calibrate(
+            robot,
+            poses,
+            [soft, PLAY] if words == "motor" else [],
+            always=[OFFSET, RAIL, forearm],
+            payloads=[GRIPPER],
+            error=SCATTER,
+        )
+        report.say(f"encoder: {words}", *str(few).split("\n\n")[0].splitlines())
+        report.say(str(few["placement arm_5_joint along z"]))
     report.say(
         "", "## Which encoder is right: share of the link's reading in what the poses show", ""
     )

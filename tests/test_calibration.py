@@ -1,8 +1,11 @@
 """Offsets, compliance, play and encoder errors from static poses: found, told apart, or refused."""
 
+import importlib
 import json
+import subprocess
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -485,3 +488,14 @@ def test_results_are_plain_data_and_name_what_there_is(arm):
         fit["offset knee"]
     assert str(Term.parse("placement elbow.z")) == "placement elbow.z"
     assert str(Term.parse("rail waist by lift")) == "rail waist by lift"
+
+
+def test_the_benchmark_says_how_to_get_data_that_are_missing(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    measured = importlib.import_module("measured")
+    missing = measured.Repository("owner", "name", "0" * 40, "MIT", tmp_path)
+    with pytest.raises(SystemExit, match=r"git clone https://github\.com/owner/name"):
+        missing.text("data.csv")
+    subprocess.run(["git", "init", "-q", str(tmp_path / "name")], check=True)
+    with pytest.raises(SystemExit, match=r"the commit 0000.* is needed: git -C .* fetch origin"):
+        missing.text("data.csv")
