@@ -312,6 +312,43 @@ def rms(vectors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=-1))))
 
 
+@dataclass(frozen=True)
+class _HeldBack:
+    """Every row as it is predicted by a fit that has not seen it."""
+
+    position: np.ndarray
+    """Errors, shape (n, 3) [m]."""
+    orientation: np.ndarray
+    """Errors, shape (n, 3) [rad]."""
+    within: np.ndarray
+    """Whether the position was within its predicted 95 % region, shape (n,)."""
+    excess: np.ndarray
+    """Mean square of the position's error over what was predicted, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A model with its errors in training and on held-back rows."""
+
+    terms: tuple[Term, ...]
+    problem: Problem
+    fitted: Fitted
+    chosen: dict[str, tuple[float, float]]
+    """Friction and transition of play by joint, where they were sought [N m]."""
+    training: tuple[np.ndarray, np.ndarray]
+    """Errors of positions and orientations, shapes (n, 3) [m, rad]."""
+    held: _HeldBack
+    loss: np.ndarray
+    """Squared weighted errors of the held-back rows, shape (n,)."""
+
+    def step(self, added: str, kept: bool, gain: tuple[float, float] = (0.0, 0.0)) -> Step:
+        """For the table; `gain` with the margin that it had to exceed."""
+        unknowns = self.problem.first + len(self.problem.columns)
+        training = rms(self.training[0]), rms(self.training[1])
+        held = rms(self.held.position), rms(self.held.orientation)
+        return Step(added, tuple(map(str, self.terms)), unknowns, training, held, kept, *gain)
+
+
 @dataclass
 class _Fits:
     """Fits of sets of terms to all rows and to folds."""
@@ -323,6 +360,8 @@ class _Fits:
     """Rows that are held back together."""
     units: np.ndarray
     tick: Callable[[], None]
+    start: State | None = None
+    """Where base and tool were found last: it saves the search for where they roughly are."""
     excess: float = 1.0
     """By which held-back errors exceed what the fits predict; intervals are enlarged by it."""
 
@@ -417,25 +456,27 @@ class _Fits:
             np.sum(position**2, axis=1) / sp**2 + np.sum(orientation**2, axis=1) / so**2
         )
 
-    def held_back(
-        self, terms: Sequence[Term], start: State
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Errors of position and orientation of every row by fits that have not seen it, whether
-        the position was within its predicted 95 % region, and its mean square over what was
-        predicted.
+    def tried(self, terms: Sequence[Term]) -> _Tried:
+        """A set of terms, fitted to all rows and to each fold."""
+        rows = np.arange(len(self.poses))
+        problem, fitted, chosen = self.problem(terms, rows, self.start)
+        self.start = fitted.state
+        self.tick()
+        training, held = problem.errors(fitted.state, rows), self.held_back(terms)
+        loss = self.loss(held.position, held.orientation)
+        return _Tried(tuple(terms), problem, fitted, chosen, training, held, loss)
 
-        `start` only saves the search for where base and tool roughly are.
-        """
+    def held_back(self, terms: Sequence[Term]) -> _HeldBack:
+        """Every row by the fit of a fold that leaves it out."""
         n = len(self.poses)
-        position, orientation = np.zeros((n, 3)), np.zeros((n, 3))
-        within, excess = np.zeros(n, bool), np.zeros(n)
+        made = _HeldBack(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, bool), np.zeros(n))
         for out in self.folds:
             train = np.setdiff1d(np.arange(n), out)
-            problem, fitted, _ = self.problem(terms, train, start)
-            position[out], orientation[out] = problem.errors(fitted.state, out)
-            within[out], excess[out] = self._within(problem, fitted, out)
+            problem, fitted, _ = self.problem(terms, train, self.start)
+            made.position[out], made.orientation[out] = problem.errors(fitted.state, out)
+            made.within[out], made.excess[out] = self._within(problem, fitted, out)
             self.tick()
-        return position, orientation, within, excess
+        return made
 
     def _within(
         self, problem: Problem, fitted: Fitted, out: np.ndarray
@@ -615,60 +656,70 @@ def _select(
     words: str,
 ) -> Calibration:
     """Forward selection, then intervals and bounds."""
-    rows = np.arange(len(poses))
-
-    begin: list[State | None] = [None]
-
-    def tried(terms: Sequence[Term]) -> tuple[Any, ...]:
-        problem, fitted, _ = fits.problem(terms, rows, begin[0])
-        begin[0] = fitted.state
-        fits.tick()
-        training = problem.errors(fitted.state, rows)
-        held = fits.held_back(terms, fitted.state)
-        return problem, fitted, training, held, fits.loss(*held[:2])
-
-    def step(added: str, terms: Sequence[Term], made: Any, kept: bool, more: Any) -> Step:
-        training, held = ((rms(one[0]), rms(one[1])) for one in (made[2], made[3]))
-        unknowns = made[0].first + len(made[0].columns)
-        return Step(added, tuple(map(str, terms)), unknowns, training, held, kept, *more)
-
-    kept, left = list(given), list(candidates)
-    now = tried(kept)
+    first = fits.tried(given)
     name = "base and tool" + "".join(f" + {one.short}" for one in given)
-    steps = [step(name, kept, now, True, (0.0, 0.0))]
+    steps = [first.step(name, True)]
+    kept = _dropped(fits, _added(fits, first, candidates, steps), len(given), steps)
+    fits.excess = max(1.0, float(np.sqrt(np.mean(kept.held.excess))))
+    state, terms = kept.fitted.state, kept.terms
+    return Calibration(
+        mechanism,
+        poses,
+        terms,
+        tuple(steps),
+        _coefficients(fits, terms, state),
+        _bounds(fits, terms, candidates, state),
+        fits.base.error,
+        state,
+        kept.training,
+        (kept.held.position, kept.held.orientation),
+        kept.held.within,
+        words,
+        _notes(fits, kept),
+        kept.problem,
+    )
+
+
+def _added(fits: _Fits, now: _Tried, candidates: Sequence[Term], steps: list[Step]) -> _Tried:
+    """The model with candidates added, the best first, as long as one is better than chance."""
+    left = [term for term in candidates if fits.poses.columns(term)]
     while left:
-        found = []
+        best: tuple[_Tried, Term, tuple[float, float]] | None = None
         for term in left:
-            if not fits.poses.columns(term):
-                continue
-            made = tried([*kept, term])
-            found.append((made, term, improves(now[4], made[4], fits.units)))
-        better = [one for one in found if one[2][0]]
-        best = min(better, key=lambda one: float(one[0][4].mean())) if better else None
-        for one in found:
-            if one is not best:
-                steps.append(step(f"+ {one[1].short}", [*kept, one[1]], one[0], False, one[2][1:]))
+            made = fits.tried([*now.terms, term])
+            better, *gain = improves(now.loss, made.loss, fits.units)
+            found = made, term, (gain[0], gain[1])
+            if better and (best is None or made.loss.mean() < best[0].loss.mean()):
+                found, best = best or found, found
+            if found is not best:
+                steps.append(found[0].step(f"+ {found[1].short}", False, found[2]))
         if best is None:
             break
-        kept.append(best[1])
-        left.remove(best[1])
-        steps.append(step(f"+ {best[1].short}", kept, best[0], True, best[2][1:]))
-        now = best[0]
-    # What came in early may be explained by what came later: without it, is anything worse?
-    while len(kept) > len(given):
+        now, term, gains = best
+        left.remove(term)
+        steps.append(now.step(f"+ {term.short}", True, gains))
+    return now
+
+
+def _dropped(fits: _Fits, now: _Tried, given: int, steps: list[Step]) -> _Tried:
+    """The model without terms that later ones explain: without them, nothing is worse."""
+    while len(now.terms) > given:
         needless = []
-        for term in kept[len(given) :]:
-            terms = [one for one in kept if one is not term]
-            made = tried(terms)
-            worse, *gain = improves(made[4], now[4], fits.units)
+        for term in now.terms[given:]:
+            made = fits.tried([one for one in now.terms if one is not term])
+            worse, *gain = improves(made.loss, now.loss, fits.units)
             if not worse:
-                needless.append((gain, term, terms, made))
+                needless.append((gain, term, made))
         if not needless:
             break
-        gain, term, kept, now = min(needless, key=lambda one: one[0][0])
-        steps.append(step(f"- {term.short}", kept, now, True, gain))
-    fits.excess = max(1.0, float(np.sqrt(np.mean(now[3][3]))))
-    notes = []
+        gain, term, now = min(needless, key=lambda one: one[0][0])
+        steps.append(now.step(f"- {term.short}", True, (gain[0], gain[1])))
+    return now
+
+
+def _notes(fits: _Fits, kept: _Tried) -> tuple[str, ...]:
+    """What was noticed and chosen, a line each."""
+    notes, poses = [], fits.poses.measured
     if fits.excess > LARGE:
         notes.append(
             f"note: held-back errors are {fits.excess:.1f} times as large as the fits predict: "
@@ -680,28 +731,12 @@ def _select(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
             f"({listed}); put right"
         )
-    chosen = fits.problem(kept, rows, now[1].state)[2]
-    for joint, (friction, transition) in chosen.items():
+    for joint, (friction, transition) in kept.chosen.items():
         notes.append(
             f"play {joint}: friction {friction:.2g}, transition {transition:.2g} N m, "
             "chosen by the fit of each fold"
         )
-    return Calibration(
-        mechanism,
-        poses,
-        tuple(kept),
-        tuple(steps),
-        _coefficients(fits, kept, now[1].state),
-        _bounds(fits, kept, candidates, now[1].state),
-        fits.base.error,
-        now[1].state,
-        now[2],
-        now[3][:2],
-        now[3][2],
-        words,
-        tuple(notes),
-        now[0],
-    )
+    return tuple(notes)
 
 
 def freedom(problem: Problem, fitted: Fitted) -> tuple[float, float]:
