@@ -12,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from math import cos, sin
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,12 @@ ROBOT = """<robot name="mine">
     <origin xyz="0.2 0 0"/></joint>
 </robot>
 """
+
+POSES = "shoulder motor [rad],elbow motor [rad],tool x [m],tool y [m],tool z [m]\n" + "".join(
+    f"{a},{b},{cos(a) / 5 + cos(a + b) / 5:.5f},{sin(a) / 5 + sin(a + b) / 5:.5f},0\n"
+    for a, b in ((0.1 * i, 0.3 * ((7 * i) % 11) - 1.5) for i in range(12))
+)
+"""Static poses of that robot."""
 
 
 def blocks(page, language):
@@ -102,6 +109,7 @@ def folder(earlier, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", f"{warm.folder()}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("MPLBACKEND", "agg")
     (tmp_path / "my_robot.urdf").write_text(ROBOT)
+    (tmp_path / "poses.csv").write_text(POSES)
     for name, source in {
         **{"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"},
     }.items():

@@ -104,6 +104,8 @@ REFUSALS = [
     (["shares", "good.toml", "--out", "full"], "(shares.csv)"),
     (["maintenance", "good.toml", "--target", "1e-4", "--out", "full"], "(maintenance.csv)"),
     (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
+    (["calibrate", "ur5", "poses.csv", "--folds", "some"], "--folds must be a number"),
+    (["calibrate", "ur5", "poses.csv", "--scatter", "0 mm"], "--scatter must be positive"),
     (["sweep", "good.toml", "--out", "a.zarr"], "--resume"),
     (["sweep", "good.toml", "--out", "full"], "a folder that holds other files"),
     (["plot-sweep", "a.zarr", "x=a", "y=b", "--out", "there.html"], "exists"),

@@ -21,6 +21,10 @@ from .design.static_budget import budget as budget
 from .design.wear import wear as wear
 from .exports import export as export
 from .identification import Measurement as Measurement
+from .identification import StaticPoses as StaticPoses
+from .identification import Term as Term
+from .identification import calibrate as calibrate
+from .identification import encoder_differences as encoder_differences
 from .identification import identify as identify
 from .identification.planning import plan_measurement as plan_measurement
 from .joints import BallBearing as BallBearing

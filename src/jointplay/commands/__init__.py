@@ -22,6 +22,7 @@ MODULES = (
     *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "presets"),
     "urdf",
     *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
+    "calibrate",
     *("shares", "sweep", "plot_sweep", "uncertainty"),
 )
 """Modules with a command of their own, in the order of the help."""

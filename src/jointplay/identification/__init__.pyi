@@ -1,6 +1,12 @@
+from .calibration import Calibration as Calibration
+from .calibration import calibrate as calibrate
+from .encoders import EncoderDifference as EncoderDifference
+from .encoders import encoder_differences as encoder_differences
 from .identification import Identification as Identification
 from .identification import identify as identify
+from .kinematic_model import Term as Term
 from .measurement import Measurement as Measurement
 from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan
 from .planning import plan_measurement as plan_measurement
+from .static_poses import StaticPoses as StaticPoses

@@ -125,7 +125,7 @@ class Measurement:
         header, table = _table(path)
         signals: dict[Key, np.ndarray] = {}
         for column, title in enumerate(header):
-            name, unit = _split(title, path)
+            name, unit = split_title(title, path)
             key, goal = _meaning(name, joints, title, path)
             try:
                 factor = float(convert(f"1 {unit}", goal))
@@ -285,7 +285,7 @@ def _table(path: Path) -> tuple[list[str], np.ndarray]:
     return header, table
 
 
-def _split(title: str, path: Path) -> tuple[str, str]:
+def split_title(title: str, path: Path) -> tuple[str, str]:
     """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
     match = _BRACKETS.match(title)
     if match:

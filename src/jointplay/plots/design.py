@@ -22,7 +22,7 @@ from jointplay.design.maintenance import Maintenance
 from jointplay.design.reduction import Reduction
 from jointplay.design.shares import DynamicBudget
 from jointplay.design.static_budget import Budget
-from jointplay.identification import Identification
+from jointplay.identification import Calibration, Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
 from jointplay.plots.style import COLOURS, footnote, listed, panels
@@ -340,6 +340,43 @@ def _agreement(panel: Any, fit: Identification, kind: str) -> None:
         panel.legend(fontsize=6)
     panel.set_xlabel(f"measured: {label}")
     panel.set_ylabel("static model")
+
+
+def calibration(fit: Calibration) -> Figure:
+    """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
+    told = [one for one in fit.play if not one.reason]
+    count = 3 if told else 2
+    with panels(3.4 * count, 1.6 + 0.3 * max(len(fit.steps), 5), 1, count) as (figure, axes):
+        place = np.arange(len(fit.steps))
+        for offset, name, colour in (
+            (-0.2, "training", COLOURS[0]),
+            (0.2, "held_back", COLOURS[1]),
+        ):
+            sizes = [1e3 * getattr(one, name)[0] for one in fit.steps]
+            axes[0].barh(place + offset, sizes, 0.38, color=colour, label=name.replace("_", " "))
+        names = [one.added + (" (kept)" if one.kept else "") for one in fit.steps]
+        axes[0].set_yticks(place, names)
+        axes[0].invert_yaxis()
+        axes[0].set_xlabel("position error [mm] (RMS)")
+        axes[0].legend()
+        for name, colour in (("training", COLOURS[0]), ("held_back", COLOURS[1])):
+            sizes = 1e3 * np.linalg.norm(getattr(fit, name)[0], axis=1)
+            axes[1].plot(np.arange(1, len(sizes) + 1), sizes, ".", ms=4, color=colour)
+        axes[1].set_xlabel("pose")
+        axes[1].set_ylabel("position error [mm]")
+        axes[1].set_ylim(bottom=0.0)
+        for row, one in enumerate(told):
+            if one.found:
+                axes[2].plot([1e3 * one.low, 1e3 * one.high], [row, row], color=COLOURS[1], lw=2.0)
+                axes[2].plot(1e3 * one.half, row, "o", ms=4, color=COLOURS[1])
+            else:
+                axes[2].barh(row, 1e3 * one.upper, 0.5, color="0.8")
+        if told:
+            axes[2].set_yticks(range(len(told)), [listed(one.joint) for one in told])
+            axes[2].invert_yaxis()
+            axes[2].set_xlabel("half-play [mrad or mm]: interval, or bound (grey)")
+        footnote(figure, f"held back: {fit.folds}; statistical, 95 %")
+    return figure
 
 
 # Figures of accuracy and repeatability: attained poses around the command, and the path.

@@ -1,0 +1,367 @@
+"""What the encoders before and behind a joint's gear differ by: play, compliance, or their errors.
+
+With both encoders a joint tells of itself, without any instrument outside: their difference over
+many static poses is compared with features of the joint's angle, of its load and of the way it
+came. A cause is kept only if it predicts poses better that the fit has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.tables import csv_text
+from jointplay.identification.calibration import (
+    RARER_SIGN,
+    TRANSITIONS,
+    improves,
+)
+from jointplay.identification.kinematic_model import Poses
+from jointplay.identification.static_poses import StaticPoses
+from jointplay.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.payload import Payload
+
+FINE_FRICTIONS = tuple(np.linspace(0.0, 0.9, 19))
+"""Over the largest load; without other unknowns a fine grid costs nothing."""
+FINE_TRANSITIONS = (*TRANSITIONS, 0.45, 0.8)
+STEEP = 0.15
+"""Transitions over the largest load up to which play is told from compliance beside it."""
+CAUSES = {
+    "eccentricity": "periodic error of an encoder, once a turn",
+    "two harmonics": "periodic error of an encoder, once and twice a turn",
+    "gain and jump": "encoder with a wrong gain that jumps at one angle (sawtooth)",
+    "compliance": "joint gives way in proportion to its load",
+    "play": "joint leans to the side of its load",
+    "play with friction": "joint leans to the side of its load, less friction against its way",
+    "approach": "joint stays where it came from (hysteresis)",
+}
+"""Causes that are compared, in words."""
+_EXCLUSIVE = ({"eccentricity", "two harmonics", "gain and jump"}, {"play", "play with friction"})
+"""Causes of which a model has one at most."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause's coefficient, with its 95 % interval; SI units."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class EncoderDifference:
+    """What explains the difference of a joint's two encoders, link less motor; SI units."""
+
+    joint: str
+    unit: str
+    spread: float
+    """Standard deviation of the difference."""
+    table: dict[str, float]
+    """RMS of leave-one-out predictions by model, as causes joined by `` + ``."""
+    kept: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    """Coefficients of what was kept, harmonics by amplitude."""
+    friction: float
+    transition: float
+    """Of play, if kept [N m]; nan otherwise."""
+    play: Cause | None
+    """Half-play by the side of the load beside what was kept; None if that cannot be told."""
+    why_not: str
+    """Why it cannot."""
+
+    @property
+    def left(self) -> float:
+        """RMS of the leave-one-out predictions' errors of what was kept."""
+        return self.table[" + ".join(self.kept) or "constant"]
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        words = " and ".join(CAUSES[name].split(",")[0] for name in self.kept)
+        text = words or "nothing here predicts it"
+        if self.play is not None and not any("play" in name for name in self.kept):
+            upper = max(abs(self.play.low), abs(self.play.high))
+            text += f"; half-play at most {_shown(upper, self.unit)}"
+        elif self.play is None:
+            text += f"; play cannot be told: {self.why_not}"
+        return text
+
+    def __str__(self) -> str:
+        """A few lines."""
+        lines = [
+            f"{self.joint}: differs by {_shown(self.spread, self.unit)} (standard deviation), "
+            f"{_shown(self.left, self.unit)} left when predicted: {self.verdict}"
+        ]
+        for one in self.causes:
+            low, high = _shown(one.low, one.unit), _shown(one.high, one.unit)
+            lines.append(f"  {one.name:<24} {_shown(one.value, one.unit)}  ({low} to {high})")
+        return "\n".join(lines)
+
+
+def _shown(value: float, unit: str) -> str:
+    factor, word = {
+        "rad": (1e3, "mrad"), "m": (1e3, "mm"), "rad/(N*m)": (1e3, "mrad/(N m)"),
+        "m/N": (1e3, "mm/N"), "rad/rad": (1e3, "mrad/rad"),
+    }.get(unit, (1.0, unit))  # fmt: skip
+    return f"{factor * value:.3g} {word}"
+
+
+def encoder_differences(
+    mechanism: Mechanism, poses: StaticPoses, payloads: Sequence[Payload] = ()
+) -> tuple[EncoderDifference, ...]:
+    """Tell play, compliance and encoder errors apart by the two encoders of each joint.
+
+    Forward selection by leave-one-out predictions, with `calibrate`'s rule against chance; what a
+    cause needs besides coefficients (friction, transition, the angle of a jump) is chosen again
+    without each pose left out. Intervals are of least squares with Student's t, of play over all
+    frictions and transitions that are not significantly worse.
+
+    Args:
+        mechanism: its gravity loads the joints.
+        poses: with encoders on both sides, in the order of approach.
+        payloads: bodies that the mechanism carried.
+
+    Raises:
+        JointplayError: no encoder on the links' side; see also `Poses`.
+    """
+    all_poses = Poses(mechanism, poses, payloads)
+    names = [
+        name
+        for name in all_poses.known
+        if np.isfinite(_difference(all_poses, name)).sum() > 4
+        and np.nanstd(_difference(all_poses, name)) > 0.0
+    ]
+    if not names:
+        raise JointplayError(
+            f"{poses.source}: no joint has encoders on both sides of its gear in five poses"
+        )
+    return tuple(_Joint(all_poses, name).explained() for name in names)
+
+
+def table_csv(found: Sequence[EncoderDifference]) -> str:
+    """Leave-one-out errors of all models and coefficients of the kept ones [SI]."""
+    rows: list[tuple[Any, ...]] = [("joint", "kind", "name", "unit", "value", "low", "high")]
+    for one in found:
+        for name, value in one.table.items():
+            rows.append((one.joint, "left by leaving one out", name, one.unit, value, "", ""))
+        for cause in one.causes:
+            rows.append(
+                (
+                    one.joint,
+                    "coefficient",
+                    cause.name,
+                    cause.unit,
+                    cause.value,
+                    cause.low,
+                    cause.high,
+                )
+            )
+        rows.append((one.joint, "verdict", one.verdict, "", "", "", ""))
+    return csv_text(rows, 6)
+
+
+def _difference(poses: Poses, joint: str) -> np.ndarray:
+    """Link less motor, of full turns the nearest, shape (n,)."""
+    j = poses.chain.names.index(joint)
+    off = poses.link[:, j] - poses.q[:, j]
+    if poses.chain.turns[j]:
+        off = off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+    return np.asarray(off)
+
+
+class _Joint:
+    """One joint's difference and the features that may explain it."""
+
+    def __init__(self, poses: Poses, joint: str) -> None:
+        """Take the poses in which it can be said where the joint came from."""
+        self.poses, self.joint = poses, joint
+        self.j = poses.chain.names.index(joint)
+        self.turns = bool(poses.chain.turns[self.j])
+        self.unit = "rad" if self.turns else "m"
+        difference = _difference(poses, joint)
+        # A pose that was approached from nowhere says nothing of friction: left out of everything,
+        # so that all models are compared on the same poses.
+        came = poses.approach[:, self.j] != 0.0
+        self.ordered = poses.measured.ordered
+        self.rows = np.flatnonzero(np.isfinite(difference) & (came | (not self.ordered)))
+        self.y = difference[self.rows]
+        self.angle = poses.q[self.rows, self.j]
+        self.load = poses.load[self.rows, self.j]
+        self.approach = poses.approach[self.rows, self.j]
+        self.largest = float(np.abs(self.load).max(initial=0.0))
+
+    def _names(self) -> list[str]:
+        """Causes that can be here."""
+        names = ["eccentricity", "two harmonics", "gain and jump"] if self.turns else []
+        if self.poses.loaded(self.joint):
+            names += ["compliance", "play"]
+        if self.ordered:
+            names += ["play with friction"] if self.poses.loaded(self.joint) else []
+            names += ["approach"]
+        return names
+
+    def _variants(
+        self, name: str, widest: float = 1.0
+    ) -> list[tuple[tuple[float, ...], np.ndarray]]:
+        """What a cause leaves to choose, and its columns (n, k), each way."""
+        q = self.angle
+        first = np.column_stack([np.sin(q), np.cos(q)])
+        if name == "eccentricity":
+            return [((), first)]
+        if name == "two harmonics":
+            return [((), np.column_stack([first, np.sin(2.0 * q), np.cos(2.0 * q)]))]
+        if name == "gain and jump":
+            order = np.sort(q)
+            middles = 0.5 * (order[1:] + order[:-1])[1:-1]
+            return [((float(m),), np.column_stack([q, np.where(q > m, 1.0, 0.0)])) for m in middles]
+        if name == "compliance":
+            return [((), self.load[:, None])]
+        if name == "approach":
+            return [((), self.approach[:, None])]
+        frictions = FINE_FRICTIONS if name == "play with friction" else (0.0,)
+        made: list[tuple[tuple[float, ...], np.ndarray]] = []
+        for friction, transition in product(frictions, FINE_TRANSITIONS):
+            if transition > widest:
+                continue
+            sizes = (friction * self.largest, transition * self.largest)
+            push = self.load - sizes[0] * self.approach
+            made.append((sizes, np.clip(push / sizes[1], -1.0, 1.0)[:, None]))
+        return made
+
+    def _designs(
+        self, names: Sequence[str], widest: float = 1.0
+    ) -> list[tuple[dict[str, tuple[float, ...]], np.ndarray]]:
+        """Design matrices of a model, with a constant, for all that it leaves to choose."""
+        made = []
+        for chosen in product(*(self._variants(name, widest) for name in names)):
+            columns = [np.ones((len(self.y), 1)), *(one[1] for one in chosen)]
+            choice = {name: one[0] for name, one in zip(names, chosen, strict=True)}
+            made.append((choice, np.column_stack(columns)))
+        return made
+
+    def _left_out(self, names: Sequence[str]) -> np.ndarray:
+        """Leave-one-out errors (n,): the choice is the best for the others, so is the fit."""
+        best = np.full(len(self.y), np.inf)
+        error = np.zeros(len(self.y))
+        for _, design in self._designs(names):
+            hat = design @ np.linalg.pinv(design)
+            off = self.y - hat @ self.y
+            lever = np.clip(1.0 - np.diag(hat), 1e-6, None)
+            # Sum of squares without a row, from the fit with it.
+            cost = off @ off - off**2 / lever
+            better = cost < best
+            best[better], error[better] = cost[better], (off / lever)[better]
+        return error
+
+    def explained(self) -> EncoderDifference:
+        """Forward selection and intervals."""
+        units = np.arange(len(self.y))
+        kept: tuple[str, ...] = ()
+        now = self._left_out(kept)
+        table = {"constant": float(np.sqrt(np.mean(now**2)))}
+        while True:
+            found = []
+            for name in self._names():
+                rivals = {other for group in _EXCLUSIVE if name in group for other in group}
+                if name in kept or rivals & set(kept):
+                    continue
+                model = (*kept, name)
+                if sum(4 if m == "two harmonics" else 2 for m in model) + 2 > len(self.y):
+                    continue
+                off = self._left_out(model)
+                table[" + ".join(model)] = float(np.sqrt(np.mean(off**2)))
+                if improves(now**2, off**2, units)[0]:
+                    found.append((float(np.mean(off**2)), model, off))
+            if not found:
+                break
+            _, kept, now = min(found)
+        causes, friction, transition = self._coefficients(kept)
+        play, why_not = self._play(kept)
+        spread = float(np.std(self.y))
+        return EncoderDifference(
+            self.joint, self.unit, spread, table, kept, causes, friction, transition, play, why_not
+        )
+
+    def _fits(
+        self, names: Sequence[str], widest: float
+    ) -> list[tuple[float, Any, np.ndarray, np.ndarray]]:
+        """Cost, choice, coefficients and their standard errors over residuals, of all choices."""
+        made = []
+        for choice, design in self._designs(names, widest):
+            inverse = np.linalg.pinv(design.T @ design)
+            c = inverse @ design.T @ self.y
+            off = self.y - design @ c
+            made.append((float(off @ off), choice, c, np.sqrt(np.diag(inverse))))
+        return made
+
+    def _coefficients(
+        self, names: Sequence[str], widest: float = 1.0
+    ) -> tuple[tuple[Cause, ...], float, float]:
+        """With intervals that hold for all choices that are not significantly worse."""
+        from scipy.stats import t
+
+        fits = self._fits(names, widest)
+        best = min(fits, key=lambda one: one[0])
+        free = max(len(self.y) - len(best[2]), 1)
+        noise = best[0] / free
+        near = [one for one in fits if one[0] <= best[0] + 3.84 * noise]
+        half = t.ppf(0.975, free) * np.sqrt(noise) * best[3]
+        low = np.min([one[2] for one in near], axis=0) - half
+        high = np.max([one[2] for one in near], axis=0) + half
+        soft = "rad/(N*m)" if self.turns else "m/N"
+        labels: list[tuple[str, str]] = []
+        for name in names:
+            labels += {
+                "eccentricity": [("sin", self.unit), ("cos", self.unit)],
+                "two harmonics": [(w, self.unit) for w in ("sin", "cos", "sin 2", "cos 2")],
+                "gain and jump": [("gain", "rad/rad"), ("jump", self.unit)],
+                "compliance": [("compliance", soft)],
+                "approach": [("by approach", self.unit)],
+            }.get(name, [("half-play", self.unit)])
+        causes = tuple(
+            Cause(label, unit, float(best[2][i + 1]), float(low[i + 1]), float(high[i + 1]))
+            for i, (label, unit) in enumerate(labels)
+        )
+        lean = next((v for k, v in best[1].items() if k.startswith("play")), (np.nan, np.nan))
+        return causes, *lean
+
+    def _play(self, kept: Sequence[str]) -> tuple[Cause | None, str]:
+        """Half-play beside what was kept, or why there is none."""
+        if not self.poses.loaded(self.joint):
+            return None, "gravity does not load this joint"
+        side = np.sign(self.load) * (np.abs(self.load) > 0.05 * self.largest)
+        rarer = int(min((side > 0).sum(), (side < 0).sum()))
+        if rarer < max(RARER_SIGN * len(self.y), 2.0):
+            times = "never" if not rarer else f"in only {rarer} of {len(self.y)} poses"
+            return None, f"its load is on the other side {times}"
+        widest = 1.0
+        if not any(name.startswith("play") for name in kept):
+            kept, widest = (*kept, "play"), STEEP
+        causes = self._coefficients(kept, widest)[0]
+        found = next(one for one in causes if one.name == "half-play")
+        half = 0.5 * (found.high - found.low)
+        if half > max(abs(found.value), float(np.std(self.y))):
+            return None, "its load is too small, or goes together with the joint's angle"
+        return found, ""
+
+
+def of_joint(found: Sequence[EncoderDifference], joint: str) -> EncoderDifference:
+    """One joint's.
+
+    Raises:
+        MissingName: it has none.
+    """
+    for one in found:
+        if one.joint == joint:
+            return one
+    raise MissingName("joint with two encoders", joint, [one.joint for one in found])

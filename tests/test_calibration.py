@@ -1,0 +1,501 @@
+"""Offsets, compliance, play and encoder errors from static poses: found, told apart, or refused."""
+
+import importlib
+import json
+import subprocess
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from conftest import body, joint, tip
+
+from jointplay import JointplayError, Mechanism, calibrate, encoder_differences
+from jointplay.cli import main
+from jointplay.identification import StaticPoses, Term
+from jointplay.identification.calibration import improves
+from jointplay.identification.kinematic_model import Chain, Poses
+from jointplay.identification.static_poses import (
+    rigid_body,
+    rotation_vectors,
+    rotations_of,
+    same_labels,
+)
+from jointplay.mechanism.payload import Payload
+
+JOINTS = ("waist", "shoulder", "elbow", "wrist")
+NOISE = 5e-5
+
+
+@pytest.fixture
+def arm(urdf):
+    """Four joints that turn, the last across the others; gravity loads three of them both ways."""
+    return Mechanism(
+        urdf(
+            body("turret", mass=4.0),
+            joint("waist", "base", "turret", axis="0 0 1", at="0 0 0.3"),
+            body("upper", mass=3.0, com="0.2 0 0"),
+            joint("shoulder", "turret", "upper", axis="0 1 0", at="0.05 0 0.1"),
+            body("lower", mass=2.0, com="0.15 0.02 0"),
+            joint("elbow", "upper", "lower", axis="0 1 0", at="0.4 0 0"),
+            body("hand", mass=1.0, com="0.05 0 0.04"),
+            joint("wrist", "lower", "hand", axis="1 0 0", at="0.3 0 0"),
+            tip("hand", at="0.1 0.05 0.03"),
+        )
+    )
+
+
+class Truth:
+    """What a robot does: positions behind its errors, and where that brings its tool."""
+
+    def __init__(self, mechanism, seed, n=60, still=()):
+        self.mechanism, self.random = mechanism, np.random.default_rng(seed)
+        self.motor = self.random.uniform(-2.5, 2.5, (n, 4))
+        for name in still:  # its load keeps one side
+            self.motor[:, JOINTS.index(name)] *= 0.2
+        model, data = mechanism.model, mechanism.data
+        self.load = -np.array(
+            [pin.computeGeneralizedGravity(model, data, q).copy() for q in self.motor]
+        )
+        self.way = np.vstack([np.zeros(4), np.sign(np.diff(self.motor, axis=0))])
+        self.q = self.motor.copy()
+
+    def offset(self, **sizes):
+        for name, size in sizes.items():
+            self.q[:, JOINTS.index(name)] += size
+        return self
+
+    def compliance(self, **sizes):
+        for name, size in sizes.items():
+            j = JOINTS.index(name)
+            self.q[:, j] += size * self.load[:, j]
+        return self
+
+    def play(self, friction=0.0, transition=0.3, **halves):
+        for name, half in halves.items():
+            j = JOINTS.index(name)
+            push = self.load[:, j] - friction * self.way[:, j]
+            self.q[:, j] += half * np.clip(push / transition, -1.0, 1.0)
+        return self
+
+    def eccentricity(self, **sizes):
+        for name, (sine, cosine) in sizes.items():
+            j = JOINTS.index(name)
+            angle = self.motor[:, j]
+            self.q[:, j] += sine * np.sin(angle) + cosine * np.cos(angle)
+        return self
+
+    def tool(self):
+        """Positions (n, 3) and rotations (n, 3, 3) in the world."""
+        model, data = self.mechanism.model, self.mechanism.data
+        places = []
+        for q in self.q:
+            pin.framesForwardKinematics(model, data, q)
+            places.append(data.oMf[self.mechanism.tool_frame].copy())
+        return np.array([p.translation for p in places]), np.array([p.rotation for p in places])
+
+    def measured(self, noise=NOISE, orientation=True, **more):
+        """By an instrument that stands anywhere."""
+        position, rotation = self.tool()
+        frame, at = rotations_of(self.random.normal(size=3) * 1.5), self.random.normal(size=3)
+        position = at + position @ frame.T + noise * self.random.normal(size=position.shape)
+        turned = None
+        if orientation:
+            small = 5.0 * noise * self.random.normal(size=position.shape)
+            turned = rotations_of(small) @ frame @ rotation
+        return StaticPoses(JOINTS, self.motor, position=position, orientation=turned, **more)
+
+
+def test_the_chain_is_where_pinocchio_says(arm):
+    truth = Truth(arm, 1, n=8)
+    chain = Chain(arm)
+    rotation, place, *_ = chain.forward(truth.q, None)
+    position, turned = truth.tool()
+    assert rotation @ chain.tool.rotation == pytest.approx(turned)
+    assert place + rotation @ chain.tool.translation == pytest.approx(position)
+    poses = Poses(arm, truth.measured())
+    assert poses.load == pytest.approx(truth.load, abs=1e-12)
+    # The moment of the weight beyond a joint, along its axis, is its load.
+    assert np.einsum("nja,ja->nj", poses.moment, chain.axis) == pytest.approx(truth.load, abs=1e-12)
+
+
+def test_derivatives_are_those_of_finite_differences(arm):
+    truth = Truth(arm, 2, n=8).offset(elbow=0.01)
+    terms = ["offset", "placement", "compliance", "eccentricity", "suspension waist"]
+    terms.append("rail shoulder by waist")
+    fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=(1e-4, 5e-4))
+    problem, rows = fit.problem, np.arange(8)
+    residual, slope = problem.residual(fit.state, rows, jacobian=True)
+    for k in range(slope.shape[1]):
+        step = np.zeros(slope.shape[1])
+        step[k] = 1e-6
+        ends = [problem.residual(problem.moved(fit.state, s * step), rows)[0] for s in (-1, 1)]
+        # Of several turns of one placement to first order.
+        change = -(ends[1] - ends[0]) / 2e-6
+        assert change == pytest.approx(slope[:, k], rel=0.02, abs=0.002 / 1e-4), k
+    assert len(residual) == len(slope) == 48
+
+
+def test_intervals_hold_the_truth_in_95_of_100_cases(arm):
+    """Over random robots; of all coefficients of joints that gravity loads and of their play."""
+    inside = total = seen = 0
+    for seed in range(25):
+        random = np.random.default_rng(100 + seed)
+        offsets = dict(zip(JOINTS[1:3], random.normal(0.0, 0.01, 2), strict=True))
+        soft = dict(zip(JOINTS[1:3], random.uniform(1e-4, 1e-3, 2), strict=True))
+        halves = dict(zip(JOINTS[1:3], random.uniform(0.0, 3e-3, 2), strict=True))
+        truth = Truth(arm, seed, n=40).offset(**offsets).compliance(**soft).play(**halves)
+        play = Term("play", JOINTS[1:3], friction=0.0, transition=0.3)
+        fit = calibrate(arm, truth.measured(), (), always=["offset", "compliance", play], folds=2)
+        seen += fit.within.sum()
+        for kind, sizes in (("offset", offsets), ("compliance", soft), ("play", halves)):
+            for name, size in sizes.items():
+                one = fit[f"{kind} {name}"]
+                total += 1
+                inside += one.low <= size <= one.high
+                assert one.high - one.low < {"compliance": 2e-4}.get(kind, 2e-3)
+    assert 0.91 <= inside / total <= 1.0  # 150 intervals: 95 % less two standard deviations
+    assert 0.92 <= seen / (25 * 40) <= 0.98  # regions predicted for held-back positions
+
+
+def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
+    truth = Truth(arm, 3).offset(elbow=0.02).compliance(shoulder=4e-4)
+    truth.play(friction=1.0, transition=0.4, elbow=4e-3)
+    fit = calibrate(arm, truth.measured(), ["offset", "compliance", "play", "eccentricity"])
+    kept = {term.kind for term in fit.kept}
+    assert kept >= {"offset", "compliance", "play"}
+    elbow = fit.play_of("elbow")
+    assert elbow.found
+    assert elbow.low < 4e-3 < elbow.high
+    shoulder = fit.play_of("shoulder")
+    assert not shoulder.found
+    assert not shoulder.reason
+    assert shoulder.upper < 1e-3
+    assert fit["compliance shoulder"].low < 4e-4 < fit["compliance shoulder"].high
+    assert fit.step().held_back[0] < 5e-4 < fit.steps[0].held_back[0] / 10.0
+    text = str(fit)
+    assert str(elbow) in text
+    assert "waist                this measurement cannot tell: gravity does not load" in text
+
+
+def test_eccentric_encoders_are_not_taken_for_play(arm):
+    truth = Truth(arm, 4).eccentricity(elbow=(2e-3, -1e-3))
+    fit = calibrate(arm, truth.measured(), ["offset", "play", "eccentricity"])
+    assert "eccentricity" in {term.kind for term in fit.kept}
+    assert not fit.play_of("elbow").found
+    assert fit["eccentricity elbow sin"].low < 2e-3 < fit["eccentricity elbow sin"].high
+
+
+def test_a_cause_that_is_not_there_is_kept_no_more_often_than_chance_allows(arm):
+    kept = 0
+    for seed in range(20):
+        truth = Truth(arm, 200 + seed, n=24).offset(elbow=0.01)
+        terms = ["compliance", Term("play", JOINTS[1:3], friction=0.0, transition=0.3)]
+        fit = calibrate(arm, truth.measured(), terms, always=["offset"])
+        kept += bool(fit.kept[1:])
+    assert kept <= 5  # two candidates at 10 %: 4 expected at most
+
+
+def test_a_load_that_never_changes_sides_cannot_tell_play(arm):
+    truth = Truth(arm, 5, still=("shoulder", "elbow")).play(shoulder=3e-3)
+    assert (truth.load[:, 1] > 0.3).all()
+    fit = calibrate(arm, truth.measured(), ["offset", "play"])
+    shoulder = fit.play_of("shoulder")
+    assert "on the other side never" in shoulder.reason
+    assert "this measurement cannot tell" in str(shoulder)
+    with pytest.raises(JointplayError, match="no joint 'knee'"):
+        fit.play_of("knee")
+
+
+def test_a_load_smaller_than_friction_cannot_tell_play(arm):
+    truth = Truth(arm, 6)
+    play = Term("play", ("wrist",), friction=10.0, transition=0.3)
+    fit = calibrate(arm, truth.measured(), ["offset", play])
+    assert "is smaller than the friction of 10 N m" in fit.play_of("wrist").reason
+
+
+def test_same_point_again_is_enough_and_scale_comes_from_known_distances(arm):
+    """Closure: the tool is at two unknown points 0.1 m apart, in two placements."""
+    random = np.random.default_rng(7)
+    model, data = arm.model, arm.data
+    offset = np.array([0.0, 0.01, -0.02, 0.0])
+    rows, points, groups = [], [], []
+    for group, centre in enumerate(([0.45, 0.1, 0.35], [0.3, -0.35, 0.5])):
+        for hole, at in enumerate((centre, np.add(centre, [0.0, 0.1, 0.0]))):
+            found = 0
+            while found < 10:
+                q = random.uniform(-2.0, 2.0, 4)
+                for _ in range(60):
+                    pin.framesForwardKinematics(model, data, q + offset)
+                    off = at - data.oMf[arm.tool_frame].translation
+                    frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+                    jacobian = pin.computeFrameJacobian(
+                        model, data, q + offset, arm.tool_frame, frame
+                    )[:3]
+                    q = q + np.linalg.lstsq(jacobian, off, rcond=1e-3)[0]
+                if np.linalg.norm(off) < 1e-9 and np.abs(q).max() < 3.1:
+                    rows.append(q)
+                    points.append(f"{group}{hole}")
+                    groups.append(group)
+                    found += 1
+    motor = np.array(rows) + 2e-5 * random.normal(size=(40, 4))
+    apart = {(f"{g}0", f"{g}1"): (0.1, 1e-4) for g in range(2)}
+    poses = StaticPoses(JOINTS, motor, point=points, group=groups, distances=apart, ordered=False)
+    fit = calibrate(arm, poses, ["offset"])
+    assert fit.folds == "each of 2 groups"
+    assert fit.steps[0].held_back[0] > 1e-3
+    assert fit.step().added == "+ offset"
+    assert fit.step().held_back[0] < 2e-4
+    for name, size in (("shoulder", 0.01), ("elbow", -0.02)):
+        assert fit[f"offset {name}"].low < size < fit[f"offset {name}"].high
+    assert not fit["offset waist"].determined
+    assert "not determined" in str(fit)
+
+
+def test_exchanged_labels_of_markers_are_found_and_put_right():
+    random = np.random.default_rng(8)
+    shape = np.array([[0.0, 0.0, 0.0], [0.14, 0.0, 0.0], [0.03, 0.05, 0.0]])
+    turns = rotations_of(random.normal(size=(20, 3)))
+    markers = np.einsum("nij,kj->nki", turns, shape) + random.normal(size=(20, 1, 3))
+    markers += 1e-4 * random.normal(size=markers.shape)
+    broken = markers.copy()
+    for i in (2, 3, 11):
+        broken[i] = broken[i][[1, 0, 2]]
+    mended, exchanged = same_labels(broken)
+    assert exchanged == (2, 3, 11)
+    assert mended == pytest.approx(markers)
+    found, rotations, _, off = rigid_body(mended)
+    assert np.abs(off).max() < 5e-4
+    for i, j in ((0, 1), (1, 2)):
+        sizes = [np.linalg.norm(body[i] - body[j]) for body in (found, shape)]
+        assert sizes[0] == pytest.approx(sizes[1], abs=1e-4)
+    between = [a @ b.T for a, b in pairwise(rotations)]
+    assert np.array(between) == pytest.approx(
+        np.array([a @ b.T for a, b in pairwise(turns)]), abs=1e-2
+    )
+    equal = np.einsum("nij,kj->nki", turns, np.eye(3))
+    assert same_labels(equal)[1] == ()
+    with pytest.raises(JointplayError, match="at least three markers"):
+        rigid_body(markers[:, :2])
+
+
+def test_encoders_on_both_sides_tell_play_compliance_and_their_own_errors_apart(arm):
+    truth = Truth(arm, 9, n=40).eccentricity(shoulder=(3e-3, 1e-3))
+    truth.play(friction=1.0, transition=0.4, elbow=5e-3).compliance(wrist=2e-2)
+    link = truth.q + 2e-4 * truth.random.normal(size=truth.q.shape)
+    poses = StaticPoses(JOINTS, truth.motor, link=link)
+    found = {one.joint: one for one in encoder_differences(arm, poses)}
+    assert found["waist"].kept == ()
+    assert "nothing here predicts it; play cannot be told: gravity" in found["waist"].verdict
+    assert found["shoulder"].kept in (("eccentricity",), ("two harmonics",))
+    assert found["elbow"].kept == ("play with friction",)
+    half = found["elbow"].causes[0]
+    assert half.low < 5e-3 < half.high
+    assert found["elbow"].friction == pytest.approx(1.0, abs=0.7)
+    assert found["wrist"].kept[0] == "compliance"
+    assert found["wrist"].left == pytest.approx(2e-4, rel=0.4)
+    assert "joint gives way" in str(found["wrist"])
+    with pytest.raises(JointplayError, match="no joint has encoders on both sides"):
+        encoder_differences(arm, replace(poses, link=None))
+
+
+def test_the_right_one_of_two_encoders_is_told_by_the_tool(arm):
+    truth = Truth(arm, 10).play(elbow=4e-3, transition=0.3)
+    link = truth.motor.copy()
+    link[:, 2] = truth.q[:, 2]
+    link[:, 1] += 3e-3 * np.sin(truth.motor[:, 1])
+    poses = truth.measured(link=link)
+    fit = calibrate(arm, poses, (), always=["offset", "link-encoder"])
+    assert fit["link-encoder elbow"].value == pytest.approx(1.0, abs=0.1)
+    assert fit["link-encoder shoulder"].value == pytest.approx(0.0, abs=0.1)
+    read = calibrate(arm, poses.read_by_link("elbow"), (), always=["offset"])
+    assert read.step().held_back[0] < 2.0 * np.sqrt(3.0) * NOISE
+    with pytest.raises(JointplayError, match="no joint 'knee'"):
+        poses.read_by_link("knee")
+
+
+def test_payloads_load_the_joints(arm):
+    truth = Truth(arm, 11, n=10)
+    plain = Poses(arm, truth.measured())
+    loaded = Poses(arm, truth.measured(), [Payload("tool", 2.0)])
+    position = truth.tool()[0]
+    assert loaded.load[:, 0] == pytest.approx(plain.load[:, 0], abs=1e-9)
+    assert not np.allclose(loaded.load[:, 1], plain.load[:, 1])
+    assert len(position) == 10
+
+
+def test_chance_does_not_count_as_an_improvement():
+    before, units = np.array([1.0, 2.0, 1.5, 1.2]), np.arange(4)
+    assert improves(before, 0.5 * before, units)[0]
+    assert not improves(before, before, units)[0]
+    assert not improves(before, before + np.array([-1.0, 1.2, -1.0, 0.7]), units)[0]
+    assert not improves(before, 0.5 * before, np.zeros(4, int))[0]  # one unit tells nothing
+
+
+def table(poses, path, name="tool"):
+    """Poses as a CSV file in other units."""
+    turned = np.degrees(rotation_vectors(poses.orientation))
+    head = [f"{j} motor [deg]" for j in JOINTS]
+    head += [f"{name} {axis} [mm]" for axis in "xyz"] + [f"tool r{axis} [deg]" for axis in "xyz"]
+    rows = np.column_stack([np.degrees(poses.motor), 1e3 * poses.position, turned])
+    lines = [",".join(f"{x:.8f}" for x in row) for row in rows]
+    path.write_text("# static poses\n" + "\n".join([",".join(head), *lines]) + "\n")
+    return path
+
+
+def test_the_command_prints_and_writes_what_the_function_finds(arm, tmp_path, capsys):
+    truth = Truth(arm, 12).play(elbow=4e-3, transition=0.3).offset(elbow=0.01)
+    path = table(truth.measured(), tmp_path / "poses.csv")
+    robot = str(arm.description.path)
+    order = ["calibrate", robot, str(path), "--term", "offset", "--term", "play elbow"]
+    assert main([*order, "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert "+ play elbow" in said
+    assert "tool: 'tool' (the last frame; see --tool)" in said
+    fit = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert fit["kept"] == ["offset", "play elbow"]
+    elbow = next(one for one in fit["play"] if one["joint"] == "elbow")
+    assert elbow["low"] < 4e-3 < elbow["high"]
+    tables = {one.name for one in (tmp_path / "out").iterdir()}
+    assert tables == {"calibration.csv", "calibration.json", "residuals.csv", "calibration.png"}
+    lines = (tmp_path / "out" / "residuals.csv").read_text().splitlines()
+    assert len(lines) == 61
+    assert main([*order, "--out", str(tmp_path / "out")]) == 2
+    assert "calibration.csv" in capsys.readouterr().err
+
+
+def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
+    truth = Truth(arm, 13, n=30).play(elbow=4e-3, transition=0.3)
+    path = tmp_path / "poses.csv"
+    head = [f"{j} motor [rad]" for j in JOINTS] + ["elbow link [rad]"]
+    rows = np.column_stack([truth.motor, truth.q[:, 2]])
+    lines = [",".join(f"{x:.9f}" for x in row) for row in rows]
+    path.write_text("\n".join([",".join(head), *lines]) + "\n")
+    robot = str(arm.description.path)
+    assert main(["calibrate", robot, str(path), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "elbow: differs by" in said
+    assert "leans to the side of its load" in said
+    assert [one.name for one in (tmp_path / "out").iterdir()] == ["encoders.csv"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.replace("waist motor [deg]", "waist motor"), "has no unit"),
+        (lambda t: t.replace("waist motor", "knee motor"), "column 'knee motor [deg]' is unknown"),
+        (lambda t: t.replace("waist motor", "elbow motor"), "'elbow motor' appears twice"),
+        (lambda t: t.replace("[mm]", "[s]"), "column 'tool x [s]'"),
+        (lambda t: t.replace("tool y", "marker a y"), "not both"),
+        (lambda t: "\n".join(t.splitlines()[:5]), "3 poses; at least 6 are needed"),
+        (lambda t: t + t.splitlines()[-1].replace(".", "x", 1) + "\n", "line 63: 'waist motor"),
+        (lambda t: t + ",".join(["1e999"] * 10) + "\n", "motor waist in row 61 must be finite"),
+    ],
+)
+def test_tables_that_cannot_be_are_refused(arm, tmp_path, capsys, change, said):
+    path = table(Truth(arm, 14).measured(), tmp_path / "poses.csv")
+    path.write_text(change(path.read_text()))
+    assert main(["calibrate", str(arm.description.path), str(path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--term", "magic"], "no kind of term 'magic'"),
+        (["--term", "play knee"], "'knee'"),
+        (["--term", "rail elbow"], "rail ARM by LIFT"),
+        (["--term", "link-encoder elbow"], "no encoder on the link's side"),
+        (["--folds", "some"], "--folds must be a number"),
+        (["--folds", "1"], "folds must be a number from 2"),
+        (["--folds", "groups"], "at least two are needed, got 0"),
+        (["--scatter", "0 mm"], "--scatter must be positive"),
+        (["--point", "1,2"], "--point must be three lengths"),
+        (["--link", "elbow"], "has no column 'elbow link'"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(arm, tmp_path, capsys, options, said):
+    path = table(Truth(arm, 15, n=12).measured(), tmp_path / "poses.csv")
+    assert main(["calibrate", str(arm.description.path), str(path), *options]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_arrays_that_cannot_be_are_refused(arm):
+    poses = Truth(arm, 16, n=10).measured()
+    wrong = [
+        ({"position": poses.position[:5]}, "position must have the shape"),
+        ({"orientation": 2.0 * poses.orientation}, "is not a rotation matrix"),
+        ({"point": ["a"] * 10}, "not both"),
+        ({"group": ["a"]}, "10 names, one a row, got 1"),
+        ({"position": None, "point": ["a"] * 10, "distances": {("a", "b"): (1, 1)}}, "point 'b'"),
+    ]
+    for change, said in wrong:
+        with pytest.raises(JointplayError, match=said):
+            replace(poses, **change)
+    with pytest.raises(JointplayError, match="nothing measured"):
+        calibrate(arm, replace(poses, position=None, orientation=None))
+
+
+def test_markers_groups_and_points_are_read_from_tables(arm, tmp_path, capsys):
+    truth = Truth(arm, 17, n=12).offset(elbow=0.02)
+    position, rotation = truth.tool()
+    shape = np.array([[0.0, 0.0, 0.0], [0.14, 0.0, 0.0], [0.03, 0.05, 0.0]])
+    markers = position[:, None] + np.einsum("nij,kj->nki", rotation, shape)
+    markers[4] = markers[4][[1, 0, 2]]
+    head = [f"{j} motor [rad]" for j in JOINTS] + ["elbow link [rad]", "group"]
+    head += [f"marker {name} {axis} [mm]" for name in "abc" for axis in "xyz"]
+    lines = [",".join(head)]
+    for i in range(12):
+        link = "" if i == 3 else f"{truth.q[i, 2]:.9f}"
+        cells = [*(f"{x:.9f}" for x in truth.motor[i]), link, f"day {i % 3}"]
+        lines.append(",".join([*cells, *(f"{1e3 * x:.6f}" for x in markers[i].ravel())]))
+    path = tmp_path / "poses.csv"
+    path.write_text("\n".join(lines) + "\n")
+    poses = StaticPoses.from_csv(path, dict.fromkeys(JOINTS, False))
+    assert poses.exchanged == (4,)
+    assert poses.group[:4] == ("day 0", "day 1", "day 2", "day 0")
+    assert np.isnan(poses.link[3, 2])
+    assert not poses.approach().any()  # each row is of another day than the one before
+    order = ["calibrate", str(arm.description.path), str(path), "--term", "offset"]
+    order += ["--folds", "groups", "--payload", "0.5", "--point", "0,0,10 mm"]
+    assert main([*order, "--scatter", "0.1 mm, 1 mrad"]) == 0
+    said = capsys.readouterr().out
+    assert "labels of markers are exchanged in 1 of 12 rows (5)" in said
+    assert "held back: each of 3 groups" in said
+    assert "offset elbow                                      20 mrad" in said
+    with pytest.raises(JointplayError, match="elbow has no encoder on the link's side in every"):
+        poses.read_by_link("elbow")
+    rows = [line.split(",")[:4] for line in lines[1:]]
+    text = ["".join([",".join([*row, f"p{i % 2}"])]) for i, row in enumerate(rows)]
+    path.write_text("\n".join([",".join([*head[:4], "point"]), *text]) + "\n")
+    assert main(["calibrate", str(arm.description.path), str(path), "--term", "offset"]) == 0
+    assert "held back: each of 2 points" in capsys.readouterr().out
+
+
+def test_results_are_plain_data_and_name_what_there_is(arm):
+    truth = Truth(arm, 18, n=20).offset(elbow=0.01)
+    fit = calibrate(arm, truth.measured(), ["offset"], folds="rows")
+    assert fit.folds == "each of 20 poses"
+    described = fit.describe()
+    assert json.loads(json.dumps(described))["kept"] == ["offset"]
+    rows = [line.split(",") for line in fit.csv().splitlines()]
+    assert rows[0] == ["kind", "name", "unit", "value", "low", "high", "kept", "why_not"]
+    elbow = next(row for row in rows if row[1] == "offset elbow")
+    assert float(elbow[4]) < 0.01 < float(elbow[5])
+    with pytest.raises(JointplayError, match="no coefficient 'offset knee'"):
+        fit["offset knee"]
+    assert str(Term.parse("placement elbow.z")) == "placement elbow.z"
+    assert str(Term.parse("rail waist by lift")) == "rail waist by lift"
+
+
+def test_the_benchmark_says_how_to_get_data_that_are_missing(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    measured = importlib.import_module("measured")
+    missing = measured.Repository("owner", "name", "0" * 40, "MIT", tmp_path)
+    with pytest.raises(SystemExit, match=r"git clone https://github\.com/owner/name"):
+        missing.text("data.csv")
+    subprocess.run(["git", "init", "-q", str(tmp_path / "name")], check=True)
+    with pytest.raises(SystemExit, match=r"the commit 0000.* is needed: git -C .* fetch origin"):
+        missing.text("data.csv")
