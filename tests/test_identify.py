@@ -291,7 +291,8 @@ def rows(header, count=30):
 @pytest.mark.parametrize("name", ["[j]", "a(b)", "(j", "j)", "é [x] 1"])
 @pytest.mark.parametrize("unit", ["[rad]", "(rad)", " [rad] "])
 def test_joints_may_have_brackets_in_their_names(name, unit):
-    assert measurement.split_title(f"{name} motor {unit}", Path("m.csv")) == (f"{name} motor", "rad")
+    found = measurement.split_title(f"{name} motor {unit}", Path("m.csv"))
+    assert found == (f"{name} motor", "rad")
 
 
 def test_units_of_columns_are_read_in_brackets_and_behind_underscores(tmp_path):
