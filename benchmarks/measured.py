@@ -486,9 +486,9 @@ def servos(repository: Repository, report: Report) -> None:
             )
             report.count(f"{name}, servo {number}", inside, int(pushing.sum() // 2))
     report.say(
-        "play cannot be told: the encoder is inside the loop, and the law of the "
-        "controller and friction give the published lost motion; a second encoder, on the motor, or two "
-        "small loads on the lever of a servo without torque, would tell"
+        "play cannot be told: the encoder is inside the loop, and the law of the controller and "
+        "friction give the published lost motion; a second encoder, on the motor, or two small "
+        "loads on the lever of a servo without torque, would tell"
     )
     report.sets += 1
 
