@@ -83,6 +83,27 @@ class Repository:
         return self._git("ls-tree", "-r", "--name-only", self.commit, folder).split("\n")[:-1]
 
 
+SOURCES = {
+    "tiago": (
+        "thanhndv212", "figaroh-plus", "e5f273971bcf3539df6406bfa918ba807736209b", "Apache-2.0"
+    ),
+    "mukca": (
+        "platonics-delft", "kinematics_calibration", "05a05ab4cbbe328c8f5bfcc76479c752ed07b82e",
+        "MIT",
+    ),
+    "servos": (
+        "roboninecom", "Measuring-Backlash-in-Popular-UART-Servos",
+        "5273b56230f38cae1201103dc30d64b2ceebf3ef", "logs: CC-BY-4.0",
+    ),
+}  # fmt: skip
+"""Owner, name, commit, licence of each."""
+
+
+def source(key: str, data: Path) -> Repository:
+    """One of `SOURCES`, with its clone in a folder."""
+    return Repository(*SOURCES[key], data)
+
+
 @dataclass
 class Report:
     """Lines of text, and what counts in the last one."""
@@ -558,15 +579,7 @@ def main() -> None:
             f"no data set {', '.join(sorted(wrong))}; there are {', '.join(sorted(known))}"
         )
     only, report = set(args.only), Report()
-    stated = {
-        "tiago": ("thanhndv212", "figaroh-plus", "e5f273971bcf3539df6406bfa918ba807736209b",
-                  "Apache-2.0"),
-        "mukca": ("platonics-delft", "kinematics_calibration",
-                  "05a05ab4cbbe328c8f5bfcc76479c752ed07b82e", "MIT"),
-        "servos": ("roboninecom", "Measuring-Backlash-in-Popular-UART-Servos",
-                   "5273b56230f38cae1201103dc30d64b2ceebf3ef", "logs: CC-BY-4.0"),
-    }  # fmt: skip
-    sources = {key: Repository(*words, args.data) for key, words in stated.items()}
+    sources = {key: source(key, args.data) for key in SOURCES}
     for one in sources.values():
         report.say(f"github.com/{one.owner}/{one.name} at {one.commit}, {one.licence}")
     fits = tiago(sources["tiago"], report) if not only or "tiago" in only else {}

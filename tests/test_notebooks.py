@@ -1,5 +1,6 @@
 """The notebooks run from top to bottom, and show what they promise: their outputs are in them."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -7,6 +8,8 @@ import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+MEASURED = sorted((FOLDER / "measured").glob("*.ipynb"))
+"""Those that read public data, which are no part of this repository."""
 MOST_BYTES = 400_000
 
 
@@ -35,7 +38,29 @@ def test_notebook_runs_and_gives_what_is_kept_in_it(path, tmp_path, monkeypatch)
     assert [cell.source for cell in kept.cells] == [cell.source for cell in found.cells]
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.stem)
+def test_notebook_of_public_data_runs_where_the_data_are(path, monkeypatch):
+    if "JOINTPLAY_MEASURED" not in os.environ:
+        pytest.skip("JOINTPLAY_MEASURED names no folder with clones of the data")
+    nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed")
+    monkeypatch.setattr(sys, "path", [str(FOLDER), *sys.path])
+    import execute
+
+    kept = nbformat.read(path, as_version=4)
+    assert kinds(kept) == kinds(execute.small(execute.executed(path, path.parent)))
+
+
+@pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.stem)
+def test_notebook_of_public_data_has_its_outputs(path):
+    nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed")
+    kept = nbformat.read(path, as_version=4)
+    outputs = [out for cell in kept.cells for out in cell.get("outputs", [])]
+    assert sum("image/png" in out.get("data", {}) for out in outputs) >= 2
+    assert not [out for out in outputs if out.output_type == "error"]
+    assert "git clone https://github.com/" in kept.cells[0].source
+
+
+@pytest.mark.parametrize("path", [*NOTEBOOKS, *MEASURED], ids=lambda path: path.stem)
 def test_outputs_are_small_and_name_no_machine(path):
     text = path.read_text(encoding="utf-8")
     assert len(text) < MOST_BYTES
@@ -50,3 +75,4 @@ def test_there_are_notebooks():
         "own_mechanism",
         "decisions",
     }
+    assert {path.stem for path in MEASURED} == {"tiago", "mukca", "servos"}

@@ -1,10 +1,13 @@
 """Run the notebooks and keep their outputs in them: `python docs/notebooks/execute.py [NAME ...]`.
 
+Those of `measured` run in their folder, if JOINTPLAY_MEASURED is a folder with clones of the public
+data that they read (their first cells name them).
 Pictures are kept with few colours, and nothing that differs from run to run but the physics' own.
 """
 
 import base64
 import io
+import os
 import sys
 import tempfile
 from pathlib import Path
@@ -66,11 +69,15 @@ def fewer_colours(text):
 
 
 def main(names):
-    for path in sorted(FOLDER.glob("*.ipynb")):
+    paths = sorted(FOLDER.glob("*.ipynb"))
+    if "JOINTPLAY_MEASURED" in os.environ:
+        paths += sorted((FOLDER / "measured").glob("*.ipynb"))
+    for path in paths:
         if names and path.stem not in names:
             continue
         with tempfile.TemporaryDirectory() as folder:
-            nbformat.write(small(executed(path, folder)), path)
+            where = folder if path.parent == FOLDER else path.parent
+            nbformat.write(small(executed(path, where)), path)
         print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB", flush=True)
 
 

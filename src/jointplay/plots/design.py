@@ -358,7 +358,7 @@ def calibration(fit: Calibration) -> Figure:
         axes[0].set_yticks(place, names)
         axes[0].invert_yaxis()
         axes[0].set_xlabel("position error [mm] (RMS)")
-        axes[0].legend()
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         for name, colour in (("training", COLOURS[0]), ("held_back", COLOURS[1])):
             sizes = 1e3 * np.linalg.norm(getattr(fit, name)[0], axis=1)
             axes[1].plot(np.arange(1, len(sizes) + 1), sizes, ".", ms=4, color=colour)
@@ -374,7 +374,7 @@ def calibration(fit: Calibration) -> Figure:
         if told:
             axes[2].set_yticks(range(len(told)), [listed(one.joint) for one in told])
             axes[2].invert_yaxis()
-            axes[2].set_xlabel("half-play [mrad or mm]: interval, or bound (grey)")
+            axes[2].set_xlabel("half-play [mrad or mm]\ninterval; grey: bound")
         footnote(figure, f"held back: {fit.folds}; statistical, 95 %")
     return figure
 
