@@ -178,3 +178,12 @@ def test_budgets_read_the_table_of_a_scenario(tmp_path, capsys):
     path.write_text(ARM)
     assert cli.main(["budget", str(path), "--whole"]) == 2
     assert "--whole needs a class of robots" in capsys.readouterr().err
+
+
+def test_check_lists_what_is_known_of_the_errors(tmp_path, capsys):
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM + TABLE + '[integration]\nduration = "0.1 s"\n')
+    assert cli.main(["check", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "errors           assumed industrial" in shown
+    assert "errors of joint_b encoder" in shown

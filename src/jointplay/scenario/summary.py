@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from jointplay.contact.law import Law
 from jointplay.core.schema import fields_of
 from jointplay.core.units import readable
+from jointplay.design.robot_errors import RobotErrors
 from jointplay.joints import RollingBearing
 from jointplay.loads import Load
 from jointplay.loads.drive import assign
@@ -15,13 +17,18 @@ from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.scenario.build import errors_of
 from jointplay.scenario.load import Scenario
 from jointplay.simulation.run import Run
 
 
 def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
     """What all cases have in common, then what is each case's own."""
-    facts = {case: _facts(run) for case, run in runs.items()}
+    facts = {
+        case: _facts(run)
+        | _known_errors(errors_of(scenario.model(case), run.mechanism), run.mechanism)
+        for case, run in runs.items()
+    }
     every = list(facts.values())
     common = {
         what: text
@@ -34,6 +41,17 @@ def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
             rest = {what: text for what, text in own.items() if what not in common}
             lines += [f"case {case}", *_lines(rest)]
     return "\n".join([*lines, *(f"  {note}" for note in scenario.notes)])
+
+
+def _known_errors(errors: RobotErrors | None, mechanism: Mechanism) -> dict[str, str]:
+    """What is known of causes besides play, which `jointplay budget --whole` counts."""
+    if errors is None:
+        return {}
+    own = {
+        f"errors of {name}": _fields(one, joint=mechanism.description.joints[name])
+        for name, one in errors.joints.items()
+    }
+    return {"errors": _fields(replace(errors, joints={}))} | own
 
 
 def _lines(facts: Mapping[str, str]) -> list[str]:
@@ -144,7 +162,8 @@ def _fields(thing: Any, joint: Any = None, zeros: bool = True) -> str:
         slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
-        if value is None or value is False or name == "frame" or (value == 0 and not zeros):
+        unset = value is None or value is False or (isinstance(value, Mapping) and not value)
+        if unset or name == "frame" or (value == 0 and not zeros):
             continue
         if value is True:
             words.append(name)
