@@ -111,7 +111,7 @@ def controller(time, q, v, p, out):
     out[0] = inertia * wanted + half * speed * (aim - p[1] * e) + weight - p[0] * (de + p[1] * e)
 
 
-def machine(path: Path, own: bool, clearance: float = CLEARANCE_M) -> jp.Simulation:
+def machine(path: Path, corrected: bool, clearance: float = CLEARANCE_M) -> jp.Simulation:
     """The four-bar, all journals centred, at rest."""
     path.write_text(urdf())
     joint = jp.RevoluteClearance.planar(
@@ -129,7 +129,7 @@ def machine(path: Path, own: bool, clearance: float = CLEARANCE_M) -> jp.Simulat
         loops={"rocker_end": loop},
         gravity=(0.0, -9.81, 0.0),
     )
-    law = jp.loads.Controller(["crank_pin"], controller, (K_P, LAMBDA, 1.0 if own else 0.0))
+    law = jp.loads.Controller(["crank_pin"], controller, (K_P, LAMBDA, 1.0 if corrected else 0.0))
     return jp.Simulation(
         mechanism,
         drive="free",
@@ -190,8 +190,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with temporary("four_bar") as folder:
         path = Path(folder) / "four_bar.urdf"
         results = {
-            words: machine(path, own).run(progress=True, estimate=False).completed()
-            for words, own in laws.items()
+            words: machine(path, corrected).run(progress=True, estimate=False).completed()
+            for words, corrected in laws.items()
         }
     lines = [
         "| t [s] | Siconos: angle [rad], speed [rad/s] | " + " | ".join(laws) + " |",

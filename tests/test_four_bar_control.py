@@ -11,17 +11,17 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from four_bar_control import REFERENCE, crank, machine
 
 
-def differences(path, own):
+def differences(path, corrected):
     """Of the crank's angle [rad] and speed [rad/s], at the times of the reference."""
-    result = machine(path / "four_bar.urdf", own).run(progress=False, estimate=False)
+    result = machine(path / "four_bar.urdf", corrected).run(progress=False, estimate=False)
     return np.column_stack(crank(result.completed())) - np.array(REFERENCE)[:, 1:]
 
 
 def test_the_crank_follows_as_siconos_has_it(tmp_path):
-    found = differences(tmp_path, own=False)
+    found = differences(tmp_path, corrected=False)
     assert np.abs(found[:, 0]).max() < 1e-3
     assert np.sqrt(np.mean(found[:, 1] ** 2)) == pytest.approx(0.0, abs=0.08)
 
 
 def test_the_controllers_slip_shows(tmp_path):
-    assert np.abs(differences(tmp_path, own=True)[:, 0]).max() > 3e-3
+    assert np.abs(differences(tmp_path, corrected=True)[:, 0]).max() > 3e-3

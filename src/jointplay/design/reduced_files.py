@@ -142,7 +142,7 @@ def to_mjcf(
         armature = 0.0
         if not (mine and geared):
             armature = _rotor_inertia(mechanism, body.name)
-            own = _of_servo(servos.get(body.name))
+            own = _servo_friction(servos.get(body.name))
             friction, damping = friction + own["frictionloss"], damping + own["damping"]
         _joint(element, body, friction, damping, armature)
         if mine and leans:
@@ -151,7 +151,9 @@ def to_mjcf(
         rotor = _put(world, "body", name=f"{joint}.motor")
         inertia = reduction.rotor_inertia
         named = {"name": f"{joint}.motor", "type": "hinge", "axis": (0, 0, 1)}
-        losses = {name: value for name, value in _of_servo(servos.get(joint)).items() if value}
+        losses = {
+            name: value for name, value in _servo_friction(servos.get(joint)).items() if value
+        }
         _put(rotor, "joint", **named, armature=inertia, **losses)
         _put(rotor, "inertial", pos=np.zeros(3), mass=1e-6, diaginertia=np.full(3, 1e-9))
     ideal = mechanism.ideal()
@@ -244,7 +246,7 @@ def _explain(servo: Servo) -> str:
     return f" {'; '.join(words)} "
 
 
-def _of_servo(servo: Servo | None) -> dict[str, float]:
+def _servo_friction(servo: Servo | None) -> dict[str, float]:
     """Dry and viscous friction of a servo's motor."""
     if servo is None:
         return {"frictionloss": 0.0, "damping": 0.0}

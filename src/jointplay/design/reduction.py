@@ -255,7 +255,7 @@ def reduce(
     motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
     begin = float(full[0]), float(v[0, alone.coordinate(joint)])
     gear: Gearing | None = gears.get(joint)
-    reduced, stepped = full, 0.0
+    reduced, step_error = full, 0.0
     teeth: dict[str, Any] = {}
     if gear is not None:
         plain, damping, reduced = link.fit(
@@ -267,7 +267,7 @@ def reduce(
     if teeth:
         draft = Reduction(joint, **teeth, **losses)
         coarse = link.run(time, motor, plain, teeth["damping"], begin, draft.timestep)
-        stepped = float(np.abs(coarse - reduced).max())
+        step_error = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
     leans: dict[str, Any] = {}
     lean = compare_leans(alone, joint, q)
@@ -279,7 +279,7 @@ def reduce(
         **teeth,
         **losses,
         **rubs,
-        angle_error=SAFETY * (float(np.abs(difference).max()) + stepped),
+        angle_error=SAFETY * (float(np.abs(difference).max()) + step_error),
         angle_rms=float(np.sqrt(np.mean(difference**2))),
         **_across(alone, clearance, positions),
         **leans,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -626,7 +626,7 @@ class Problem:
         seen = None if measured.orientation is None else measured.orientation[rows]
         back = np.swapaxes(body, 1, 2)
         best, found = np.inf, None
-        for base in _GRID:
+        for base in _grid():
             grip, cost = eye, 0.0
             # Without orientations the base turns to where the points are; else the grid is enough
             # for what follows.
@@ -653,7 +653,10 @@ class Problem:
         return found
 
     def fit(self, rows: np.ndarray, start: State | None = None, rounds: int = 40) -> Fitted:
-        """Least squares by Levenberg and Marquardt's damped normal equations."""
+        """Least squares by Levenberg and Marquardt's damped normal equations.
+
+        Steps turn rotations, which SciPy's solvers do not know.
+        """
         state = self.start(rows) if start is None else start
         if len(state.c) != len(self.columns):
             state = replace(state, c=np.zeros(len(self.columns)))
@@ -686,19 +689,10 @@ class Problem:
         return Fitted(state, rows, cost, slope, residual, precision)
 
 
+@cache
 def _grid() -> list[np.ndarray]:
     """Rotations no more than some 40 degrees apart: those of a cube, each with four yaws."""
-    from itertools import permutations, product
+    from scipy.spatial.transform import Rotation
 
-    made = []
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            rotation = np.zeros((3, 3))
-            rotation[range(3), order] = signs
-            if np.linalg.det(rotation) > 0.0:
-                made.append(rotation)
-    yaws = [rotations_of(np.array([0.0, 0.0, yaw])) for yaw in np.arange(4) * np.pi / 8.0]
-    return [rotation @ yaw for rotation in made for yaw in yaws]
-
-
-_GRID = _grid()
+    yaws = Rotation.from_rotvec(np.outer(np.arange(4) * np.pi / 8.0, [0.0, 0.0, 1.0]))
+    return [(one * yaw).as_matrix() for one in Rotation.create_group("O") for yaw in yaws]

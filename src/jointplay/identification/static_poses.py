@@ -321,15 +321,11 @@ class _Table:
 
 
 def rotations_of(vectors: np.ndarray) -> np.ndarray:
-    """Rotations by rotation vectors (Rodrigues), shape (..., 3) [rad] to (..., 3, 3)."""
-    vectors = np.asarray(vectors, float)
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    small = angle < 1e-6
-    safe = np.where(small, 1.0, angle)
-    first = np.where(small, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
-    second = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    cross = skew(vectors)
-    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
+    """Rotations by rotation vectors, shape (..., 3) [rad] to (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    flat = np.reshape(vectors, (-1, 3))
+    return np.asarray(Rotation.from_rotvec(flat).as_matrix().reshape(*np.shape(vectors), 3))
 
 
 def rotation_vectors(rotations: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ _IDEAL_WEIGHT = 1e3
 _NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 8, 0.1, 1e-12
 """Most steps of `follow`, the largest, and the one after which it is there [rad or m]."""
 
-_LED_STEP, _LED_REACH = 0.1, 0.5
+_CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
 """Steps in which given positions are approached, and by how much others may move in one [rad or m].
 """
 
@@ -148,7 +148,7 @@ def assemble(
         return q.copy()
     offsets = offsets or {}
     free = _free(mechanism, held, journals=False)
-    best = _closed(mechanism, _led(mechanism, q, held, free), free, offsets)
+    best = _closed(mechanism, _continued(mechanism, q, held, free), free, offsets)
     if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
         moved = _closed(mechanism, best, _free(mechanism, held, journals=True), offsets)
         if _fit(mechanism, moved):
@@ -162,14 +162,16 @@ def assemble(
     return best
 
 
-def _led(mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray) -> np.ndarray:
-    """q with its `free` coordinates where the loops lead them on the way from the zero pose.
+def _continued(
+    mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray
+) -> np.ndarray:
+    """q with its `free` coordinates found by continuation from the zero pose.
 
     As it is where q has positions for them already, or the loops do not close on that way.
     """
     way = np.zeros_like(q)
     way[held] = q[held]
-    steps = math.ceil(np.abs(way).max(initial=0.0) / _LED_STEP)
+    steps = math.ceil(np.abs(way).max(initial=0.0) / _CONTINUATION_STEP)
     if q[free].any() or steps < 2:
         return q
     led = np.zeros_like(q)
@@ -178,7 +180,7 @@ def _led(mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndar
         trial[held] = way[held] * step / steps
         led = _closed(mechanism, trial, free, {})
         moved = np.abs(led - trial).max()
-        if moved > _LED_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
+        if moved > _CONTINUATION_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
             return q
     found = q.copy()
     found[free] = led[free]
