@@ -51,6 +51,8 @@ TOGETHER = 0.7
 FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
 TRANSITIONS = (0.02, 0.05, 0.15, 0.3, 0.6)
 """Of play, over the largest load of the joint, where they are sought."""
+DRAWS, NORMAL = 1000, 1.96
+"""Of coefficients for an effect's interval; half of a 95 % interval in standard deviations."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
 _SHOWN = {
@@ -158,6 +160,23 @@ class PlayBound:
         return f"{self.joint:<20} no play told; half-play at most {upper} (95 %)"
 
 
+@dataclass(frozen=True)
+class Effect:
+    """What a kept term moves the tool by, beyond what other places of base and tool would do."""
+
+    term: str
+    size: float
+    """RMS over the poses [m]."""
+    low: float
+    high: float
+    """95 % interval, by draws of its coefficients [m]."""
+
+    def __str__(self) -> str:
+        """One line."""
+        size, low, high = (1e3 * one for one in (self.size, self.low, self.high))
+        return f"{self.term:<40} {size:>9.3g} mm RMS  {low:.3g} to {high:.3g} mm"
+
+
 def _in_unit(value: float, unit: str) -> str:
     factor, word = _SHOWN.get(unit, (1.0, unit))
     return f"{factor * value:.3g} {word}".strip()
@@ -187,6 +206,8 @@ class Calibration:
     folds: str
     """What was held back, in words."""
     notes: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    """Of the terms that were kept."""
     problem: Problem | None = field(default=None, repr=False)
 
     def step(self) -> Step:
@@ -237,6 +258,9 @@ class Calibration:
                     "not determined (they do what base, tool or others do, or nothing shows them): "
                     + ", ".join(vague)
                 )
+        if self.effects:
+            lines += ["", "the tool moves by, base and tool placed best without it:"]
+            lines += map(str, self.effects)
         lines += ["", "play by the side of the load:", *map(str, self.play)]
         return "\n".join(lines)
 
@@ -259,6 +283,8 @@ class Calibration:
             rows.append(
                 ("coefficient", c.label, c.unit, c.value, c.low, c.high, c.determined, c.correlated)
             )
+        for e in self.effects:
+            rows.append(("effect", e.term, "m", e.size, e.low, e.high, True, ""))
         for p in self.play:
             if p.reason:
                 rows.append(("half-play", p.joint, p.unit, "", "", "", False, p.reason))
@@ -676,6 +702,7 @@ def _select(
         kept.held.within,
         words,
         _notes(fits, kept),
+        _effects(fits, terms, state),
         kept.problem,
     )
 
@@ -796,6 +823,34 @@ def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Coef
                 name, kind, column.joint, unit, value, low, high, bool(told > INFORMED), other
             )
         )
+    return tuple(made)
+
+
+def _effects(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Effect, ...]:
+    """Of the terms that were kept, on the tool's position."""
+    n = len(fits.poses)
+    problem, fitted, _ = fits.problem(kept, np.arange(n), start)
+    half, _, _ = _spread(fits, problem, fitted)
+    slope, random = fitted.jacobian, np.random.default_rng(0)
+    frame = slope[:, : problem.first]
+    made = []
+    for term in kept:
+        mine = [
+            i for i, one in enumerate(problem.columns)
+            if (one.term.kind, one.term.joints, one.term.by) == (term.kind, term.joints, term.by)
+        ]  # fmt: skip
+        if not mine:
+            continue
+        at = problem.first + np.array(mine)
+        moved = slope[:, at] - frame @ np.linalg.lstsq(frame, slope[:, at], rcond=None)[0]
+        moved = fits.base.error[0] * moved[: 3 * n] / np.sqrt(n)
+        covariance = fitted.covariance[np.ix_(at, at)]
+        wider = half[at] / (NORMAL * np.sqrt(np.diag(covariance)))
+        value = fitted.state.c[mine]
+        drawn = random.multivariate_normal(value, covariance * np.outer(wider, wider), DRAWS)
+        size = float(np.linalg.norm(moved @ value))
+        low, high = np.quantile(np.linalg.norm(moved @ drawn.T, axis=0), [0.025, 0.975])
+        made.append(Effect(term.short, size, min(float(low), size), max(float(high), size)))
     return tuple(made)
 
 
