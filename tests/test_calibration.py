@@ -499,3 +499,22 @@ def test_the_benchmark_says_how_to_get_data_that_are_missing(tmp_path, monkeypat
     subprocess.run(["git", "init", "-q", str(tmp_path / "name")], check=True)
     with pytest.raises(SystemExit, match=r"the commit 0000.* is needed: git -C .* fetch origin"):
         missing.text("data.csv")
+
+
+def test_the_effect_of_a_term_is_what_it_moves_the_tool_by(arm):
+    """What is left of the tool's way by compliance when base and tool are placed best."""
+    plain, _ = Truth(arm, 11).tool()
+    truth = Truth(arm, 11).compliance(shoulder=1e-3, elbow=2e-3)
+    position, rotation = truth.tool()
+    n = len(plain)
+    turns = np.array([np.cross(np.eye(3), one).T for one in plain])
+    freedoms = np.concatenate([np.tile(np.eye(3), (n, 1, 1)), turns, rotation], axis=2)
+    freedoms, way = freedoms.reshape(3 * n, 9), (position - plain).ravel()
+    left = way - freedoms @ np.linalg.lstsq(freedoms, way, rcond=None)[0]
+    wanted = np.linalg.norm(left) / np.sqrt(n)
+    fit = calibrate(arm, truth.measured(orientation=False), ["compliance"])
+    (effect,) = fit.effects
+    assert effect.size == pytest.approx(wanted, rel=0.05)
+    assert effect.low <= wanted <= effect.high
+    assert str(effect) in str(fit)
+    assert "effect,compliance" in fit.csv()
