@@ -274,18 +274,16 @@ def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, 
     assert found["wrist_1_joint"][0] == pytest.approx(1e-4)
 
 
-def test_how_a_robot_is_stepped_is_chosen_and_said(capsys):
+def test_how_a_robot_is_stepped_is_chosen_and_said():
     from jointplay.cli import parser
     from jointplay.commands.run import scenario_of
-    from jointplay.core import streams
 
     line = ["run", "so101", "--out", "o", "--joint", "elbow_flex",
             "--allow-unphysical", "gripper_frame_link"]  # fmt: skip
 
     def chosen(*options):
         scenario = scenario_of(parser().parse_args([*line, *options]))
-        streams.release()
-        said = [text for text in capsys.readouterr().err.splitlines() if text.startswith("step")]
+        said = [text for text in scenario.assumptions if text.startswith("step")]
         scenario.ready_run()
         return scenario.simulation(), said
 

@@ -64,6 +64,57 @@ def test_a_robot_that_is_all_fingers_has_a_tool_nevertheless(urdf):
     assert chosen(path) == "two"
 
 
+TWO_ARMS = (
+    *(body(name) for name in ("left_1", "left_2", "left_hand", "right_1", "right_2", "right_hand")),
+    joint("left_a", "base", "left_1"),
+    joint("left_b", "left_1", "left_2"),
+    joint("left_jaw", "left_2", "left_hand"),
+    joint("right_a", "base", "right_1"),
+    joint("right_b", "right_1", "right_2"),
+    joint("right_finger", "right_2", "right_hand"),
+)
+
+
+def test_the_tool_is_one_that_the_joint_with_play_moves(urdf):
+    path = urdf(*TWO_ARMS)
+    for side in ("left", "right"):
+        link, reason = choose_tool(reader.read(path), [f"{side}_a"])
+        assert link == f"{side}_2"
+        assert f"which '{side}_a' moves" in reason
+    assert choose_tool(reader.read(path), ["right_finger"])[0] == "right_hand"
+    both = choose_tool(reader.read(path), ["left_a", "right_a", "right_b"])[0]
+    assert both == "right_2"
+
+
+def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
+    from jointplay.cli import parser
+    from jointplay.commands.mechanism import task
+    from jointplay.commands.run import scenario_of
+    from jointplay.joints import RevoluteClearance
+
+    path = str(urdf(*TWO_ARMS))
+    made = Mechanism(path, {"right_a": RevoluteClearance(radial_clearance=1e-4)})
+    line = ["run", path, "--joint", "right_a", "--out", "o"]
+    run = scenario_of(parser().parse_args(line)).simulation().mechanism
+    ideal = scenario_of(parser().parse_args([*line, "--ideal"])).simulation().mechanism
+    line = ["budget", path, "--joint", "right_a=0.1 mm"]
+    budget = task(parser().parse_args(line)).mechanism
+    assert {one.tool for one in (made, run, ideal, budget)} == {"right_2"}
+    assert made.tool_reason == run.tool_reason != ""
+
+
+def test_a_tool_that_no_loose_joint_moves_is_said(urdf):
+    from jointplay.cli import parser
+    from jointplay.commands.run import scenario_of
+    from jointplay.scenario.assumptions import decisive
+
+    line = ["run", str(urdf(*TWO_ARMS)), "--joint", "left_a", "--tool", "right_2", "--out", "o"]
+    scenario = scenario_of(parser().parse_args(line))
+    tool, note, *_ = decisive(scenario, {"result": scenario.simulation()})
+    assert tool == "tool: right_2"
+    assert "no joint with play moves the tool 'right_2': play in left_a shows in it only" in note
+
+
 def test_the_scaras_tool_is_what_its_mechanism_takes():
     assert chosen(shipped("scara.urdf")) == Mechanism(shipped("scara.urdf")).tool
 

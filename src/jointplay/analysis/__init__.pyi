@@ -27,3 +27,5 @@ from .twins import places as places
 from .twins import rolls as rolls
 from .twins import task as task
 from .twins import twin as twin
+from .vibration import Rattle as Rattle
+from .vibration import rattle as rattle

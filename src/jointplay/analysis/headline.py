@@ -1,9 +1,10 @@
-"""What a run comes to, in a few lines: tool error, at stops too, forces, contacts, cost."""
+"""What a run comes to, in a few lines: tool error, at stops too, forces, rattle, cost."""
 
 from __future__ import annotations
 
 import math
 import warnings
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,10 @@ import numpy as np
 from jointplay.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
 from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
+from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError
+from jointplay.core.tables import few
+from jointplay.core.units import readable
 from jointplay.motion.reference import GOES_ON
 from jointplay.result.result import Result
 
@@ -20,7 +24,7 @@ if TYPE_CHECKING:
 
 HISTORIES = (
     *("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak"),
-    *("q", "cage_angle"),
+    *("q", "cage_angle", "normal_dissipation"),
 )
 """What `headline` looks at, in the run and in the ideal mechanism's."""
 
@@ -54,14 +58,13 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     start = result.judge_from
     since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []
-    if ideal is not None:
+    if ideal is not None and has_play(result):
         lines += _tool(result, deviation(result, ideal), start, since)
     if result.joints:
         lines += [_force(result, joint, start, since) for joint in result.joints]
         lines += _bearings(result, since)
-        lines.append(
-            f"contacts{since} {result.audit.judged_impacts} in {len(result.joints)} joint(s)"
-        )
+        with suppress(JointplayError):  # too few records
+            lines.append(f"{rattle(result, ideal)}{since}")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if wall > 0.0:
@@ -80,8 +83,25 @@ def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list
     sizes = np.linalg.norm(judged.values, axis=1)
     at = float(judged["time"][int(sizes.argmax())])
     rms = accuracy(error, start).rms[-1]
-    peak = f"tool error{since} peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
-    return [f"{peak} (against the ideal mechanism{ended})", *_at_stops(result, error, start)]
+    tool = result.simulation.mechanism.tool
+    answer = (
+        f"{_cause(result)} puts the tool {tool!r} up to {_mm(sizes.max())} off{since} (at t = "
+        f"{at:.4g} s), RMS {_mm(rms)}, against the ideal mechanism{ended}"
+    )
+    return [answer, *_at_stops(result, error, start)]
+
+
+def _cause(result: Result) -> str:
+    """What parts a mechanism from the ideal one, and where."""
+    mechanism = result.simulation.mechanism
+    joints, gears = mechanism.clearance, mechanism.gears
+    if not gears and all(joint.springs is not None for joint in joints.values()):
+        return f"Elasticity of {few(list(joints))}"
+    sizes = {name: joint.play_words for name, joint in joints.items()}
+    sizes |= {name: readable(gear.play, "rad") for name, gear in gears.items()}
+    if len(set(sizes.values())) == 1:
+        return f"Play of {next(iter(sizes.values()))} in {few(list(sizes))}"
+    return f"Play in {few([f'{name} ({size})' for name, size in sizes.items()])}"
 
 
 def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:

@@ -248,7 +248,10 @@ def _mechanism(
         description = plain.description
     tool = options.tool or named
     if tool is None:
-        tool, reason = choose_tool(description)
+        loose = [name_and_value(text, description.joints)[0] for text in options.joint]
+        if simulation is not None and not loose:
+            loose = [*simulation.mechanism.clearance]
+        tool, reason = choose_tool(description, loose)
         notes.append(f"tool: {tool!r} (chosen: {reason}; see --tool)")
     elif not plain.model.existFrame(tool):
         Mechanism(description.path, tool=tool, allow_unphysical=allowed)  # says which there are
@@ -335,9 +338,8 @@ def _clearance(
             kind = plain.loop_class(name)
         else:
             kind = JOINT_KINDS[replacing(entries[name].kind)[0]]
-        axial = radial if options.axial is None else options.axial
         sizes = given(options, "bearing_radius", "bearing_length")
-        clearances[name] = kind.of_room(radial, axial, sizes)
+        clearances[name] = kind.of_room(radial, options.axial, sizes)
     if clearances:
         notes.append(f"play: {_words(clearances)}")
     return clearances

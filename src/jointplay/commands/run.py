@@ -397,8 +397,6 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     target = options.urdf or options.target
     if target is None or options.urdf or is_robot(target):
         scenario = _of_robot(options, target, given)
-        for line in scenario.assumptions:
-            streams.note(line)
     else:
         _require_known(target)
         joints = options.joint or _joints(options.target, options.trust)
@@ -417,6 +415,8 @@ def simulation_of(options: argparse.Namespace) -> Any:
     Raises:
         JointplayError: several cases, or what `jointplay run` would refuse.
     """
+    from jointplay.scenario.assumptions import decisive
+
     # There --jobs is about the cases of a scenario, here about runs of one case.
     scenario = scenario_of(argparse.Namespace(**{**vars(options), "jobs": None}))
     if len(options.case) > 1:
@@ -426,6 +426,8 @@ def simulation_of(options: argparse.Namespace) -> Any:
     case = options.case[0] if options.case else None
     simulation = scenario.simulation(case)
     scenario.ready_run(case)  # says what cannot be, with its line
+    for line in decisive(scenario, {case or scenario.cases[0]: simulation}):
+        streams.note(line)
     motion = simulation.motion
     if motion is None:
         streams.note("no motion")

@@ -84,6 +84,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.analysis.headline import HISTORIES
     from jointplay.kernel import Status
     from jointplay.result.thinning import load_some
+    from jointplay.scenario.assumptions import decisive
 
     progress = not options.quiet
     items = {}
@@ -96,7 +97,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         total += runs * run.total_steps * run.simulation.step
         only_run = run if len(cases) == 1 else None
         del run  # and its arrays
-    for line in scenario.notes:
+    for line in [*decisive(scenario, simulations), *scenario.notes]:
         streams.note(line)
     done: list[str] = []
     if options.resume:
@@ -128,8 +129,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         # What was run, rather than built once more from the file, recorded as seldom as this is.
         every = json.loads(result.dataset.attrs["simulation"])["record_every"]
         result.simulation = replace(simulations[case], record_every=every)
-        print(f"\n{case}: {result.message}\n{result.judgement}")
-        print("\n".join(_case_headline(result, results, progress)))
+        answers = "\n  ".join(_case_headline(result, results, progress))
+        print(f"\n{case}: {answers}\n  {result.message}\n{result.judgement}")
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if drawn and drawable:
         plots.save(drawable, out)

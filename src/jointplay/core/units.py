@@ -233,6 +233,8 @@ def readable(value: float, unit: str) -> str:
         "m": ((1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
         "s": ((1e-6, "µs"), (1e-3, "ms"), (1.0, "s")),
         "Pa": ((1.0, "Pa"), (1e6, "MPa"), (1e9, "GPa")),
+        "J": ((1e-9, "nJ"), (1e-6, "µJ"), (1e-3, "mJ"), (1.0, "J")),
+        "W": ((1e-9, "nW"), (1e-6, "µW"), (1e-3, "mW"), (1.0, "W")),
     }
     size, name = 1.0, unit
     if value != 0.0:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import base64
 import html
 import io
+from contextlib import suppress
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from jointplay.analysis.vibration import rattle
+from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few, html_table
 from jointplay.core.units import readable
 from jointplay.plots.style import new_figure, style
@@ -46,7 +49,8 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
         forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
         rows.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N{since}"))
     if result.joints:
-        rows.append(("contacts", str(audit.impacts)))
+        with suppress(JointplayError):  # too few records
+            rows.append(("rattle", f"{str(rattle(result)).removeprefix('rattle: ')}{since}"))
         rows.append(
             ("largest penetration", readable(float(f"{audit.largest_penetration:.3g}"), "m"))
         )

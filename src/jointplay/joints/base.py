@@ -421,13 +421,16 @@ class Clearance(Described, ABC):
     # What holds for all kinds.
 
     @classmethod
-    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+    def of_room(cls, radial: float, axial: float | None, sizes: Mapping[str, float]) -> Self:
         """A joint with these clearances on each side, across and (with walls) along the axis [m].
 
+        Without `axial` it is what the kind takes.
         `sizes` of the bearing are by the name of the field [m]; a kind takes what it has.
         """
         across = next(iter(cls.clearance_fields))
-        given: dict[str, Any] = {across: radial, "axial_clearance": axial, **sizes}
+        given: dict[str, Any] = {across: radial, **sizes}
+        if axial is not None:
+            given["axial_clearance"] = axial
         own = {one.name for one in fields(cls)}
         return cls(**{name: value for name, value in given.items() if name in own})
 

@@ -33,10 +33,10 @@ class RevoluteClearance(RoundClearance):
     """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
 
     Give the bearing and either the clearances or the journal; whatever is missing is derived
-    from C_r = R_i - R_j (eq. 1) and C_a = (L_i - L_j)/2 (eqs 2, 3). Both may be given if they
-    agree. Where nothing limits the journal along the axis (`lock_axial` or `open_ends`) the axial
-    clearance may be left out; the journal is then as long as the bearing unless its length is
-    given.
+    from C_r = R_i - R_j (eq. 1) and C_a = (L_i - L_j)/2 (eqs 2, 3). An axial clearance of which
+    nothing is said equals the radial one. Both may be given if they agree. Where nothing limits the
+    journal along the axis (`lock_axial` or `open_ends`) it is as long as the bearing unless its
+    length is given.
 
     Raises:
         JointplayError: a dimension that is missing, not positive, contradictory or impossible.
@@ -53,7 +53,9 @@ class RevoluteClearance(RoundClearance):
     bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
     """L_i, between the end walls [m]; this project's choice, the paper gives none."""
     axial_clearance: float | None = quantity("m", default=None, words="axial clearance")
-    """C_a, on each side [m]."""
+    """C_a, on each side [m]; None takes C_r, as in all cases of the paper, unless `journal_length`
+    is given.
+    """
     journal_length: float | None = quantity("m", default=None, words="journal length")
     """L_j [m]."""
     axial_stiffness: float | None = quantity(
@@ -84,7 +86,10 @@ class RevoluteClearance(RoundClearance):
         super().__post_init__()
         # Zero is what was derived below when a result's description is read back.
         if self.walls or self.axial_clearance:
-            given = self.axial_clearance, self.bearing_length, self.journal_length
+            axial = self.axial_clearance
+            if axial is None and self.journal_length is None:
+                axial = self.radial_clearance
+            given = axial, self.bearing_length, self.journal_length
             lengths = complete(*given, 2.0, ("axial", "length"))
         else:
             length = self.bearing_length if self.journal_length is None else self.journal_length

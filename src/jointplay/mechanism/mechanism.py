@@ -38,6 +38,7 @@ from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import Frame, build, parse
 from jointplay.mechanism.robots import urdf_of
 from jointplay.mechanism.seats import SEAT, seat_of_joint, seat_of_loop
+from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 
 # Where bearing and journal of joints are, how they move, and what holds loops together.
@@ -116,7 +117,8 @@ class Mechanism(Overview, Described):
         gears: gears with play between a joint and its motor, by joint.
         gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
             ``"balanced"`` none.
-        tool: name of the frame whose motion is reported; None takes the last one of the URDF.
+        tool: name of the frame whose motion is reported; None takes the end of the chain of moving
+            joints that has most of those with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it.
 
     Attributes:
@@ -127,6 +129,7 @@ class Mechanism(Overview, Described):
         clearance: those of them that have clearance.
         description, loops: as given, with the bushes of seats, links ``JOINT_bush``.
         gears: as given.
+        tool_reason: why this tool, in words, if none was named; else empty.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
             and of what is fixed to it (`mechanism.loop`).
 
@@ -164,9 +167,11 @@ class Mechanism(Overview, Described):
         for name, joint in self.given_joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)
+        self.tool_reason = ""
         if tool is None:
-            bare = parse(self.description)
-            tool = bare.frames[bare.nframes - 1].name
+            tool, self.tool_reason = choose_tool(
+                self.description, {*self.given_joints, *self.gears}
+            )
         self._take_seats()
         self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
         fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
@@ -312,6 +317,15 @@ class Mechanism(Overview, Described):
         """Whether coordinate `index` is one of a joint's virtual link."""
         coordinate = self.coordinates[index]
         return coordinate.part in VIRTUAL_LINK and coordinate.joint in self.clearance
+
+    def moves_tool(self, joints: Collection[str]) -> bool:
+        """Whether the tool moves with one of these joints; in closed loops it does with each."""
+        if self.loops:
+            return True
+        moving = self.model.supports[self.model.frames[self.tool_frame].parentJoint]
+        held = (self.model.joints[i] for i in moving if i > 0)
+        indices = (i for joint in held for i in range(joint.idx_v, joint.idx_v + joint.nv))
+        return any(self.coordinates[i].joint in joints for i in indices)
 
     def has_virtual_link(self, joint: str) -> bool:
         """Whether the pose of the journal is that of six coordinates of the tree."""

@@ -24,6 +24,7 @@ from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.mechanism.robots import resolve
+from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import Description, read
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.completion import complete_motion
@@ -470,17 +471,23 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
     for name, draft in drafts(model.gears).items():
         with within("gears", name):
             gears[name] = draft.make()
+    # One tool for cases with and without play in the same joints.
+    tool, reason = robot.tool, ""
+    if tool is None:
+        tool, reason = choose_tool(description, {*model.joints, *model.gears})
     places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical")}
     with _relocated({**places, "clearance": ("joints",)}):
-        return Mechanism(
+        mechanism = Mechanism(
             path,
             joints,
             loops=loops,
             gears=gears,
             gravity=robot.gravity,
-            tool=robot.tool,
+            tool=tool,
             allow_unphysical=robot.allow_unphysical,
         )
+    mechanism.tool_reason = reason
+    return mechanism
 
 
 def _plain_when_ideal(kind: str | None, loop: bool) -> bool:

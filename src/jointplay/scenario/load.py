@@ -221,7 +221,14 @@ class Scenario(Overview):
 
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
-        return merge(merge(self._base, self._changes[case]), self._set)
+        return merge(self._base_of(case), self._set)
+
+    def given(self, case: str) -> dict[str, Any]:
+        """The same without what stands for what nobody gave."""
+        return merge(self._base_of(case), tree(one for one in self.settings if not one.assumed))
+
+    def _base_of(self, case: str) -> dict[str, Any]:
+        return merge(self._base, self._changes[case])
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):

@@ -12,7 +12,6 @@ import numpy as np
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
-from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, inline, tree
@@ -25,13 +24,10 @@ LABEL = "result"
 """Case of a bare robot, after which its file is named."""
 
 JOINTS: Mapping[str, Mapping[str, Any]] = {
-    "revolute": {"kind": "revolute", "radial_clearance": 2e-4, "axial_clearance": 2e-4},
+    "revolute": {"kind": "revolute", "radial_clearance": 2e-4},
     "prismatic": {"kind": "prismatic", "clearance": 2e-4},
 }
 """A joint with clearance of which no more is said than its name, by the kind it has in the URDF."""
-
-_INSTEAD = {"journal_radius": "radial_clearance", "journal_length": "axial_clearance"}
-"""Dimensions that stand for a clearance."""
 
 SWING = 0.2
 SLIDE = 0.05
@@ -77,7 +73,7 @@ def robot_scenario(
             takes the SCARA.
         joints: names of those with clearance; by default the SCARA's joint B.
         settings: keys that count more than what is taken for granted.
-        ideal: none has clearance.
+        ideal: none has clearance; those named still say which frame is the tool.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -97,17 +93,13 @@ def robot_scenario(
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
         joints = (SCARA_JOINT,)
-    for name in () if ideal else joints:
+    for name in joints:
         if name not in description.joints and name not in given.get("loops", {}):
             wrong = MissingName("joint", name, [*description.joints, *given.get("loops", {})])
             raise JointplayError(f"--joint {name}: {wrong}")
-    settings = _in_both_directions(settings, description, given)
+    settings = _by_the_names_of_its_kind(settings, description, given)
     assumptions = []
     text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
-    if not scara and "tool" not in given.get("robot", {}):
-        tool, reason = choose_tool(description)
-        text["robot"]["tool"] = tool
-        assumptions.append(f"tool: {tool} (chosen: {reason}; --tool FRAME selects another)")
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
@@ -115,16 +107,15 @@ def robot_scenario(
             text["motion"], words = _there_and_back(description)
             assumptions.append(words)
     named = []
-    for name in () if ideal else joints:
+    for name in joints:
         known = description.joints.get(name)
         own = given.get("joints", {}).get(name, {})
         kind = "prismatic" if known is not None and known.slides else "revolute"
         wanted = own.get("kind", kind)
-        table = dict(JOINTS.get(wanted, {"kind": wanted}))
-        for instead, derived in _INSTEAD.items():
-            if instead in own and derived not in own:
-                table.pop(derived, None)
-        named.append(Setting(("joints", name), table, f"--joint {name}"))
+        table = dict(JOINTS.get(wanted, {"kind": wanted})) | ({"ideal": True} if ideal else {})
+        if "journal_radius" in own and "radial_clearance" not in own:
+            table.pop("radial_clearance", None)
+        named.append(Setting(("joints", name), table, f"--joint {name}", assumed=True))
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
     scenario = Scenario(written, place, (), (*named, *settings), LABEL)
     scenario.assumptions = assumptions
@@ -166,26 +157,22 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     return step, f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
 
 
-def _in_both_directions(
+def _by_the_names_of_its_kind(
     settings: Sequence[Setting], description: Description, given: Mapping[str, Any]
 ) -> list[Setting]:
-    """Settings in which a plain ``clearance`` of a joint that turns is radial and axial."""
+    """Settings in which a plain ``clearance`` of a joint that turns is its radial clearance."""
     first: list[Setting] = []  # further settings of the same keys count more
     rest: list[Setting] = []
     for setting in settings:
-        meant = []
         if setting.key[:1] == ("joints",) and setting.key[2:] == ("clearance",):
             name = setting.key[1]
             known, own = description.joints.get(name), given["joints"][name]
             kind = "prismatic" if known is not None and known.slides else "revolute"
             if own.get("kind", kind) not in ("prismatic", "spherical"):
-                dimensions = {"radial": "journal_radius", "axial": "journal_length"}
-                meant = [key for key, other in dimensions.items() if other not in own]
-        for key in meant:
-            at = ("joints", setting.key[1], f"{key}_clearance")
-            first.append(Setting(at, setting.value, setting.source))
-        if not meant:
-            rest.append(setting)
+                at = ("joints", name, "radial_clearance")
+                first.append(Setting(at, setting.value, setting.source))
+                continue
+        rest.append(setting)
     return [*first, *rest]
 
 

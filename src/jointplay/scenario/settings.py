@@ -23,6 +23,8 @@ class Setting:
     value: Any
     source: str
     """What errors name: the option that gave it."""
+    assumed: bool = False
+    """Whether it stands for what nobody gave."""
 
 
 def parse(text: str) -> Setting:
