@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 
 import numpy as np
 import pytest
@@ -460,3 +461,50 @@ def test_a_link_and_a_joint_may_have_the_name_of_the_tool(urdf, capsys):
     robot = urdf(body("hinge"), joint("hinge", "base", "hinge"))
     assert main(["budget", str(robot), "--clearance", "1e-4", "--tool", "hinge"]) == 0
     assert "hinge" in capsys.readouterr().out
+
+
+def test_a_joints_own_worst_case_is_that_of_the_joint_alone(two):
+    bearing = RevoluteClearance(radial_clearance=1e-4, bearing_length=0.03)
+    for pose in ({"a": 0.3, "b": -1.0}, {"a": 1.2, "b": 0.4}):
+        both = budget(Mechanism(two, {"a": bearing, "b": bearing}, tool="tool"), pose)
+        for column, name in enumerate("ab"):
+            single = budget(Mechanism(two, {name: bearing}, tool="tool"), pose)
+            assert both.alone[:, column] == pytest.approx(single.worst, rel=1e-6)
+        assert (both.alone >= both.worst_parts * (1.0 - 1e-9)).all()
+        assert "alone [mm]  part of worst case [mm]  share" in both.table()
+
+
+def test_several_poses_are_a_table_of_poses_and_joints(two, tmp_path, capsys):
+    order = ["budget", str(two), "--clearance", "0.1 mm"]
+    assert main([*order, "--pose", "a=0.5,b=1", "--pose", "a=-1"]) == 0
+    typed = capsys.readouterr().out
+    lines = typed.splitlines()
+    head = next(i for i, line in enumerate(lines) if line.startswith("pose  "))
+    assert [line.split()[0] for line in lines[head + 1 : head + 3]] == ["a=0.5,b=1", "a=-1"]
+    file = tmp_path / "poses.csv"
+    file.write_text("name,a,b\n# a comment\nhere,0.5,1\nthere,-1 rad,0\n")
+    assert main([*order, "--poses", str(file)]) == 0
+    read = capsys.readouterr().out
+    for name, line in zip(("here", "there"), lines[head + 1 :], strict=False):
+        assert line.split()[1:] == next(
+            one.split()[1:] for one in read.splitlines() if one.startswith(f"{name} ")
+        )
+    assert "shares of the worst case: a: first, " in read
+    assert re.search(r"b: second, \d+ % \(\d+ to \d+\)", read)
+    assert "(pose h" in read or "(pose t" in read
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name,a\n", "has no poses"),
+        ("a,c\n0,0\n", "pose 1: no moving joint 'c'; available: a, b"),
+        ("a\n0\nfar\n", "line 3, a: "),
+        ("name,a\nx,0\nx,1\n", "line 3: there are two poses 'x'"),
+    ],
+)
+def test_a_file_of_poses_that_cannot_be_is_refused(two, tmp_path, capsys, text, message):
+    file = tmp_path / "poses.csv"
+    file.write_text(text)
+    assert main(["budget", str(two), "--clearance", "0.1 mm", "--poses", str(file)]) == 2
+    assert message in capsys.readouterr().err

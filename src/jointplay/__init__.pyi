@@ -7,6 +7,7 @@ from . import loads as loads
 from . import nonlinear as nonlinear
 from . import study as study
 from .analysis.certification import certify as certify
+from .analysis.comparison import compare as compare
 from .core.errors import JointplayError as JointplayError
 from .design.allocation import allocate as allocate
 from .design.cause_allocation import allocate_causes as allocate_causes

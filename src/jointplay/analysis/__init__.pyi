@@ -4,6 +4,8 @@ from .bearings import element_loads as element_loads
 from .bearings import rolling_bearings as rolling_bearings
 from .certification import certify as certify
 from .certification import estimate as estimate
+from .comparison import Comparison as Comparison
+from .comparison import compare as compare
 from .contact_statistics import Contacts as Contacts
 from .contact_statistics import contacts as contacts
 from .contact_statistics import shares as shares

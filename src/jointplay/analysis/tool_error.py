@@ -48,8 +48,6 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     Raises:
         JointplayError: `ideal` is not the result's twin.
     """
-    if of not in TOOL_MOTIONS:
-        raise MissingName("tool motion", of, TOOL_MOTIONS)
     if not is_twin(result, ideal):
         reason = (
             f"has clearance in {', '.join(ideal.joints)}"
@@ -62,6 +60,13 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
             f"the reference {reason}; take an ideal run of the same robot, motion, drive and "
             "gravity, such as analysis.twin(result)"
         )
+    return difference(result, ideal, of)
+
+
+def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
+    """The same between any two runs; see `deviation`."""
+    if of not in TOOL_MOTIONS:
+        raise MissingName("tool motion", of, TOOL_MOTIONS)
     # Times that are multiples of another step differ in their last bits.
     rounding = 1e-9 * max(float(ideal.time[-1]), 1e-3)
     ours = result[of].sel(time=result.time <= ideal.time[-1] + rounding)
@@ -74,19 +79,19 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
         raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
     else:
         reference = _between(ideal, of)(time)
-    difference: xr.DataArray
+    found: xr.DataArray
     if of == "tool_orientation":
         turns = (rotations(ours.values) * reference.inv()).as_rotvec()
         along = {"time": time, "axis": result["axis"].values}
-        difference = xr.DataArray(turns, along, ("time", "axis"), of)
+        found = xr.DataArray(turns, along, ("time", "axis"), of)
     else:
-        difference = ours - reference
-    difference.attrs = {
+        found = ours - reference
+    found.attrs = {
         "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
-        "long_name": f"{of.replace('_', ' ')} - ideal, world axes",
+        "long_name": f"{of.replace('_', ' ')} - reference, world axes",
         "judge_from": result.judge_from,
     }
-    return difference
+    return found
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:

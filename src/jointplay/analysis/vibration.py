@@ -27,6 +27,15 @@ class Band:
     rms: float
     """Root mean square of the acceleration within the band [m/s^2]."""
 
+    @property
+    def range(self) -> str:
+        """From where to where, in words."""
+        low, high = (
+            f"{edge:g} Hz" if edge < 1000.0 else f"{edge / 1000.0:g} kHz"
+            for edge in (self.low, self.high)
+        )
+        return f"{low} to {high}" if self.low > 0.0 else f"below {high}"
+
 
 @dataclass(frozen=True)
 class Rattle:
@@ -64,7 +73,7 @@ class Rattle:
         if self.impacts:
             words += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
         if self.bands:
-            parts = (f"{_range(one)} {_three(one.rms)}" for one in self.bands)
+            parts = (f"{one.range} {_three(one.rms)}" for one in self.bands)
             words += f"; the tool's RMS acceleration [m/s^2]: {', '.join(parts)}"
         return words
 
@@ -113,15 +122,6 @@ def _bands(result: Result, ideal: Result | None) -> tuple[Band, ...]:
         inside = (frequency >= low) & ((frequency < high) | (high == last))
         bands.append(Band(low, high, float(np.sqrt(width * density.values[inside].sum()))))
     return tuple(bands)
-
-
-def _range(band: Band) -> str:
-    """A band in words."""
-    high = f"{band.high:g} Hz" if band.high < 1000.0 else f"{band.high / 1000.0:g} kHz"
-    if band.low == 0.0:
-        return f"below {high}"
-    low = f"{band.low:g} Hz" if band.low < 1000.0 else f"{band.low / 1000.0:g} kHz"
-    return f"{low} to {high}"
 
 
 def _three(value: float, unit: str = "") -> str:

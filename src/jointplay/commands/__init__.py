@@ -19,7 +19,19 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
 MODULES = (
-    *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "presets"),
+    *(
+        "scara",
+        "run",
+        "init",
+        "check",
+        "schema",
+        "play",
+        "compare",
+        "report",
+        "export",
+        "robots",
+        "presets",
+    ),
     "urdf",
     *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
     "calibrate",

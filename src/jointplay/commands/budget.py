@@ -78,15 +78,18 @@ def run(options: argparse.Namespace) -> int:
         drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
     )
     print("\n".join([*work.notes, f"at: {work.poses}"]))
+    if work.names:
+        print(errors.by_pose(work.names))
     if len(errors.worst) > 1:
         at = errors.worst_pose
         place = ", ".join(f"{x:.3f}" for x in errors.positions[at])
         print(
             f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
-            f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose {at}, "
-            f"tool at {place} m), which is made up like this:"
+            f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
+            f"{work.names[at] if work.names else at}, tool at {place} m), which is made up like this:"
         )
     print(errors.table())
+    print(errors.ranking)
     print(errors.accuracy)
     if not options.out:
         return 0

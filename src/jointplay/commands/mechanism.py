@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
@@ -18,6 +19,7 @@ from jointplay.commands import (
     numbers_by_name,
     quantity,
 )
+from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -42,6 +44,8 @@ class Task:
     """Which they are, in words."""
     kind: str
     """``pose``, ``motion`` or ``workspace``."""
+    names: tuple[str, ...]
+    """Of poses that were given one by one."""
     motion: Motion | None
     simulation: Simulation | None
     """Of the scenario, if one was given."""
@@ -91,11 +95,16 @@ def add_robot(parser: Any) -> None:
 def add_poses(parser: Any) -> None:
     """Add the options that say at which poses."""
     group = parser.add_argument_group("poses (default: along the scenario's motion, or one pose)")
-    add_option(
+    add_repeatable(
         group,
         "--pose JOINT=X,...",
         "joint positions [rad or m, or with a unit]; other joints are at zero, or mid-range if "
         "zero is outside their limits",
+    )
+    add_option(
+        group,
+        "--poses FILE",
+        "CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to name them",
     )
     add_option(group, "--motion CSV", "waypoints, with the header time_s,<joint>,...")
     add_option(group, "--workspace N", "N poses spread over the limits of all joints")
@@ -166,10 +175,16 @@ def task(options: argparse.Namespace) -> Task:
     Raises:
         JointplayError: what cannot be, in one line.
     """
+    import numpy as np
+
     from jointplay.design import poses
 
     mechanism, simulation, errors, notes = _mechanism(options)
-    chosen = given(options, "pose", "motion", "workspace")
+    chosen = [
+        one
+        for one in ("pose", "poses", "motion", "workspace")
+        if getattr(options, one, None) not in (None, [])
+    ]
     if len(chosen) > 1:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
     motion = simulation.motion if simulation is not None else None
@@ -182,6 +197,7 @@ def task(options: argparse.Namespace) -> Task:
         near = {} if simulation is None else poses.start_of(simulation)
         driven = _driven(mechanism, motion, near)
         notes.append(_loops(mechanism, driven))
+    names: tuple[str, ...] = ()
     if options.workspace is not None:
         q = poses.over_workspace(mechanism, options.workspace, driven=driven, near=near)
         kind, words = "workspace", f"{len(q)} poses over the workspace"
@@ -190,20 +206,61 @@ def task(options: argparse.Namespace) -> Task:
                 f" ({options.workspace - len(q)} others were left out because the loops do not "
                 "close there)"
             )
-    elif motion is not None and options.pose is None:
+    elif motion is not None and not {"pose", "poses"}.intersection(chosen):
         q, kind = poses.along_motion(mechanism, motion, near=near), "motion"
         words = f"{len(q)} poses along the motion"
     else:
-        asked = _positions(mechanism, options.pose)
-        q, kind = poses.at_pose(mechanism, asked, driven, near), "pose"
-        pose = {**poses.middle(mechanism), **asked}
-        chain = mechanism.model.supports[mechanism.model.frames[mechanism.tool_frame].parentJoint]
-        moving = set(driven or (mechanism.model.names[i] for i in chain))
-        shown = [f"{name} {value:.4g}" for name, value in pose.items() if name in moving]
-        words = "pose " + ", ".join(shown)
-        if options.pose is None:
+        asked = _given_poses(mechanism, options)
+        rows = []
+        for name, one in asked.items():
+            try:
+                rows.append(poses.at_pose(mechanism, one, driven, near))
+            except JointplayError as error:
+                if len(asked) == 1 and "poses" not in chosen:
+                    raise
+                raise JointplayError(f"pose {name}: {error}") from None
+        q, kind = np.concatenate(rows), "pose"
+        words = _words_of_pose(mechanism, next(iter(asked.values())), driven)
+        if len(asked) > 1:
+            names, words = tuple(asked), f"{len(asked)} poses"
+        elif not chosen:
             words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
-    return Task(mechanism, q, words, kind, motion, simulation, driven, tuple(notes), errors)
+    return Task(mechanism, q, words, kind, names, motion, simulation, driven, tuple(notes), errors)
+
+
+def _given_poses(mechanism: Mechanism, options: argparse.Namespace) -> dict[str, dict[str, float]]:
+    """Joint positions of the poses that are given one by one, by name; at least one."""
+    file = getattr(options, "poses", None)
+    if file is None:
+        return {text: _positions(mechanism, text) for text in options.pose or [""]}
+    (_, header), *rows = files.csv_rows(Path(file), "poses")
+    header = [cell.strip() for cell in header]
+    named = header[0] == "name"
+    found: dict[str, dict[str, float]] = {}
+    for number, row in rows:
+        cells = [cell.strip() for cell in row]
+        name = cells[0] if named else str(len(found) + 1)
+        if name in found:
+            raise JointplayError(f"{file}, line {number}: there are two poses {name!r}")
+        found[name] = {
+            joint: _position(mechanism, joint, cell, f"{file}, line {number}, {joint}")
+            for joint, cell in list(zip(header, cells, strict=True))[named:]
+        }
+    if not found:
+        raise JointplayError(f"{file} has no poses: give a line of joint positions for each")
+    return found
+
+
+def _words_of_pose(
+    mechanism: Mechanism, positions: dict[str, float], driven: tuple[str, ...] | None
+) -> str:
+    """Where the joints are that move the tool."""
+    from jointplay.design import poses
+
+    chain = mechanism.model.supports[mechanism.model.frames[mechanism.tool_frame].parentJoint]
+    moving = set(driven or (mechanism.model.names[i] for i in chain))
+    pose = {**poses.middle(mechanism), **positions}
+    return "pose " + ", ".join(f"{name} {x:.4g}" for name, x in pose.items() if name in moving)
 
 
 def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
@@ -367,7 +424,7 @@ def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, An
     return gears
 
 
-def _positions(mechanism: Mechanism, text: str | None) -> dict[str, float]:
+def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
     positions = {}
     names = mechanism.description.joints
     longest = sorted(map(re.escape, names), key=len, reverse=True)
@@ -377,7 +434,11 @@ def _positions(mechanism: Mechanism, text: str | None) -> dict[str, float]:
         name = name if name in names else name.strip()
         if value is None:
             raise JointplayError(f"--pose must read JOINT=X,JOINT=X,..., got {part!r}")
-        entry = mechanism.description.joints.get(name)
-        unit = "m" if entry is not None and entry.slides else "rad"
-        positions[name] = quantity(value, unit, f"--pose {name}")
+        positions[name] = _position(mechanism, name, value, f"--pose {name}")
     return positions
+
+
+def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
+    """Position of a joint [rad or m]; errors begin with `where`."""
+    entry = mechanism.description.joints.get(joint)
+    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)

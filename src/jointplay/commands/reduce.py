@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     scenario = str(options.robot).endswith(".toml")
     if length is None and options.clearance is None:
         options.joint = []  # its play is the scenario's, or its gear's alone
-    options.pose = options.pose or ""
+    options.pose = [options.pose or ""]
     work = task(options)
     if not (options.joint or scenario or joint in work.mechanism.gears):
         raise JointplayError(

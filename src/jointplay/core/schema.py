@@ -17,7 +17,15 @@ import inspect
 import math
 import textwrap
 import types
-from collections.abc import Callable, Collection, Iterable, Mapping, MutableMapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+    MutableMapping,
+    Sequence,
+)
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -657,3 +665,25 @@ def closest(word: Any, choices: Iterable[str]) -> str:
     given = str(word).lower().replace("-", "_")
     near = difflib.get_close_matches(given, plain_words, 1)
     return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
+
+
+# Two pieces of plain data side by side.
+
+
+def differences(was: Any, now: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Where two pieces of plain data differ: the place, and what stands there in each."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in {**was, **now}:
+            inside = f"{place}.{key}" if place else key
+            yield from differences(was.get(key), now.get(key), inside)
+    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        for k, (one, other) in enumerate(zip(was, now, strict=True)):
+            yield from differences(one, other, f"{place}[{k}]")
+    elif was != now:
+        yield place, was, now
+
+
+def short(value: Any) -> str:
+    """A piece of plain data in at most some sixty characters."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:40]}...{text[-15:]}"

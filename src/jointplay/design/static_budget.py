@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,6 +27,7 @@ DIRECTIONS = 180
 _REFINEMENTS = 6
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
+_PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _TRUE = 0.25
 """Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
 FOLLOW = ComputedTorque()
@@ -105,6 +107,50 @@ class Budget:
         parts = self.worst_parts[self.worst_pose]
         return np.asarray(parts / parts.sum()) if parts.sum() > 0.0 else parts
 
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """Largest distance of the tool if only this joint had play, shape (n, j) [m].
+
+        In its own worst direction; `worst_parts` is along the one that is worst for all together.
+        """
+        plays = self.sources
+        n, j = self.worst_parts.shape
+        found = plays.along(np.broadcast_to(half_sphere(), (n, DIRECTIONS, 3))).value
+        d = half_sphere()[found.argmax(axis=2)].swapaxes(0, 1)  # (n, j, 3)
+        each = np.arange(j)
+        for _ in range(_REFINEMENTS):
+            reached = plays.along(d).error[each, :, each, :3].swapaxes(0, 1)
+            size = np.linalg.norm(reached, axis=2, keepdims=True)
+            d = np.where(size > 0.0, reached / np.where(size > 0.0, size, 1.0), d)
+        return np.asarray(plays.along(d).value[each, :, each].T)
+
+    @property
+    def ranking(self) -> str:
+        """The joints by their share of the worst case, one line; over several poses its range."""
+        total = self.worst_parts.sum(axis=1, keepdims=True)
+        shares = self.worst_parts / np.maximum(total, 1e-300)
+        mean = 100.0 * shares.mean(axis=0)
+        low, high = 100.0 * shares.min(axis=0), 100.0 * shares.max(axis=0)
+        words = []
+        for place, i in enumerate(np.argsort(-mean, kind="stable")):
+            name = _PLACES[place] if place < len(_PLACES) else f"{place + 1}th"
+            spread = f" ({low[i]:.0f} to {high[i]:.0f})" if len(shares) > 1 else ""
+            words.append(f"{self.joints[i]}: {name}, {mean[i]:.0f} %{spread}")
+        return f"shares of the worst case: {'; '.join(words)}"
+
+    def by_pose(self, names: Sequence[str]) -> str:
+        """A table of poses: error in the worst case, and what each joint has in it [mm, %].
+
+        Args:
+            names: of the poses, (n,).
+        """
+        rows: list[tuple[str, ...]] = [("pose", "worst case [mm]", "rms [mm]", *self.joints)]
+        for i, name in enumerate(names):
+            total = max(float(self.worst_parts[i].sum()), 1e-300)
+            parts = (f"{1e3 * one:.4f} {100 * one / total:3.0f}%" for one in self.worst_parts[i])
+            rows.append((name, f"{1e3 * self.worst[i]:.4f}", f"{1e3 * self.rms[i]:.4f}", *parts))
+        return "\n".join(columns(rows))
+
     @property
     def rest(self) -> np.ndarray:
         """Error at rest under gravity and the tool's load, without friction, by joint, (n, j, 6).
@@ -138,21 +184,20 @@ class Budget:
         at = self.worst_pose if pose is None else pose
         total = max(float(self.worst_parts[at].sum()), 1e-300)
         rests, whole_rest = self.standing.rest(at)
-        head = ("joint", "worst case [mm]", "share", "at rest [mm]", "rms [mm]")
-        rows: list[tuple[str, ...]] = [(*head, "worst turn [mrad]")]
+        head = ("joint", "alone [mm]", "part of worst case [mm]", "share", "at rest [mm]")
+        rows: list[tuple[str, ...]] = [(*head, "rms [mm]", "worst turn [mrad]")]
 
-        def add(name: str, share: str, worst: float, rest: np.ndarray, *others: float) -> None:
-            numbers = (worst, float(np.linalg.norm(rest[:3])), *others)
-            first, *more = (f"{1e3 * value:.4f}" for value in numbers)
-            rows.append((name, first, share, *more))
+        def add(name: str, share: str, rest: np.ndarray, *others: float) -> None:
+            alone, part, *more = (f"{1e3 * value:.4f}" for value in others)
+            still = f"{1e3 * float(np.linalg.norm(rest[:3])):.4f}"
+            rows.append((name, alone, part, share, still, *more))
 
+        each = self.alone, self.worst_parts, self.rms_parts, self.turn_parts
         for j, name in enumerate(self.joints):
-            worst, rms, turn = (
-                values[at, j] for values in (self.worst_parts, self.rms_parts, self.turn_parts)
-            )
-            add(name, f"{100 * worst / total:.1f}%", worst, rests[j], rms, turn)
-        share = "100%" if self.worst[at] > 0.0 else "-"
-        add("all", share, self.worst[at], whole_rest, self.rms[at], self.worst_turn[at])
+            alone, part, rms, turn = (values[at, j] for values in each)
+            add(name, f"{100 * part / total:.1f}%", rests[j], alone, part, rms, turn)
+        share, worst = "100%" if self.worst[at] > 0.0 else "-", self.worst[at]
+        add("all", share, whole_rest, worst, worst, self.rms[at], self.worst_turn[at])
         lines = columns(rows)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
         lines.append(
@@ -245,10 +290,11 @@ class Budget:
         head += ["second_order_m"]
         head += [f"worst_{axis.replace(' ', '_')}_{unit}" for axis, unit in units.items()]
         head += [f"worst_part_{name}_m" for name in self.joints]
+        head += [f"worst_alone_{name}_m" for name in self.joints]
         numbers = np.column_stack(
             [
                 *(self.positions, self.worst, self.worst_turn, self.rms, self.second_order),
-                *(self.axis_worst.sum(axis=1), self.worst_parts),
+                *(self.axis_worst.sum(axis=1), self.worst_parts, self.alone),
             ]
         )
         rows: list[list] = [head + rests]

@@ -19,6 +19,7 @@ import numpy as np
 from jointplay.contact.trust import trusting
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
+from jointplay.core.schema import differences, short
 from jointplay.kernel.sources import fingerprint
 from jointplay.result.stored import versions
 from jointplay.simulation.working_files import CHECKPOINT
@@ -109,24 +110,10 @@ def continue_run(run: Run, path: Path) -> None:
         _restore(run, arrays, head)
 
 
-def first_difference(was: Any, now: Any, place: str = "") -> str:
+def first_difference(was: Any, now: Any) -> str:
     """The first thing in which two pieces of plain data differ, in a few words."""
-    if isinstance(was, dict) and isinstance(now, dict):
-        for key in {**was, **now}:
-            if was.get(key) != now.get(key):
-                return first_difference(
-                    was.get(key), now.get(key), f"{place}.{key}" if place else key
-                )
-    if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
-        for k, (one, other) in enumerate(zip(was, now, strict=True)):
-            if one != other:
-                return first_difference(one, other, f"{place}[{k}]")
-    return f"{place} is {_short(now)} instead of {_short(was)}"
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:40]}...{text[-15:]}"
+    place, before, after = next(differences(was, now))
+    return f"{place} is {short(after)} instead of {short(before)}"
 
 
 def _restore(run: Run, arrays: dict[str, np.ndarray], head: dict[str, Any]) -> None:

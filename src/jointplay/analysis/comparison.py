@@ -1,0 +1,163 @@
+"""Two runs side by side: what was put in, and what came out."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointplay.analysis.certification import figures
+from jointplay.analysis.headline import reference
+from jointplay.analysis.tool_error import difference
+from jointplay.analysis.twins import is_twin
+from jointplay.analysis.vibration import rattle
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import differences, short
+from jointplay.core.tables import columns
+from jointplay.result.certificate import HEADLINE, CertifiedFigure
+from jointplay.result.result import Result
+
+_TEXTS = ("mechanism.urdf_text",)
+"""Inputs too long to be printed."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A figure of both runs."""
+
+    name: str
+    first: CertifiedFigure
+    second: CertifiedFigure
+
+    @property
+    def ratio(self) -> float:
+        """Second over first; NaN where the first is zero."""
+        return self.second.value / self.first.value if self.first.value else math.nan
+
+    @property
+    def beyond_errors(self) -> bool | None:
+        """Whether they differ by more than their numerical errors together; None: not known."""
+        both = self.first.error + self.second.error
+        if not math.isfinite(both):
+            return None
+        return abs(self.second.value - self.first.value) > both
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two runs side by side; see `compare`."""
+
+    labels: tuple[str, str]
+    inputs: tuple[tuple[str, object, object], ...]
+    """Inputs that differ: where, and what stands there in each."""
+    pairs: tuple[Pair, ...]
+    """Figures that both have."""
+    apart: tuple[float, float] | None
+    """Peak and RMS distance of the two tools at the same time [m]; None: of different frames."""
+
+    def __str__(self) -> str:
+        """The answer, what differs in the inputs, and the figures, as text."""
+        first, second = self.labels
+        lines = [self.answer, "", "inputs that differ:"]
+        rows: list[tuple[str, ...]] = [("", first, second)]
+        for place, was, now in self.inputs:
+            shown = ("a", "another") if place in _TEXTS else (short(was), short(now))
+            rows.append((place, *shown))
+        lines += [f"  {line}" for line in columns(rows)] if self.inputs else ["  none"]
+        rows = [("figure", first, second, "ratio", "beyond the errors")]
+        words = {True: "yes", False: "no", None: "not known"}
+        for one in self.pairs:
+            ratio = f"{one.ratio:.3g}" if math.isfinite(one.ratio) else "-"
+            shown = (_shown(one.first), _shown(one.second))
+            rows.append((one.name, *shown, ratio, words[one.beyond_errors]))
+        lines += ["", *columns(rows)]
+        return "\n".join(lines)
+
+    @property
+    def answer(self) -> str:
+        """One sentence: by how much the tool error, or else the largest force, differs."""
+        first, second = self.labels
+        wanted = [one for one in self.pairs if one.name == "peak tool error"] or [
+            one for one in self.pairs if one.name.startswith("peak joint force")
+        ]
+        answers = []
+        if wanted:
+            (one, *_) = wanted
+            words = f"{one.name} {_shown(one.second)} in {second}, {_shown(one.first)} in {first}"
+            if math.isfinite(one.ratio):
+                words += f": {one.ratio:.3g} times as much"
+            if one.beyond_errors is False:
+                words += ", no more than the numerical errors"
+            answers.append(words)
+        if self.apart is not None:
+            peak, rms = (1e3 * one for one in self.apart)
+            answers.append(f"the two tools are up to {peak:.4g} mm apart, RMS {rms:.4g} mm")
+        return "; ".join(answers) or "no figure and no tool that both have"
+
+
+def _shown(figure: CertifiedFigure) -> str:
+    if math.isfinite(figure.error):
+        return str(figure)
+    return f"{figure.value:.4g} {figure.unit}".rstrip()
+
+
+def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:
+    """What differs between two runs: inputs, headline figures with errors, rattle, tool paths.
+
+    The errors are those that each run had when it was saved; a run without them gets its figures
+    here, against the ideal mechanism, which is one of the two or simulated.
+
+    Args:
+        results: the two, by label.
+        progress: show bars on standard error.
+
+    Raises:
+        JointplayError: not two runs, or one without records.
+    """
+    if len(results) != 2:
+        raise JointplayError(f"compare two runs, got {len(results)}: {', '.join(results)}")
+    for label, result in results.items():
+        if len(result.time) < 2:
+            raise JointplayError(f"{label} has {len(result.time)} record; nothing can be compared")
+    (first, a), (second, b) = results.items()
+    ideals = [_ideal(one, other, progress) for one, other in ((a, b), (b, a))]
+    found = [_figures(one, ideal) for one, ideal in zip((a, b), ideals, strict=True)]
+    pairs = tuple(
+        Pair(name, found[0][name], found[1][name]) for name in found[0] if name in found[1]
+    )
+    inputs = [json.loads(one.dataset.attrs["simulation"]) for one in (a, b)]
+    apart = None
+    if a.simulation.mechanism.tool == b.simulation.mechanism.tool:
+        away = np.linalg.norm(difference(b, a).values, axis=1)
+        apart = float(away.max()), float(np.sqrt((away**2).mean()))
+    return Comparison((first, second), tuple(differences(*inputs)), pairs, apart)
+
+
+def _ideal(result: Result, other: Result, progress: bool) -> Result | None:
+    return other if is_twin(result, other) else reference(result, progress)
+
+
+def _figures(result: Result, ideal: Result | None) -> dict[str, CertifiedFigure]:
+    """Headline figures by name, then those of rattle, whose errors nobody knows."""
+    if result.certificate is not None:
+        found = {one.name: one for one in result.certificate.headline}
+    else:
+        found = {
+            name: CertifiedFigure(name, value, math.inf, unit)
+            for name, (value, unit) in figures(result, ideal).items()
+            if name.startswith(HEADLINE)
+        }
+    with suppress(JointplayError):  # nothing that rattles, or too few records
+        noise = rattle(result, ideal)
+        more = {
+            "impacts a second": (noise.rate, "1/s"),
+            "power lost in impacts": (noise.power, "W"),
+            **{f"RMS acceleration, {one.range}": (one.rms, "m/s^2") for one in noise.bands},
+        }
+        for name, (value, unit) in more.items():
+            found[name] = CertifiedFigure(name, value, math.inf, unit)
+    return found
