@@ -86,7 +86,8 @@ def run(options: argparse.Namespace) -> int:
         print(
             f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
             f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
-            f"{work.names[at] if work.names else at}, tool at {place} m), which is made up like this:"
+            f"{work.names[at] if work.names else at}, tool at {place} m), which is made up like "
+            "this:"
         )
     print(errors.table())
     print(errors.ranking)
