@@ -10,11 +10,13 @@ from jointplay import (
     CrossedRollerBearing,
     JointplayError,
     Material,
+    Mechanism,
     PrismaticClearance,
     RevoluteClearance,
     SphericalClearance,
 )
 from jointplay.contact import CustomFriction, Hertz, LuGre
+from jointplay.core.schema import read
 from jointplay.joints import Clearance, RoundClearance, SlidingClearance
 
 
@@ -63,7 +65,6 @@ def test_given_stiffnesses_win():
 
 GOOD = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
 BAD = [
-    ({"radial_clearance": 0.0}, "got 0 m"),
     ({"radial_clearance": -1e-4}, "-0.0001 m"),
     ({"axial_clearance": float("nan")}, "nan"),
     ({"radial_clearance": float("inf")}, "inf"),
@@ -89,6 +90,30 @@ def test_impossible_joints_are_refused_by_value(change, named):
         RevoluteClearance(**(GOOD | change))
     assert named in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_clearance_of_zero_is_an_ideal_joint():
+    for joint in (
+        RevoluteClearance(radial_clearance=0.0, axial_clearance=2e-4),
+        RevoluteClearance(radial_clearance="0 mm", axial_clearance=0),
+        SphericalClearance(radial_clearance=0.0),
+        PrismaticClearance(clearance=0.0),
+    ):
+        assert joint.ideal
+        assert read(Clearance, joint.describe()) == joint
+    assert not Mechanism("scara", {"joint_b": RevoluteClearance(radial_clearance=0.0)}).clearance
+
+
+def test_a_clearance_of_zero_in_one_direction_locks_that_direction():
+    journal = RevoluteClearance(radial_clearance=2e-4, axial_clearance=0.0)
+    assert journal.lock_axial
+    assert not journal.ideal
+    assert journal == RevoluteClearance(radial_clearance=2e-4, lock_axial=True)
+    slider = PrismaticClearance(clearance=2e-4, clearance_y=0.0)
+    assert slider.planar
+    assert not slider.ideal
+    for joint in (journal, slider):
+        assert read(Clearance, joint.describe()) == joint
 
 
 @pytest.mark.parametrize("fields", [{"young": -1.0}, {"poisson": 0.7}, {"young": float("nan")}])

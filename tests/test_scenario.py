@@ -512,7 +512,10 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
 
 def test_schema_has_units_and_explanations():
     joint = schema()["$defs"]["RevoluteClearance"]["properties"]
-    assert joint["radial_clearance"]["description"] == "C_r, radial, not diametral [m]."
+    assert (
+        joint["radial_clearance"]["description"]
+        == "C_r, radial, not diametral [m]; 0: an ideal joint."
+    )
     speed = schema()["$defs"]["LuGre"]["properties"]["v_s"]["description"]
     assert speed == "Speed over which the friction falls from static to dynamic [m/s]."
 

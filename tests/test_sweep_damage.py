@@ -27,7 +27,7 @@ from jointplay.sweeps.journal import Journal
 from jointplay.sweeps.store import Store
 
 AXES = """
-clearance = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "50 mm", "0.2 mm"] }
+clearance = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "1 nm", "0.2 mm"] }
 mu = { key = "joints.joint_b.friction.mu_d", distribution = "uniform", from = 0.0, to = 0.1 }
 rough = { variants = { no = {}, yes = { integration = { macro_step = "100 us" } } } }
 """

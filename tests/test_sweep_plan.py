@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
+from jointplay.sweeps import plan_of, run
 from jointplay.sweeps.axes import DISTRIBUTIONS, GROWING, METHODS, points, read
 from jointplay.sweeps.keys import path_of, put, units_of
 
@@ -26,7 +27,6 @@ def test_a_grid_has_a_case_for_every_combination_of_values(planned):
 
 def test_a_clearance_of_zero_is_the_ideal_joint(planned):
     made = planned()
-    assert made.changes((0, 0))["joints"]["joint_b"]["ideal"] is True
     simulation = made.scenario.simulation(made.case, made.changes((0, 0)))
     assert not simulation.mechanism.clearance
 
@@ -34,7 +34,12 @@ def test_a_clearance_of_zero_is_the_ideal_joint(planned):
 @pytest.mark.parametrize("zero", ["0", "0.0", '"0 mm"', '"0.0 um"', "-0.0"])
 def test_zero_is_zero_however_it_is_written(zero, planned):
     made = planned(f'c = {{ key = "{CR}", values = [{zero}, "0.1 mm"] }}')
-    assert made.changes((0,))["joints"]["joint_b"] == {"ideal": True}
+    simulation = made.scenario.simulation(made.case, made.changes((0,)))
+    assert (
+        simulation.mechanism
+        == made.scenario.simulation(made.case, {"joints": {"joint_b": {"ideal": True}}}).mechanism
+    )
+    assert not simulation.mechanism.clearance
 
 
 def test_ranges_have_units_and_go_by_equal_steps_or_ratios(planned):
@@ -236,3 +241,58 @@ def test_what_a_sweep_is_changes_with_everything_that_changes_its_results(planne
     ):
         other = planned(axes, options) if axes else planned(options=options)
         assert other.identity != same
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        (
+            'law = { key = "joints.joint_b.friction.law", values = ["ambrosio", "coulmb"] }',
+            r"axis 'law' cannot take \"coulmb\": joints.joint_b.friction.law: no friction law "
+            r'"coulmb"; did you mean "coulomb"\? available: ambrosio,',
+        ),
+        (f'c = {{ key = "{CR}", from = -1e-4, to = 1e-4, number = 3 }}', "'c' cannot take -0.0001"),
+        (f'c = {{ key = "{CR}", values = ["0.1 mm", "50 mm"] }}', 'cannot take "50 mm".*no room'),
+        ("v.variants.none = {}\nv.variants.heavy.payloads = [{ mass = -1 }]", "cannot take heavy"),
+    ],
+)
+def test_a_value_that_no_case_can_take_is_refused_before_anything_runs(
+    axes, said, swept, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(run, "workers_for", lambda *_: pytest.fail("a case was to run"))
+    with pytest.raises(jp.JointplayError, match=said):
+        jp.sweep(swept(axes), tmp_path / "s.zarr")
+    assert not (tmp_path / "s.zarr").exists()
+
+
+def test_a_sample_that_no_case_can_take_is_refused_with_its_number(swept, tmp_path):
+    axes = f'c = {{ key = "{CR}", distribution = "normal", mean = 1e-4, std = 1e-4 }}'
+    with pytest.raises(jp.JointplayError, match=r"cannot take -\S+ m: .*of 8; from and to"):
+        jp.sweep(swept(axes, "samples = 8"), tmp_path / "s.zarr")
+
+
+def test_a_value_that_some_case_can_take_is_left_to_the_cases(swept):
+    axes = (
+        f'c = {{ key = "{CR}", values = ["0.1 mm", "12 mm"] }}\n'
+        'r = { key = "joints.joint_b.bearing_radius", values = ["10 mm", "40 mm"] }'
+    )
+    run.probe(plan_of(swept(axes)))
+
+
+def test_no_element_of_a_list_has_the_number_zero(swept):
+    with pytest.raises(jp.JointplayError, match=r"counted from 1; the first is payloads\[1\]"):
+        plan_of(swept('m = { key = "payloads[0].mass", values = [0, 1] }'))
+
+
+def test_a_payload_of_zero_is_no_payload(planned, tmp_path):
+    made = planned(
+        "m.variants.none = {}\n"
+        'm.variants.zero.payloads = [{ mass = "0 kg" }]\n'
+        'm.variants.one.payloads = [{ mass = "1 kg" }]'
+    )
+    none, zero, one = (made.scenario.simulation(made.case, made.changes((k,))) for k in range(3))
+    assert zero.payloads == none.payloads == ()
+    assert [payload.mass for payload in one.payloads] == [1.0]
+    assert "payload 1 has a mass of 0 kg: there is none" in made.scenario.notes
+    with pytest.raises(jp.JointplayError, match="a payload of 0 kg is none, and has no inertia"):
+        jp.Payload("tool", 0.0, inertia=(1.0, 1.0, 1.0))

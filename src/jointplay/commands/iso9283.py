@@ -9,7 +9,7 @@ from typing import Any
 from jointplay.commands import Outputs, add_option, add_shared, given, quantity
 from jointplay.commands import run as run_command
 from jointplay.core import streams
-from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.errors import JointplayError, require_non_negative, require_positive
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
 """What is written into --out; at a part of the speed, its per cent stand before the dot."""
@@ -80,9 +80,10 @@ def run(options: argparse.Namespace) -> int:
     check_numbers(counts.most, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    for name, unit in (("band", "m"), ("load", "kg"), ("drift", "s")):
+    for name, unit in (("band", "m"), ("drift", "s")):
         if getattr(options, name) is not None:
             require_positive(f"--{name}", getattr(options, name), unit)
+    require_non_negative("--load", options.load or 0.0, "kg")
     simulation, poses = _in_cube(options, run_command.simulation_of(options))
     load = options.load or 0.0
     for percent in names:

@@ -20,7 +20,7 @@ from jointplay.commands import (
     quantity,
 )
 from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_non_negative
 
 if TYPE_CHECKING:
     import numpy as np
@@ -125,6 +125,7 @@ def load_on_tool(
         raise JointplayError(f"--force must be three numbers fx,fy,fz [N], got {options.force!r}")
     force = [quantity(part, "N", "--force") for part in parts]
     if options.payload is not None:
+        require_non_negative("--payload", options.payload, "kg")
         force = [f + options.payload * g for f, g in zip(force, gravity, strict=True)]
     return force[0], force[1], force[2]
 

@@ -20,7 +20,8 @@ def add(commands: Any) -> None:
         "cores, or on the workers of a Dask cluster. Whenever a process is killed, "
         "--resume continues, and no finished case runs again.",
         epilog="STORE is a folder of Zarr arrays over the dimensions of the sweep: read it with "
-        "jointplay.open_sweep, or xarray.open_zarr.",
+        "jointplay.open_sweep, or xarray.open_zarr. Keys of axes count elements of lists from 1: "
+        "payloads[1].mass is the first payload's.",
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML) with a table [sweep]")
     add_option(parser, "--out STORE", "folder for the results", required=True)

@@ -515,6 +515,8 @@ class WholeLawJoint(Clearance):
 class SlidingClearance(Clearance):
     """A joint whose surfaces hit and slide on each other: a plain bearing, a socket or a guide.
 
+    One with a clearance of 0 is `ideal`: the first of `clearance_fields` decides.
+
     Raises:
         JointplayError: a value that is missing, not positive, contradictory or impossible.
     """
@@ -550,6 +552,8 @@ class SlidingClearance(Clearance):
     def __post_init__(self) -> None:
         """Check the laws, the restitution and the seat."""
         super().__post_init__()
+        if getattr(self, next(iter(self.clearance_fields))) == 0.0:
+            object.__setattr__(self, "ideal", True)
         if self.seat is not None and not isinstance(self.seat, MountElasticity):
             raise JointplayError(
                 f"the seat of a {self.kind} joint must be a MountElasticity, got {self.seat!r}",
@@ -646,17 +650,18 @@ def complete(
         play and inner [m].
 
     Raises:
-        JointplayError: neither given, or values that are not positive or contradict each other.
+        JointplayError: neither given, values that contradict each other, a negative clearance, or
+            a dimension that is not positive.
     """
     clearance, dimension = words
     at_play, at_inner = (f"{clearance}_clearance",), (f"journal_{dimension}",)
     if play is None and inner is None:
         raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
     if play is not None:
-        require_positive(f"{clearance} clearance", play, "m", at_play)
+        require_non_negative(f"{clearance} clearance", play, "m", at_play)
     if inner is not None:
         require_positive(f"journal {dimension}", inner, "m", at_inner)
-        if inner >= outer:
+        if inner >= outer and not (play == 0.0 and inner == outer):
             raise JointplayError(
                 f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m",
                 where=at_inner,
@@ -693,7 +698,7 @@ class RoundClearance(SlidingClearance):
     bearing_radius: float = quantity("m", default=10e-3, above=0.0, words="bearing radius")
     """R_i [m]; the standard of the clearance literature, the paper gives none."""
     radial_clearance: float | None = quantity("m", default=None, words="radial clearance")
-    """C_r, radial, not diametral [m]."""
+    """C_r, radial, not diametral [m]; 0: an ideal joint."""
     journal_radius: float | None = quantity("m", default=None, words="journal radius")
     """R_j [m]."""
 

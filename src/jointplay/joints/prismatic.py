@@ -44,12 +44,12 @@ class PrismaticClearance(SlidingClearance):
     """Of the slider, along x [m]."""
     height: float = quantity("m", default=40e-3, above=0.0, words="slider height")
     """Of the slider, along y [m]."""
-    clearance: float = quantity("m", above=0.0, words="slider clearance")
-    """On each side, across x [m]."""
+    clearance: float = quantity("m", least=0.0, words="slider clearance")
+    """On each side, across x [m]; 0: an ideal joint."""
     clearance_y: float | None = quantity(
-        "m", default=None, above=0.0, words="slider clearance across y"
+        "m", default=None, least=0.0, words="slider clearance across y"
     )
-    """On each side, across y [m]; None takes that across x."""
+    """On each side, across y [m]; None takes that across x, 0 is `planar`."""
     corner_radius: float = quantity("m", default=1e-3, above=0.0, words="slider corner radius")
     """Rounding of the corners, which makes eq. 11 a sphere on a plane [m]."""
     lock_tilt: bool = False
@@ -63,6 +63,8 @@ class PrismaticClearance(SlidingClearance):
         self.refuse_line_contact()
         if self.clearance_y is None:
             object.__setattr__(self, "clearance_y", self.clearance)
+        elif self.clearance_y == 0.0 < self.clearance:
+            object.__setattr__(self, "planar", True)
         for name, play, side in (
             ("clearance", self.clearance, self.width),
             ("clearance_y", self.cy, self.height),

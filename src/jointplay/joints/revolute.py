@@ -54,7 +54,7 @@ class RevoluteClearance(RoundClearance):
     """L_i, between the end walls [m]; this project's choice, the paper gives none."""
     axial_clearance: float | None = quantity("m", default=None, words="axial clearance")
     """C_a, on each side [m]; None takes C_r, as in all cases of the paper, unless `journal_length`
-    is given.
+    is given; 0 is `lock_axial`.
     """
     journal_length: float | None = quantity("m", default=None, words="journal length")
     """L_j [m]."""
@@ -84,12 +84,13 @@ class RevoluteClearance(RoundClearance):
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
+        if self.walls and self.axial_clearance is None and self.journal_length is None:
+            object.__setattr__(self, "axial_clearance", self.cr)
+        if self.axial_clearance == 0.0 and self.walls:
+            object.__setattr__(self, "lock_axial", True)
         # Zero is what was derived below when a result's description is read back.
         if self.walls or self.axial_clearance:
-            axial = self.axial_clearance
-            if axial is None and self.journal_length is None:
-                axial = self.radial_clearance
-            given = axial, self.bearing_length, self.journal_length
+            given = self.axial_clearance, self.bearing_length, self.journal_length
             lengths = complete(*given, 2.0, ("axial", "length"))
         else:
             length = self.bearing_length if self.journal_length is None else self.journal_length
@@ -110,8 +111,9 @@ class RevoluteClearance(RoundClearance):
                     f"got {self.lubricant!r}",
                     where=("lubricant",),
                 )
-            with within("lubricant"):
-                self.lubricant.thickest(self.cr)
+            if not self.ideal:
+                with within("lubricant"):
+                    self.lubricant.thickest(self.cr)
         if self.worn is not None:
             with within("worn"):
                 object.__setattr__(self, "worn", self._checked_profile(self.worn))

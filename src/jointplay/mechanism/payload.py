@@ -22,17 +22,18 @@ class Payload(Described):
 
     Before it is picked up it rests in the world: if the tool moves at that instant, body and
     mechanism hit each other plastically (momentum is conserved, energy is lost). Released, it
-    leaves with the speed that it has. A computed-torque drive does not know of it.
+    leaves with the speed that it has. A computed-torque drive does not know of it. A mass of 0 is
+    no payload.
 
     Raises:
-        JointplayError: a mass that is not positive, moments of inertia that no body has, a release
+        JointplayError: a mass that is negative, moments of inertia that no body has, a release
             that does not follow the pick.
     """
 
     frame: str
     """Frame that holds the payload; usually the tool."""
-    mass: float = quantity("kg", above=0.0, words="payload mass")
-    """Mass [kg]."""
+    mass: float = quantity("kg", least=0.0, words="payload mass")
+    """Mass [kg]; 0: no payload."""
     pick: float = quantity("s", default=0.0, least=0.0, words="payload pick time")
     """Time at which it is picked up [s]; a payload picked up at 0 is there from the start."""
     release: float | None = quantity("s", default=None, words="payload release time")
@@ -54,6 +55,11 @@ class Payload(Described):
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
             raise JointplayError(
                 f"no rigid body can have the moments of inertia {self.inertia} kg m^2",
+                where=("inertia",),
+            )
+        if self.mass == 0.0 and high > 0.0:
+            raise JointplayError(
+                f"a payload of 0 kg is none, and has no inertia; got {self.inertia} kg m^2",
                 where=("inertia",),
             )
 

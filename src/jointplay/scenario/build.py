@@ -410,6 +410,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
+    notes += _of_zero(model, mechanism)
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = ((Integration, model.integration), (Recording, model.output), (Limited, model.robot))
@@ -424,6 +425,21 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
         **{one.name: getattr(table, one.name) for kind, table in tables for one in fields(kind)},
     )
     return simulation, notes
+
+
+def _of_zero(model: Model, mechanism: Mechanism) -> list[str]:
+    """What a clearance or a mass of 0 was taken for."""
+    notes = [
+        f"joint {name!r} has a clearance of 0: it is ideal"
+        for name, draft in drafts(model.joints).items()
+        if name not in mechanism.clearance and not draft.fields.get("ideal")
+    ]
+    bodies: list[Any] = list(model.payloads)
+    return notes + [
+        f"payload {number} has a mass of 0 kg: there is none"
+        for number, draft in enumerate(bodies, 1)
+        if draft.fields["mass"] == 0.0
+    ]
 
 
 Built = OrderedDict[tuple[str, ...], Mechanism]
@@ -466,7 +482,10 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
                 raise MissingName("joint", name, [*description.joints, *loops])
             if draft.fields.get("ideal") and _plain_when_ideal(draft.word, name in loops):
                 continue
-            joints[name] = _joint(draft, folder)
+            joint = _joint(draft, folder)
+            if joint.ideal and _plain_when_ideal(draft.word, name in loops):
+                continue
+            joints[name] = joint
     gears = {}
     for name, draft in drafts(model.gears).items():
         with within("gears", name):

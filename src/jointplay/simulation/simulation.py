@@ -55,7 +55,7 @@ class Simulation(Overview, Inputs):
         check_fields(self)
         state = {name: position_and_speed(name, value) for name, value in self.state.items()}
         object.__setattr__(self, "state", state)
-        object.__setattr__(self, "payloads", tuple(self.payloads))
+        object.__setattr__(self, "payloads", tuple(one for one in self.payloads if one.mass > 0.0))
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
             places = {name: at for name, (at, _) in state.items() if at is not None}

@@ -21,15 +21,14 @@ _PART = re.compile(
 )
 """A part of a key, quoted as in TOML where it has other signs than a word."""
 
-_CLEARANCES = ("radial_clearance", "clearance")
-"""Keys of a joint that are 0 in an ideal one."""
-
 NOT_SWEPT = ("title", "errors", "output", "cases", "sweep")
 """Tables over which no sweep goes; runs have no errors."""
 
 
 def path_of(name: str) -> Key:
     """The path that ``joints.joint_b.friction.mu_d`` or ``payloads[1].mass`` names.
+
+    Elements of lists are counted from 1 (`places.dotted`), in the path from 0.
 
     Raises:
         JointplayError: it names none.
@@ -46,7 +45,12 @@ def path_of(name: str) -> Key:
             name = tomllib.loads(f"name = {quoted}")["name"] if quoted else (word or "").strip()
         except tomllib.TOMLDecodeError:  # an escape that TOML has not
             break
-        parts.append(max(int(number) - 1, 0) if number else name)
+        if number and int(number) == 0:
+            raise JointplayError(
+                f"{toml_text(text)}: elements of lists are counted from 1; the first is "
+                f"{text[:at]}[1]"
+            )
+        parts.append(int(number) - 1 if number else name)
         at = part.end()
         if at < len(text) and text[at] == ".":
             at += 1
@@ -146,13 +150,9 @@ def is_whole(path: Key) -> bool:
 def put(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: Any) -> None:
     """Set `path` to `value` in `changes`, which are to be merged onto the tables `base`.
 
-    A clearance of 0 is an ideal joint.
-
     Raises:
         JointplayError: `base` has no such element of a list.
     """
-    if len(path) == 3 and path[0] == "joints" and path[2] in _CLEARANCES and _is_zero(value):
-        path, value = (*path[:2], "ideal"), True
     here: Any = changes
     under: Any = base
     for depth, part in enumerate(path[:-1]):
@@ -177,11 +177,3 @@ def _at(under: Any, part: str | int, path: Key) -> Any:
             raise JointplayError(f"{dotted(path)} is not in the scenario, which has {size} of them")
         return under[part]
     return under.get(part) if isinstance(under, Mapping) else None
-
-
-def _is_zero(value: Any) -> bool:
-    """Whether a value of a quantity is zero, in whatever unit."""
-    if isinstance(value, str):
-        match = re.match(r"\s*[+-]?([\d.]+)(e[+-]?\d+)?", value, re.IGNORECASE)
-        return match is not None and not float(match[1].strip(".") or 1)
-    return not isinstance(value, bool) and isinstance(value, int | float) and value == 0

@@ -125,17 +125,23 @@ class Plan:
         changes: dict[str, Any] = {}
         at = dict(zip(self.sizes, index, strict=True))
         for axis in self.axes:
-            value = axis.values[at[axis.name]]
-            if not axis.keys:
-                changes = merge(changes, value)
-            for key in axis.keys:
-                put(changes, self.base, key, value)
+            changes = self.taken(axis, axis.values[at[axis.name]], changes)
         for k, axis in enumerate(self.drawn):
-            for key in axis.keys:
-                put(changes, self.base, key, float(self.drawn_values[at[SAMPLE], k]))
+            changes = self.taken(axis, float(self.drawn_values[at[SAMPLE], k]), changes)
         if self.repeats > 1:
             put(changes, self.base, ("integration", "seed"), self.seed + at[REPEAT])
         return changes
+
+    def taken(
+        self, axis: Axis, value: Any, changes: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Changes with a value of an axis besides."""
+        taken = dict(changes or {})
+        if not axis.keys:
+            return merge(taken, value)
+        for key in axis.keys:
+            put(taken, self.base, key, value)
+        return taken
 
     def values(self, index: Index) -> dict[str, Any]:
         """Coordinates of a case by name, for tables and messages."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,8 +20,10 @@ from jointplay import kernel
 from jointplay.core.errors import JointplayError
 from jointplay.core.processes import MOST_DEATHS, Pool, number_of
 from jointplay.core.schema import one_of
+from jointplay.core.units import toml_text
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
+from jointplay.sweeps.axes import Axis
 from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
 from jointplay.sweeps.dataset import open_sweep
 from jointplay.sweeps.measures import shipped
@@ -35,6 +39,9 @@ MANY = 20_000
 
 PATIENCE_S = 2.0
 """How long a case is tried [s]."""
+
+MOST_CHECKED = 1000
+"""Values of an axis that are tried before anything runs."""
 
 MEASURES_BYTES = 300
 """What the measures of a case take in the store [bytes]."""
@@ -183,7 +190,7 @@ def run_plan(
         The plan as it was run: with `until` it may have more samples than it began with.
     """
     number = number_of(jobs)
-    first = probe(made)
+    first = probe(made, progress)
     if made.count > MANY and not yes:
         guess = cost_of(made, first, number)
         raise JointplayError(f"{made.words}: {guess}; use --yes to run it anyway")
@@ -317,17 +324,19 @@ def _give_up(store: Store, error: BaseException) -> None:
         error.args = (note,)
 
 
-def probe(made: Plan) -> Bench:
+def probe(made: Plan, progress: bool = False) -> Bench:
     """Make the first case ready, and with it find out what is wrong with all of them.
 
     Where the first is refused, others are tried: a case that cannot be is no reason to stop, a
     sweep of which none can is.
 
     Raises:
-        JointplayError: none of a few cases from all of the sweep can be made ready.
+        JointplayError: none of a few cases from all of the sweep can be made ready, or an axis has
+            a value that no case can take.
     """
     bench = Bench(job(made))
     _check_joints(made, bench)
+    _check_values(made, bench, progress)
     measured = shipped(joints(made))
     for axis in (*made.axes, *made.drawn):
         if axis.name in measured:
@@ -346,10 +355,64 @@ def probe(made: Plan) -> Bench:
     return bench
 
 
-def _some(made: Plan) -> Iterator[Index]:
-    """A few cases from all of the sweep."""
-    for number in np.unique(np.linspace(0, made.count - 1, 16).astype(int)):
-        yield tuple(int(k) for k in np.unravel_index(number, made.shape))
+def _check_values(made: Plan, bench: Bench, progress: bool) -> None:
+    """Refuse values of axes that no case can take, by building inputs with them; nothing runs.
+
+    Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
+    values as `MOST_CHECKED`, its ends among them.
+
+    Raises:
+        JointplayError: there is one; the message names axis and value, and why not.
+    """
+    tried = [
+        (axis, number, axis.values[number], axis.coordinate[number])
+        for axis in made.axes
+        for number in _spread(len(axis.values), MOST_CHECKED)
+    ]
+    for k, axis in enumerate(made.drawn):
+        column = made.drawn_values[:, k]
+        for number in dict.fromkeys((int(np.argmin(column)), int(np.argmax(column)))):
+            tried.append((axis, number, float(column[number]), column[number]))
+    bar = tqdm(tried, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
+    for axis, number, value, coordinate in bar:
+        reason = _refusal(made, bench, axis, number, value)
+        if reason is None:
+            continue
+        shown = f"{coordinate:g} {axis.unit}".rstrip() if axis.sampled else toml_text(value)
+        shown = str(coordinate) if not axis.keys else shown
+        words = f"{made.scenario.path}, sweep: axis {axis.name!r} cannot take {shown}: {reason}"
+        if axis.sampled:
+            words += f" (sample {number + 1} of {made.sizes[SAMPLE]}; from and to keep them inside)"
+        raise JointplayError(words)
+
+
+def _refusal(made: Plan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
+    """Why neither the scenario nor any of a few cases can take a value; None if one can."""
+    place = list(made.sizes).index(SAMPLE if axis.sampled else axis.name)
+    others = (made.taken(axis, value), *(made.changes(one) for one in _some(made, {place: number})))
+    reason = None
+    for changes in others:
+        try:
+            bench.simulation(changes)
+        except JointplayError as error:
+            said = str(error).removeprefix(f"{bench.scenario.path}, ")
+            reason = reason or re.sub(r"^line \d+, ", "", said)  # which has another value
+        else:
+            return None
+    return reason
+
+
+def _spread(size: int, most: int) -> list[int]:
+    """As many whole numbers below `size`, or all; the first and the last are among them."""
+    return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, most)).astype(int))]
+
+
+def _some(made: Plan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
+    """A few cases from all of the sweep; `held` are indices by dimension that they have."""
+    shape = tuple(1 if k in (held or {}) else size for k, size in enumerate(made.shape))
+    for number in _spread(math.prod(shape), 16):
+        index = (int(k) for k in np.unravel_index(number, shape))
+        yield tuple((held or {}).get(k, at) for k, at in enumerate(index))
 
 
 def _check_histories(made: Plan, bench: Bench) -> None:

@@ -362,6 +362,11 @@ class Store:
         zarr.consolidate_metadata(self.group.store)
 
     @quiet()
+    def _folders(self) -> list[str]:
+        """Folders of all arrays."""
+        return list(self.group)
+
+    @quiet()
     def _arrays(self) -> dict[str, Any]:
         """All arrays by their names."""
         return {plain_name(folder): array for folder, array in self.group.arrays()}
@@ -591,7 +596,7 @@ class Store:
             self.flush()
             if whole:
                 with writing(self.path):
-                    listed = {n: sorted(sealed.chunks(self.path, n)) for n in self.group}
+                    listed = {n: sorted(sealed.chunks(self.path, n)) for n in self._folders()}
                     self.group.update_attributes({WRITTEN: listed})
                     self._consolidate()
                 os.sync()
