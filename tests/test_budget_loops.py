@@ -291,8 +291,23 @@ def test_a_position_where_the_loop_is_nearly_stretched_is_refused_with_the_pose(
         budget(tip, q, driven=["guide"])
     with pytest.raises(JointplayError, match=r"cannot be closed with guide 0\.2"):
         budget(tip, {"guide": 0.2}, driven=["guide"])
-    with pytest.raises(JointplayError, match="do not determine the tool"):
+    with pytest.raises(JointplayError, match=r"joints \(none\) do not determine the tool") as error:
         budget(tip, {"crank_pin": 0.7, **START}, driven=[])
+    assert "nothing determines 'crank_pin', 'rod_pin', 'guide'" in str(error.value)
+
+
+def test_joints_of_a_loop_that_no_drive_determines_are_named():
+    from jointplay.motion.ideal import driven_map
+
+    mechanism = slider_crank({}, tool="rod")
+    (q,) = poses.at_pose(mechanism, {"crank_pin": 0.7}, ["crank_pin"], START)
+    with pytest.raises(JointplayError, match=r"driven joints \(none\) do not determine these") as e:
+        driven_map(mechanism, q, [])
+    for name in mechanism.joints:
+        assert repr(name) in str(e.value)
+    assert "drive one of them, too" in str(e.value)
+    ratios = driven_map(mechanism, q, [mechanism.coordinate("crank_pin")])
+    assert ratios[mechanism.coordinate("crank_pin")] == pytest.approx([1.0])
 
 
 def test_the_allocated_pins_keep_the_target_and_use_it_up():

@@ -323,3 +323,115 @@ def test_a_motion_that_nobody_gave_keeps_from_the_limits():
         room = 0.009 * (entries[name].upper - entries[name].lower)
         assert entries[name].lower + room < min(way)
         assert max(way) < entries[name].upper - room
+
+
+@pytest.mark.parametrize("name", ["tiago", "pr2", "baxter"])
+def test_a_motion_that_nobody_gave_keeps_from_limits_of_speed_and_of_followers(name):
+    from jointplay.scenario.robot import robot_scenario
+    from jointplay.scenario.settings import Setting
+
+    allowed = Setting(("robot", "allow_unphysical"), list(robots.survey(name).unphysical), "test")
+    simulation = robot_scenario(name, settings=[allowed], ideal=True).simulation()
+    motion, entries = simulation.motion, simulation.mechanism.description.joints
+    places, speeds, _ = motion(np.linspace(0.0, motion.duration, 2001))
+    assert np.abs(speeds).max() > 0.1
+    for moved, place, speed in zip(motion.joints, places.T, speeds.T, strict=True):
+        entry = entries[moved]
+        if entry.speed is not None:
+            assert np.abs(speed).max() <= entry.speed, moved
+        if entry.lower is not None:
+            assert entry.lower <= place.min() <= place.max() <= entry.upper, moved
+
+
+def installed():
+    try:
+        return robots.robots()
+    except JointplayError:
+        return ()
+
+
+def command(line, capsys):
+    status = main(line)
+    said = capsys.readouterr()
+    assert "Warning" not in said.err
+    assert "Traceback" not in said.err
+    return status, said.out, said.err
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=() if name in ("tiago", "allegro_left_hand") else pytest.mark.nightly
+        )
+        for name in installed()
+    ],
+)
+def test_every_robot_is_run_and_budgeted_or_says_what_is_missing(name, tmp_path, capsys):
+    found = robots.survey(name)
+    entries = found.mechanism.description.joints
+    allowed = [f"--allow-unphysical={','.join(found.unphysical)}"] if found.unphysical else []
+    budget = ["budget", name, "--clearance", "0.1 mm", *allowed]
+    if not found.moving:
+        for line in (budget, ["run", name, "--out", str(tmp_path / "out")]):
+            status, _, error = command(line, capsys)
+            assert status == 2
+            assert "no joint that moves, so there is nothing to simulate" in error
+        return
+    status, out, error = command(budget, capsys)
+    assert status == 0, error
+    assert "worst case" in out
+    frame = found.mechanism.model.frames[found.mechanism.tool_frame]
+    chain = [
+        found.mechanism.model.names[i] for i in found.mechanism.model.supports[frame.parentJoint]
+    ]
+    able = [joint for joint in chain if joint in entries and entries[joint].turns]
+    first = next((j for j in [*able, *found.moving] if entries[j].child not in found.bare), None)
+    line = ["run", name, f"--joint={first}", "--duration", "10 ms", *allowed]
+    status, _, error = command([*line, "--no-figures", "--out", str(tmp_path / "out")], capsys)
+    assert "beyond its limit" not in error
+    if status:
+        assert found.massless
+        assert "have no mass or inertia to speak of" in error
+        assert any(entries[joint].child in error for joint in found.massless)
+    else:
+        assert (tmp_path / "out" / "result.nc").is_file()
+        assert ("is held fast" in error) == bool(found.mechanism.held)
+
+
+@pytest.mark.parametrize("more", [[], ["--integrator", "rk4"]])
+def test_links_without_mass_are_named_before_a_step_is_chosen(more, tmp_path, capsys):
+    line = ["run", "romeo", "--joint", "LShoulderPitch", "--out", str(tmp_path / "o"), *more]
+    status, _, error = command(line, capsys)
+    assert status == 2
+    assert "LFinger21Link" in error
+    assert "give each an <inertial> in the URDF, or make their joints" in error
+    assert error.count("\n") == 1
+
+
+def test_nearly_massless_links_are_named_before_a_step_is_chosen(urdf, tmp_path, capsys):
+    path = urdf(
+        body("arm"), body("tip", mass=1e-11, inertia=1e-11), joint("a", "base", "arm"),
+        joint("j", "arm", "tip"),
+    )  # fmt: skip
+    line = ["run", str(path), "--joint", "j", "--integrator", "rk4", "--out", str(tmp_path / "o")]
+    status, _, error = command(line, capsys)
+    assert status == 2
+    assert "'tip'" in error
+    assert "<inertial>" in error
+    assert "record_every" not in error
+
+
+def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
+    said = "the base 'base_link' is held fast, as if bolted to the ground"
+    assert Mechanism("solo12").held == said
+    assert "'base_link' is held fast" in str(Mechanism("solo12"))
+    assert not Mechanism("ur5").held
+    assert not Mechanism("scara").held
+    assert said in command(["budget", "solo12", "--clearance", "0.1 mm"], capsys)[1]
+    assert said in command(["robots", "solo12"], capsys)[1]
+    (tmp_path / "s.toml").write_text(
+        '[robot]\nurdf = "example-robot-data:solo12"\n[motion]\ntimes = [0, 1]\n'
+        "[motion.joints]\nFL_HAA = [0, 0]\n"
+    )
+    assert said in command(["check", str(tmp_path / "s.toml"), "--no-picture"], capsys)[1]

@@ -304,6 +304,9 @@ def _mechanism(
         allowed, named = options.allow_unphysical, None
         plain = Mechanism(options.robot, allow_unphysical=allowed)
         description = plain.description
+    description.require_moving()
+    if plain.held:
+        notes.append(plain.held)
     tool = options.tool or named
     if tool is None:
         loose = [name_and_value(text, description.joints)[0] for text in options.joint]

@@ -66,6 +66,8 @@ def _detail(survey: Survey) -> str:
     else:
         lines += _joints(survey, survey.mechanism.description) + _frames(survey.mechanism)
     remarks = list(survey.remarks)
+    if survey.mechanism is not None and (held := survey.mechanism.description.held):
+        remarks.insert(0, held)
     if survey.bare:
         remarks.append(
             f"links without mass: {', '.join(survey.bare)}; their joints cannot have clearance "

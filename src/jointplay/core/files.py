@@ -356,6 +356,10 @@ def read_plain(path: Path, most: int) -> bytes:
     return data
 
 
+_HDF5 = b"\x89HDF"
+"""With which files of results begin."""
+
+
 def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
     """The UTF-8 text of a plain file of at most `most` bytes; `what` it is, for messages.
 
@@ -363,7 +367,12 @@ def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
         JointplayError: it cannot be read, is another kind of thing, larger, or other text.
     """
     with system_errors(f"cannot read the {what} {str(path)!r}"):
-        return read_plain(path, most).decode("utf-8-sig")
+        content = read_plain(path, most)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        kind = ": it is a result" if content.startswith(_HDF5) else f" (UTF-8): {error}"
+        raise JointplayError(f"cannot read the {what} {str(path)!r}: it is no text{kind}") from None
 
 
 def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:

@@ -294,10 +294,18 @@ def _follow(
     tool = pin.getFrameJacobian(model, data, mechanism.tool_frame, axes_of_world)
     tool = tool.reshape(6, model.nv)
     if np.abs(tool[:, passive] @ give.loose).max(initial=0.0) > _FELT:
+        sizes = np.abs(give.loose).max(axis=1, initial=0.0)
+        names = ", ".join(
+            dict.fromkeys(
+                repr(mechanism.coordinates[i].joint)
+                for i, size in zip(passive, sizes, strict=True)
+                if size > _FELT
+            )
+        )
         raise JointplayError(
-            f"the driven joints do not determine the tool {mechanism.tool!r} at "
-            f"{closing.stands(q[pose], pose, len(q))}: a singular position, or too few driven "
-            "joints"
+            f"the driven joints ({', '.join(map(repr, closing.driven)) or 'none'}) do not "
+            f"determine the tool {mechanism.tool!r} at {closing.stands(q[pose], pose, len(q))}: "
+            f"nothing determines {names} (a singular position, or too few driven joints)"
         )
     weight = tool[:3].T @ push - pin.computeGeneralizedGravity(model, data, q[pose])
     pin.computeJointJacobians(model, data, q[pose])
@@ -336,9 +344,10 @@ def lever(
     index, axes = place(mechanism, name)
     turn, centre = axes.rotation, axes.translation
     move, load = np.zeros((6, 6)), np.zeros(6)
-    forces = [
-        (data.mass[index] * np.array(mechanism.gravity), data.oMi[index].act(data.com[index]))
-    ]
+    forces = []
+    if data.mass[index] > 0.0:  # what has no mass has no centre of mass
+        weight = data.mass[index] * np.array(mechanism.gravity)
+        forces.append((weight, data.oMi[index].act(data.com[index])))
     if index in model.supports[model.frames[mechanism.tool_frame].parentJoint]:
         move[:3, :3] = move[3:, 3:] = turn
         move[:3, 3:] = np.cross(turn.T, tool - centre).T  # columns: axis x arm

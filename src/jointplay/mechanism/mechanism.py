@@ -342,6 +342,11 @@ class Mechanism(Overview, Described):
         parts = self.clearance[loop].freedoms
         return [self.coordinates.index(Coordinate(loop, part)) for part in parts]
 
+    @property
+    def held(self) -> str:
+        """That the base is held, in words; see `Description.held`. That of a linkage always is."""
+        return "" if self.loops else self.description.held
+
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears, always the same one.
 
@@ -422,6 +427,8 @@ class Mechanism(Overview, Described):
         """File and number of moving joints; where there is play, and what else is not usual."""
         moving = list(self.joints)
         facts = {"moving joints": few(moving)}
+        if self.held:
+            facts["base"] = self.held.removeprefix("the base ")
         for name, joint in self.clearance.items():
             play = f"{joint.kind} with clearance, play {joint.play_words}"
             facts[f"joint {name}"] = play if joint.springs is None else joint.words

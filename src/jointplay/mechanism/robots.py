@@ -191,6 +191,8 @@ class Survey:
             (astray, "move independently, because the joint that they mimic does not exist: {}"),
         )
         found = tuple(text.format(_list(names)) for names, text in remarks if names)
+        if not self.moving:
+            found = ("has no joint that moves: nothing can be simulated", *found)
         return (self.problem, *found) if self.problem else found
 
 
@@ -228,9 +230,7 @@ def survey(place: str | Path) -> Survey:
         for joint, m in zip(mechanism.coordinates, np.diag(mass), strict=True)
         if m <= _NO_MASS
     )
-    turning = [model.getJointId(n) for n in moving if moving[n] in ("revolute", "continuous")]
-    paths = [set(model.supports[joint]) for joint in turning]
-    serial = bool(paths) and max(paths, key=len).issuperset(turning)
+    serial = mechanism.description.serial
     return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
 
 

@@ -265,6 +265,66 @@ class Description:
         """Names of the joints that can get clearance."""
         return [j.name for j in self.joints.values() if j.turns]
 
+    @property
+    def moving(self) -> list[str]:
+        """Names of the joints that are not fixed."""
+        return [j.name for j in self.joints.values() if j.kind != "fixed"]
+
+    @cached_property
+    def serial(self) -> bool:
+        """Whether all joints that turn lie on one path from the base: an arm."""
+        above = {joint.child: joint for joint in self.joints.values()}
+        paths = []
+        for name in self.revolute:
+            path, link = {name}, self.joints[name].parent
+            while link in above:
+                path.add(above[link].name)
+                link = above[link].parent
+            paths.append(path)
+        return bool(paths) and max(paths, key=len).issuperset(self.revolute)
+
+    @property
+    def held(self) -> str:
+        """That the base of what is no arm is held, in words; empty if nobody would expect else.
+
+        A URDF does not say whether its base is free, as that of what walks, drives or flies. What
+        has no mass, though, is the ground.
+        """
+        children = {joint.child for joint in self.joints.values()}
+        base = next(link for link in self.links if link not in children)
+        fixed: set[str] = set()
+        found = {base}
+        while found - fixed:
+            fixed |= found
+            found = {
+                one.child
+                for one in self.joints.values()
+                if one.kind == "fixed" and one.parent in fixed
+            }
+        masses = (
+            float(mass.get("value", "0"))
+            for link in self.declared.root.findall("link")
+            if link.get("name") in fixed and (mass := link.find("inertial/mass")) is not None
+        )
+        if self.serial or not self.moving or not any(masses):
+            return ""
+        return f"the base {base!r} is held fast, as if bolted to the ground"
+
+    def require_moving(self) -> None:
+        """Raise unless some joint moves.
+
+        Raises:
+            JointplayError: none does, as of a drone that is described as one body.
+        """
+        if not self.moving:
+            number = len(self.links)
+            bodies = "one link" if number == 1 else f"{number} links, fixed to each other,"
+            raise JointplayError(
+                f"{self.path.name} has {bodies} and no joint that moves, so there is nothing to "
+                "simulate: play is that of joints, revolute, continuous, prismatic or floating; "
+                "give a URDF that has some"
+            )
+
     def elements(self) -> ElementTree.Element:
         """Its elements, which may be changed."""
         return deepcopy(self.declared.root)

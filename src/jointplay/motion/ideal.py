@@ -206,11 +206,18 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
     rows = closing_rows(mechanism, q)
     rest = np.setdiff1d(np.arange(mechanism.model.nv), at)
     block = rows[:, rest]
-    values = np.linalg.svd(block, compute_uv=False)
-    if len(rest) and (len(values) < len(rest) or values[-1] < 1e-8 * values[0]):
+    _, values, ways = np.linalg.svd(block)
+    held = int(np.count_nonzero(values >= 1e-8 * values.max(initial=0.0)))
+    if held < len(rest):
+        sizes = np.abs(ways[held:]).max(axis=0)
+        names, driven = (
+            ", ".join(dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in some))
+            for some in (rest[sizes > 1e-6], at)
+        )
         raise JointplayError(
-            "the driven joints do not determine the loops' other joints here (a singular "
-            "configuration, or too few driven joints)"
+            f"the driven joints ({driven or 'none'}) do not determine these of the loops' other "
+            f"joints: {names} (too few driven joints, or a singular configuration); drive one of "
+            "them, too, or begin in another configuration"
         )
     ratios = np.zeros((mechanism.model.nv, len(at)))
     ratios[at, np.arange(len(at))] = 1.0

@@ -410,6 +410,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
+    notes += [mechanism.held] if mechanism.held else []
     notes += _of_zero(model, mechanism)
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections import OrderedDict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ from jointplay.core.units import toml_text
 from jointplay.mechanism.robots import SHIPPED, resolve
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
-from jointplay.scenario.settings import Setting, given_by, tree
+from jointplay.scenario.settings import Setting, given_by, tree, with_names
 
 if TYPE_CHECKING:
     from jointplay.design.robot_errors import RobotErrors
@@ -79,7 +79,6 @@ class Scenario(Overview):
         """
         self.path = Path(path)
         self.settings = tuple(settings)
-        self._set = tree(self.settings)
         self.trust = tuple(trust)
         self.text = text
         self.notes: list[str] = []
@@ -92,6 +91,8 @@ class Scenario(Overview):
         self._changes: dict[str, dict[str, Any]] = {}
         for label, changes in self._table(cases, ("cases",)).items():
             self._changes[label] = dict(self._table(changes, ("cases", label)))
+        self.settings = tuple(with_names(settings, [*_keys(data), *_keys(self._changes)]))
+        self._set = tree(self.settings)
         self._named = bool(self._changes)
         if not self._named:
             self._changes = {label or self.path.stem: {}}
@@ -291,6 +292,14 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
         else:
             merged[key] = value
     return merged
+
+
+def _keys(table: Mapping[str, Any]) -> Iterator[str]:
+    """All keys of a table and of those within it."""
+    for key, value in table.items():
+        yield key
+        if isinstance(value, Mapping):
+            yield from _keys(value)
 
 
 def _place_of(error: JointplayError) -> Key:

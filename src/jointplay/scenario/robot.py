@@ -14,7 +14,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
-from jointplay.scenario.settings import Setting, inline, tree
+from jointplay.scenario.settings import Setting, inline, tree, with_names
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -38,6 +38,12 @@ ROOM = 0.01
 """Part of the way between its limits that it keeps from each: a drive overshoots a little."""
 SWING_S = 1.0
 """Time that it takes to get there [s]."""
+STEEPEST = 1.875
+"""Largest speed on the way from rest to rest, by its mean."""
+BRISK = 0.9
+"""Part of a joint's largest speed with which it moves at most."""
+SHORTEST_STEP = 1e-9
+"""A shorter one is not chosen: bodies that need it have next to no mass [s]."""
 MARGIN = 1.2
 """Impacts elsewhere on the way may be as many times as short."""
 
@@ -81,13 +87,15 @@ def robot_scenario(
     Raises:
         JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
     """
-    given = tree(settings)
     scara = place is None
     place = SCARA if place is None else _prefixed(place)
     # The URDF alone: what is wrong elsewhere is said when the scenario is built.
     path = resolve(place, Path())
-    allowed = given.get("robot", {}).get("allow_unphysical", [])
+    allowed = tree(settings).get("robot", {}).get("allow_unphysical", [])
     description = read(path, allowed if isinstance(allowed, list) else [])
+    settings = with_names(settings, description.joints)
+    given = tree(settings)
+    description.require_moving()
     if not joints and not ideal and not {"joints", "gears"} & set(given):
         if not scara:
             choices = ", ".join(description.revolute) or "none"
@@ -133,16 +141,20 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     Returns:
         The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
         one will do.
+
+    Raises:
+        JointplayError: links that joints move have no mass, or so little that no step would do.
     """
     from jointplay.contact.resultant import HOLDING
     from jointplay.kernel import WELL_RESOLVED_STEPS
-    from jointplay.mechanism.impact import contact_duration
-    from jointplay.simulation.assemble import MIN_CONTACT_STEPS
+    from jointplay.mechanism.impact import contact_duration, effective_mass
+    from jointplay.simulation.assemble import MIN_CONTACT_STEPS, require_inertia
 
     simulation = scenario.simulation()
     mechanism, motion = simulation.mechanism, simulation.motion
     begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
     q = mechanism.configuration(begin)
+    require_inertia(mechanism, q)
     durations = {
         name: contact_duration(mechanism, name, q)
         for name, joint in mechanism.clearance.items()
@@ -152,6 +164,14 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     if shortest is None or durations[shortest] >= MARGIN * MIN_CONTACT_STEPS * simulation.step:
         return None
     most = durations[shortest] / (MARGIN * WELL_RESOLVED_STEPS)
+    if most < SHORTEST_STEP:
+        link = mechanism.description.joints[shortest].child
+        mass = effective_mass(mechanism, shortest, q)
+        raise JointplayError(
+            f"an impact in {shortest!r} would last {durations[shortest]:.2g} s, for what hits "
+            f"there weighs next to nothing ({mass:.2g} kg): give link {link!r} and those beyond it "
+            "an <inertial> of their size in the URDF, or put the clearance into another joint"
+        )
     power = 10.0 ** math.floor(math.log10(most))
     step = float(f"{max(one for one in (1, 2, 5) if one * power <= most) * power:.1e}")
     return step, f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
@@ -183,28 +203,50 @@ def _prefixed(place: str) -> str:
     return f"{PREFIX}{place}"
 
 
+def _led_by(description: Description, name: str) -> tuple[str, float, float]:
+    """The joint that another follows in the end, which follows none, and factor and offset."""
+    factor, offset = 1.0, 0.0
+    while (mimic := description.joints[name].mimic) is not None:
+        offset += factor * mimic.offset
+        factor *= mimic.multiplier
+        name = mimic.leader
+    return name, factor, offset
+
+
 def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
     """A motion for who gave none: every joint a little way there and back, within its limits.
 
-    Joints that mimic others follow them.
+    Those are its own, of position and speed, and those of the joints that mimic it and follow.
     """
     from jointplay.mechanism.model import parse
 
-    model = parse(description)
+    followers: dict[str, list[str]] = {}
+    for name, entry in description.joints.items():
+        if entry.mimics:
+            followers.setdefault(_led_by(description, name)[0], []).append(name)
     ways = {}
-    for name in list(model.names)[1:]:
-        if description.joints[name].mimics:  # it follows
+    for name in list(parse(description).names)[1:]:
+        entry = description.joints[name]
+        if entry.mimics:  # it follows
             continue
-        at = model.joints[model.getJointId(name)].idx_q
-        if model.joints[model.getJointId(name)].nq != 1:  # a continuous joint: without limits
-            low, high = -np.inf, np.inf
-        else:
-            low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+        low, high = entry.lower, entry.upper
+        low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
+        fastest = entry.speed or np.inf
+        for follower in followers.get(name, ()):
+            _, factor, offset = _led_by(description, follower)
+            its = description.joints[follower]
+            if factor and its.lower is not None and its.upper is not None:
+                ends = sorted(((its.lower - offset) / factor, (its.upper - offset) / factor))
+                if max(low, ends[0]) <= min(high, ends[1]):  # else no position is allowed
+                    low, high = max(low, ends[0]), min(high, ends[1])
+            if factor and its.speed:
+                fastest = min(fastest, its.speed / abs(factor))
         inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
         begin = float(np.clip(0.0, low + inside, high - inside))
         room = max(high - begin, begin - low)
-        slides = description.joints[name].slides
-        way = min(SLIDE if slides else SWING, PART * room)
+        way = min(
+            SLIDE if entry.slides else SWING, PART * room, BRISK * fastest * SWING_S / STEEPEST
+        )
         end = begin + (way if high - begin >= begin - low else -way)
         ways[name] = [begin, end, begin]
     motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": ways}

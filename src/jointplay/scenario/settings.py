@@ -6,8 +6,8 @@ import copy
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from jointplay.core.errors import JointplayError
@@ -47,7 +47,8 @@ def parse(text: str) -> Setting:
     except (tomllib.TOMLDecodeError, RecursionError):
         raise JointplayError(
             f"--set {toml_text(text)}: {toml_text(name)} is not a key; parts are joined by dots, "
-            "and quoted where they have other signs than letters, digits, - and _"
+            "and quoted where they have other signs than letters, digits, - and _; the shell needs "
+            "quotes of its own around that: --set 'joints.\"left elbow\".restitution=0.8'"
         ) from None
     key = []
     here: Any = table
@@ -55,6 +56,25 @@ def parse(text: str) -> Setting:
         ((part, here),) = here.items()
         key.append(part)
     return Setting(tuple(key), _value(value), f"--set {name}")
+
+
+def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Setting]:
+    """Settings in which parts of keys that spell one of `names` together are that name.
+
+    Shells take quotes away: ``joints."joint_0.0".ideal`` comes as ``joints.joint_0.0.ideal``.
+    """
+    spelled = {tuple(name.split(".")): name for name in names if "." in name}
+    found = []
+    for setting in settings:
+        key: list[str] = []
+        rest = setting.key
+        while rest:
+            fits = [parts for parts in spelled if rest[: len(parts)] == parts]
+            parts = max(fits, key=len, default=rest[:1]) if key else rest[:1]
+            key.append(spelled.get(parts, parts[0]))
+            rest = rest[len(parts) :]
+        found.append(replace(setting, key=tuple(key)))
+    return found
 
 
 _KEY = re.compile(r"""(?:"(?:[^"\\]|\\.)*"|'[^']*'|[^="'])*""")
