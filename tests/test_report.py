@@ -105,6 +105,50 @@ def test_what_is_no_result_is_named(make, text, tmp_path):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
+def certified(folder, peak, error):
+    """The run with 0.2 mm, whose certificate says so of its peak force."""
+    from jointplay.result.certificate import Certificate, CertifiedFigure
+
+    result = jp.Result.load(folder / "worn.nc")
+    figure = CertifiedFigure("peak joint force", peak, error, "N")
+    result.certificate = Certificate((figure,), ("a further run",))
+    return result
+
+
+@pytest.mark.parametrize(("error", "marked"), [(5.0, False), (400.0, True)])
+def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, error, marked):
+    result = certified(folder, 793.0, error)
+    late = result.time >= result.judge_from
+    peak = np.linalg.norm(result["joint_force_peak"].values[late], axis=2).max()
+    result = certified(folder, float(peak), error)
+    reports.report({"0.2 mm": result}, tmp_path / "a.html", impacts=0, pdf=False)
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    seen = text[text.index('id="glance"') : text.index("<h2>Parameters")]
+    assert f"± {error:.0f}" in seen
+    assert (">uncertain</strong>" in seen) == marked
+    assert ("compare designs" in seen) == marked
+
+
+def test_title_and_cases_are_those_of_the_scenario(tmp_path):
+    path = tmp_path / "crank.toml"
+    text = jp.Scenario.load("jointplay:slider_crank.toml").text
+    text = text.replace('title = "', 'title = "Mine: ', 1)
+    path.write_text(text.replace('urdf = "', 'urdf = "jointplay:'), encoding="utf-8")
+    done = call("run", path, "--out", tmp_path / "out", "--quiet", "--no-figures", "--jobs", "1",
+                "--no-error-estimate")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    done = call("report", tmp_path / "out", "--quiet", "--impacts", "0", "--no-pdf")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h1>Mine: " in text
+    glance = text[text.index('id="glance"') : text.index("<h2>Parameters")]
+    names = ["ideal", "0.05 mm", "0.1 mm", "0.2 mm", "0.5 mm"]
+    places = [glance.index(f">{name}</span>") for name in names]
+    assert places == sorted(places)
+    assert 'alt="slider_crank at the start of the run; play in piston_pin"' in glance
+    assert "0.2_mm" not in text
+
+
 def _write(path, data):
     path.write_bytes(data)
     return path
@@ -161,6 +205,143 @@ def test_page_works_in_a_browser_without_a_network(page, tmp_path):
     assert all(image.std() > 0.02 for image in images)
     before, after = images[-2:]
     assert before.shape != after.shape or np.abs(before - after).mean() > 1e-3
+
+
+LINES = """() => {
+    const host = document.getElementById("chart-tool_velocity"), found = [];
+    const paths = [...host.querySelectorAll(".scatterlayer .trace path.js-line")];
+    return paths.map((path, k) => {
+        const data = host._fullData[k], y = host._fullLayout[data.yaxis.replace("y", "yaxis")];
+        const x = host._fullLayout.xaxis;
+        const numbers = path.getAttribute("d").match(/-?[\\d.]+/g).map(Number);
+        return { numbers, x: [x.range, x._length], y: [y.range, y._length], name: data.name,
+            axis: data.yaxis };
+    });
+}"""
+
+
+@pytest.fixture
+def open_report():
+    """Opens a report in a browser once all its charts are drawn."""
+    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync.sync_playwright() as tools:
+        browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+
+        def opened(page, width, scheme="light"):
+            view = {"width": width, "height": 900}
+            tab = browser.new_context(viewport=view, color_scheme=scheme).new_page()
+            tab.goto(page.as_uri())
+            while not tab.evaluate("() => Boolean(window.jointplayReport?.whole)"):
+                tab.wait_for_timeout(50)
+            return tab
+
+        yield opened
+        browser.close()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
+def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_report):
+    tab = open_report(page, 1280)
+    show_whole_run(tab)
+    drawn = tab.evaluate(LINES)
+    assert len(drawn) == 9  # three axes, three cases
+    for one in drawn:
+        result = jp.Result.load(folder / f"{one['name']}.nc")
+        record = result["tool_velocity"].values[:, int(one["axis"][1:] or 1) - 1]
+        (x0, x1), wide = one["x"]
+        (y0, y1), high = one["y"]
+        across = (result.time - x0) / (x1 - x0) * wide
+        down = (y1 - record) / (y1 - y0) * high
+        line = np.array(one["numbers"]).reshape(-1, 2)
+        assert (np.diff(line[:, 0]) >= -1e-6).all()
+        assert distance(np.column_stack([across, down]), line).max() < 0.5
+
+
+def show_whole_run(tab):
+    """By the button, with the chart of velocities in view."""
+    tab.evaluate("document.getElementById('chart-tool_velocity').scrollIntoView()")
+    tab.click("#whole")
+    begin = "() => document.getElementById('chart-tool_velocity').layout.xaxis.range[0]"
+    while tab.evaluate(begin) != 0:
+        tab.wait_for_timeout(50)
+    tab.wait_for_timeout(300)
+
+
+def distance(points, line):
+    """Of points from a line through others, from left to right."""
+    near = np.full(len(points), np.inf)
+    at = np.searchsorted(line[:, 0], points[:, 0])
+    for shift in range(-6, 7):
+        k = np.clip(at + shift, 1, len(line) - 1)
+        begin, along = line[k - 1], line[k] - line[k - 1]
+        part = np.sum((points - begin) * along, axis=1) / np.maximum(
+            np.sum(along**2, axis=1), 1e-12
+        )
+        foot = begin + np.clip(part, 0.0, 1.0)[:, None] * along
+        near = np.minimum(near, np.linalg.norm(points - foot, axis=1))
+    return near
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_left_out_of_long_records_is_near_the_line(seed):
+    from jointplay.reports.charts import MAX_RECORDS, Thinning
+
+    number = 7 * MAX_RECORDS
+    time = np.linspace(0.0, 1.0, number)
+    noise = np.random.default_rng(seed).normal(size=number).cumsum() / 300.0
+    values = np.sin(40.0 * time) + (noise if seed else 0.0)
+    kept = Thinning(np.ones(number, bool)).kept(values)
+    assert len(kept) <= 1.1 * MAX_RECORDS
+    scale = np.array([1000.0, 150.0 / np.ptp(values)])  # pixels
+    points = np.column_stack([time, values]) * scale
+    assert distance(points[::97], points[kept]).max() < 0.1
+
+
+SEEN = """() => {
+    const inside = element => { for (let at = element; at; at = at.parentElement)
+        if (getComputedStyle(at).overflowX === "auto") return true; return false; };
+    const right = document.documentElement.clientWidth;
+    const charts = [...document.querySelectorAll(".chart")];
+    return {
+        wide: document.documentElement.scrollWidth - innerWidth,
+        out: [...document.querySelectorAll("table")].filter(
+            one => one.getBoundingClientRect().right > right + 1 && !inside(one)).length,
+        paper: getComputedStyle(document.body).backgroundColor,
+        charts: charts.map(one => [one.getAttribute("role"), one.getAttribute("aria-label"),
+            one.layout.paper_bgcolor, one.clientWidth, one.clientHeight,
+            one.querySelector(".main-svg").getBoundingClientRect().height]),
+    };
+}"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
+@pytest.mark.parametrize("width", [400, 1280])
+def test_a_report_fits_the_screen_light_and_dark(page, open_report, width):
+    papers = {}
+    for scheme in ("light", "dark"):
+        seen = open_report(page, width, scheme).evaluate(SEEN)
+        assert seen["wide"] <= 0
+        assert seen["out"] == 0
+        for role, label, paper, across, high, drawn in seen["charts"]:
+            assert role == "img"
+            assert ": " in label
+            assert paper == seen["paper"]
+            assert across > 0.85 * min(width, 1120)
+            assert high >= drawn - 1.0  # what follows does not cover it
+        papers[scheme] = seen["paper"]
+    assert papers["light"] == "rgb(255, 255, 255)"
+    assert papers["dark"] != papers["light"]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
+def test_charts_and_tables_show_the_same_time(page, open_report):
+    tab = open_report(page, 1280)
+    assert tab.evaluate("document.getElementById('chart-tool_velocity').layout.xaxis.range") == [
+        pytest.approx(0.15),
+        pytest.approx(0.4),
+    ]
+    assert "Figures from 0.15 s on" in tab.inner_text("#glance")
+    show_whole_run(tab)
 
 
 IN_PRINT = """() => {

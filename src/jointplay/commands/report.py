@@ -37,11 +37,11 @@ def add(commands: Any) -> None:
         metavar="FILE",
         help="the page (default: report.html beside the first result); the PDF is named after it",
     )
-    add_option(parser, "--title TEXT", "title of the page")
+    add_option(parser, "--title TEXT", "title of the page (default: that of the scenario)")
     add_repeatable(
         parser,
         "--label TEXT",
-        "label of a result, in the order of the results (default: the file name)",
+        "label of a result, in the order of the results (default: its case, or the file name)",
     )
     add_option(
         parser,
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     written = reports.report(
         results,
         out,
-        title=options.title or f"jointplay: {', '.join(results)}",
+        title=options.title,
         claims=claims,
         impacts=reports.IMPACTS if options.impacts is None else options.impacts,
         pdf=not options.no_pdf,

@@ -28,7 +28,9 @@ def _silent(text: str) -> None:
 
 
 def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, Result]:
-    """Results by label: the files' names, with as many of their folders as tell them apart.
+    """Results by label: cases of a scenario as it names them, where that tells them apart.
+
+    Else the files' names, with as many of their folders as tell them apart.
 
     Laws of the user's own are taken from the modules of `trust` only; see `Result.load`.
 
@@ -44,9 +46,11 @@ def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, 
         labels = ["/".join((*file.parent.parts[1:], file.stem)[-depth:]) for file in resolved]
         if len(set(labels)) == len(labels):
             break
+    from jointplay.plots.names import case_names
     from jointplay.result.result import Result
 
-    return {label: Result.load(path, trust) for label, path in zip(labels, paths, strict=True)}
+    results = [Result.load(path, trust) for path in paths]
+    return dict(zip(case_names(results) or labels, results, strict=True))
 
 
 def page(
@@ -61,9 +65,10 @@ def page(
     """
     from jointplay.player.pages import render
     from jointplay.player.scene import BUDGET, build
+    from jointplay.plots.names import title_of
 
     budget = options.pop("budget", BUDGET)
-    title = title if title is not None else ", ".join(cases)
+    title = title if title is not None else title_of(cases)
     while True:
         scene = build(cases, budget=budget, **options)
         content = render(scene, title)

@@ -14,6 +14,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from jointplay import analysis
+from jointplay.analysis.headline import reference as ideal_run
 from jointplay.analysis.spectra import TooShort
 from jointplay.core import files
 from jointplay.mechanism.mechanism import Mechanism
@@ -221,6 +222,9 @@ def overview(cases: Cases) -> Figure:
     (plan, error), (orbit, force) = figure.subplots(2, 2, width_ratios=(1.0, 1.5))
     shown = [item for item in coloured(cases) if item[1].joints]
     pairs = list(compared(cases))
+    if not pairs:  # the ideal mechanism is simulated, where it can be
+        alone = ((item, ideal_run(item[1])) for item in coloured(cases))
+        pairs = [(*item, ideal) for item, ideal in alone if ideal is not None]
     first = reference(cases) or next(iter(cases.values()))
     mechanism, plane = first.simulation.mechanism, plane_of(cases)
     for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2):

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jointplay import analysis
+
+if TYPE_CHECKING:
+    from jointplay.result.result import Result
 
 PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
 
@@ -17,6 +24,21 @@ NAMES = (
 
 PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(NAMES[:-2])}
 """Names of the paper's figures."""
+
+
+MODES = ("no contact", "just touching", "in contact")
+"""Plain names of a journal's modes, in the order of `geometry.Mode`."""
+
+MODE_TERMS = ("free flight", "continuous contact", "pseudo-penetration")
+"""What the paper calls them (Table 1)."""
+
+MODE_MEANINGS = (
+    "a gap of more than 0.1 µm on every side",
+    "a gap within ±0.1 µm of zero",
+    "pressed together: the ordinary state of a loaded joint; the surfaces overlap by the elastic "
+    "deflection",
+)
+"""When a journal is in each."""
 
 
 def is_paper_robot(urdf: str) -> bool:
@@ -34,3 +56,25 @@ def file_names(paper: bool, rolling: bool = True) -> list[str]:
     shown = NAMES if rolling else NAMES[:-1]
     names = [PAPER.get(name, name) if paper else name for name in shown]
     return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
+
+
+def case_names(results: Sequence[Result]) -> list[str] | None:
+    """Cases of a scenario as their author wrote them; None where they do not tell results apart."""
+    names = [str(result.dataset.attrs.get("case", "")) for result in results]
+    return names if all(names) and len(set(names)) == len(names) else None
+
+
+def title_of(results: Mapping[str, Result]) -> str:
+    """The title of the scenario that results belong to; else robot and joints with play."""
+    titles = dict.fromkeys(str(one.dataset.attrs.get("title", "")) for one in results.values())
+    if len(titles) == 1 and all(titles):
+        return next(iter(titles))
+    robots = dict.fromkeys(map(robot_of, results.values()))
+    joints = dict.fromkeys(name for one in results.values() for name in one.joints)
+    play = f", play in {', '.join(joints)}" if joints else ""
+    return f"{', '.join(robots)}{play}"
+
+
+def robot_of(result: Result) -> str:
+    """The name of a run's robot: that of its URDF's file."""
+    return Path(str(analysis.inputs(result)["mechanism"]["urdf"]).rpartition(":")[2]).stem

@@ -14,8 +14,8 @@ shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 200
 AXIS_COLOURS = {"x": COLOURS[1], "y": COLOURS[0], "z": COLOURS[3], "total": "black"}
 """For components along axes."""
 
-MODE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00")
-"""Free flight, continuous contact, pseudo-penetration."""
+MODE_COLOURS = ("#B4BDC5", "#5AA5D0", "#34709F")
+"""For the modes of a journal, `names.MODES`: the closer the contact, the deeper the blue."""
 
 Cases = Mapping[str, Result]
 """Results by label, in drawing order; the first one without clearance is the reference."""
@@ -28,6 +28,11 @@ def reference(cases: Cases) -> Result | None:
 
 def colours(cases: Cases) -> list[str]:
     """The colour of each case, wherever it is drawn: figures, report, player."""
-    # Without an ideal case the first colour stays free: red means ideal.
-    shift = 0 if reference(cases) is not None else 1
-    return [COLOURS[(index + shift) % len(COLOURS)] for index in range(len(cases))]
+    ideal, used, found = reference(cases), 0, []
+    for result in cases.values():
+        if result is ideal:  # red means ideal, wherever it stands; without one red stays free
+            found.append(COLOURS[0])
+            continue
+        used += 1
+        found.append(COLOURS[1 + (used - 1) % (len(COLOURS) - 1)])
+    return found

@@ -15,13 +15,13 @@ from matplotlib.ticker import MaxNLocator
 from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
+from jointplay.plots.names import MODES
 from jointplay.plots.palette import AXIS_COLOURS, MODE_COLOURS
 from jointplay.plots.style import (
     COLOURS,
     COMPONENTS,
     CONTACT_COLOURS,
     MARKERS,
-    MODE_NAMES,
     contact_line,
     figure_of,
     legend,
@@ -178,7 +178,7 @@ class Plots:
             shares = analysis.shares(self.result, name)
             rows = [
                 f"{text}\n{100 * share:.1f} %"
-                for text, share in zip(MODE_NAMES, shares.values(), strict=True)
+                for text, share in zip(MODES, shares.values(), strict=True)
             ]
             modes, colours = list(Mode), list(MODE_COLOURS)
             if analysis.rolls(self.result, name):

@@ -221,7 +221,6 @@ def footnote(figure: Figure, text: str) -> None:
 
 COMPONENTS = (*AXES, "total")
 
-MODE_NAMES = ("free flight", "continuous contact", "pseudo-penetration")
 CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2], "0.5")
 _DASHES = ("-", "--", ":")
 """Tell contacts apart that share a colour: a slider has up to sixteen."""

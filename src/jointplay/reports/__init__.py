@@ -14,6 +14,7 @@ from jointplay.core.files import write as write_file
 from jointplay.core.processes import in_parallel
 from jointplay.player.pages import as_data, as_script
 from jointplay.plots.figures import is_paper
+from jointplay.plots.names import robot_of, title_of
 from jointplay.reports import html
 from jointplay.reports.cases import Case, Say, build, dark, follow_impacts, settled
 from jointplay.reports.cases import load as load
@@ -46,7 +47,7 @@ def report(
     results: Mapping[str, Result],
     path: str | Path,
     *,
-    title: str = "jointplay report",
+    title: str | None = None,
     claims: Path | None = None,
     impacts: int = IMPACTS,
     pdf: bool = True,
@@ -57,7 +58,7 @@ def report(
     Args:
         results: by label, in the order of the tables.
         path: the page, ending in .html; the figures' PDF gets the same name with .pdf.
-        title: of the page.
+        title: of the page; None takes that of the scenario, or names the robot.
         claims: a claims table that `jointplay scara` wrote.
         impacts: how many of the largest impacts of each case to follow step by step, which repeats
             its run; 0 repeats none.
@@ -88,7 +89,7 @@ def report(
             say("drawing the figures for the PDF")
         follow_impacts(cases, impacts, say)
         say("writing the page")
-        contents = [page(cases, title, claims).encode()]
+        contents = [page(cases, title or title_of(results), claims).encode()]
         if figures is not None:
             contents.append(figures())
     for target, made in zip(written, contents, strict=True):  # at the end: none without the other
@@ -123,6 +124,11 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "show that time only. Double-click, or “whole run” above, to go back. Where an impact was "
         "followed step by step, each step is a point."
     )
+    if start:
+        hint += (
+            f" Charts begin at {start:g} s, from which on the tables judge the runs; “whole run” "
+            "shows also how the journals settle before."
+        )
     if thinned:
         hint += (
             f" Of {', '.join(thinned)} the smallest and the largest record of each of "
@@ -153,17 +159,34 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         sections["Claims"] = claims_section(cases, claims)
     end = max(case.duration for case in cases)
     data = json.dumps(
-        {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False
+        {"charts": drawn, "layout": pack.layout, "start": start, "end": end},
+        separators=(",", ":"),
+        allow_nan=False,
     )
     resource = files("jointplay.reports") / "page"
     scripts = [
         as_script((resource / name).read_text(encoding="utf-8"))
         for name in ("plotly-basic.min.js", "report.js")
     ]
-    names = joined((dark(case) for case in cases), " &ensp; ")
-    charts = {"block": pack.block(), "data": as_data(data), "scripts": scripts}
+    robots = dict.fromkeys(robot_of(case.result) for case in cases)
+    names = joined(
+        [Html("{}").format(", ".join(robots)), *(dark(case) for case in cases)], Html(" &ensp; ")
+    )
+    charts = {
+        "block": pack.block(),
+        "data": as_data(data),
+        "scripts": scripts,
+        "judged": f"{start:g}" if start else "",
+    }
     return html.page(title, names, versions(), sections, **charts)
 
 
 def _place(chart: Chart) -> Html:
-    return markup('<h3>{}</h3><div class="chart" id="chart-{}"></div>', chart["title"], chart["id"])
+    shown = dict.fromkeys(panel.get("title") or panel["label"] for panel in chart["panels"])
+    names = dict.fromkeys(trace["name"] for panel in chart["panels"] for trace in panel["traces"])
+    return markup(
+        '<h3>{}</h3><div class="chart" id="chart-{}" role="img" aria-label="{}"></div>',
+        chart["title"],
+        chart["id"],
+        f"{chart['title']}: {', '.join(shown)} of {', '.join(names)}",
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from jointplay import analysis
 from jointplay.analysis.replay import Impact, Replay, follow, largest_impacts, replay, window
 from jointplay.core.errors import JointplayError
 from jointplay.plots.figures import coloured
+from jointplay.plots.names import case_names
 from jointplay.reports.html import Html, markup
 from jointplay.result.result import Result
 from jointplay.result.variables import contact_names
@@ -73,10 +75,10 @@ class Case:
 def load(
     paths: Sequence[Path], labels: Sequence[str] | None = None, trust: Collection[str] = ()
 ) -> dict[str, Result]:
-    """Read results by label, by default the files' names without suffix.
+    """Read results by label, by default `case_names`, or the files' names without suffix.
 
-    A folder stands for the NetCDF files in it. Laws of the user's own are taken from the modules of
-    `trust` only; see `Result.load`.
+    A folder stands for the NetCDF files in it, the ideal mechanism's first. Laws of the user's own
+    are taken from the modules of `trust` only; see `Result.load`.
 
     Raises:
         JointplayError: a file that is missing, damaged or no result; a folder without any; labels
@@ -88,21 +90,26 @@ def load(
             inside = sorted(path.glob("*.nc"))
             if not inside:
                 raise JointplayError(f"the folder {str(path)!r} holds no results (*.nc)")
-            files += inside
+            files += sorted(inside, key=_place_in_folder)
         else:
             files.append(path)
-    names = list(labels) if labels else [file.stem for file in files]
-    if len(names) != len(files):
-        raise JointplayError(f"{len(names)} labels for {len(files)} results; give one for each")
+    if labels and len(labels) != len(files):
+        raise JointplayError(f"{len(labels)} labels for {len(files)} results; give one for each")
+    results = [Result.load(file, trust) for file in files]
+    for file, result in zip(files, results, strict=True):
+        if not len(result.time):
+            raise JointplayError(f"{str(file)!r} holds no records")
+    names = list(labels or case_names(results) or [file.stem for file in files])
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise JointplayError(f"two results are called {twice!r}; name them with --label")
-    results = {}
-    for name, file in zip(names, files, strict=True):
-        results[name] = Result.load(file, trust)
-        if not len(results[name].time):
-            raise JointplayError(f"{str(file)!r} holds no records")
-    return results
+    return dict(zip(names, results, strict=True))
+
+
+def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
+    """The ideal mechanism stands first; numbers in names count as such."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", file.stem)
+    return file.stem != "ideal", [(float(p), "") if p[:1].isdigit() else (0.0, p) for p in parts]
 
 
 def build(results: Mapping[str, Result], say: Say) -> list[Case]:
@@ -216,6 +223,11 @@ def settled(cases: Sequence[Case]) -> float:
     """From when on statistics are taken [s]: not while journals fall into their bearings."""
     latest = max(case.result.judge_from for case in cases)
     return latest if min(case.duration for case in cases) > latest else 0.0
+
+
+def since(start: float) -> str:
+    """What a caption says of the time that is judged."""
+    return f"; from {start:g} s on" if start else ""
 
 
 def place_of(case: Case, joint: str, contact: str) -> Html:

@@ -13,9 +13,9 @@ from jointplay import analysis
 from jointplay.analysis.spectra import TooShort
 from jointplay.geometry import Mode
 from jointplay.plots.figures import force_joints, is_paper, plane_of
-from jointplay.plots.names import PAPER
+from jointplay.plots.names import MODES, PAPER
 from jointplay.plots.palette import MODE_COLOURS
-from jointplay.plots.style import MODE_NAMES, contact_line, spans
+from jointplay.plots.style import contact_line, spans
 from jointplay.reports.cases import Case
 from jointplay.result.result import AXES, Result
 
@@ -84,14 +84,19 @@ class Thinning:
         self.thins = self.size > 2
         """Whether anything is left out."""
 
-    def kept(self, values: np.ndarray) -> np.ndarray:
-        """Indices that stay of `values`: of each interval those of the smallest and the largest."""
+    def kept(self, *series: np.ndarray) -> np.ndarray:
+        """Indices that stay: of each interval those of the smallest and the largest of each series.
+
+        The line through them passes through every value of an interval within that interval, so
+        that it is nowhere farther from the records than an interval is long.
+        """
         if not self.thins:
-            return np.arange(len(values))
+            return np.arange(len(series[0]))
         indices = [self._step_by_step]
         for interval in self._intervals:
-            inside = values[interval]
-            indices.append(interval[[int(inside.argmin()), int(inside.argmax())]])
+            for values in series:
+                inside = values[interval]
+                indices.append(interval[[int(inside.argmin()), int(inside.argmax())]])
         return np.unique(np.concatenate(indices))
 
 
@@ -125,7 +130,11 @@ class ChartSeries:
 
     def series(self, values: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
         """A trace of `values` over all points of time; further keywords are its look."""
-        kept = self.thinning.kept(values)
+        return self._trace(self.thinning.kept(values), values, bits, look)
+
+    def _trace(
+        self, kept: np.ndarray, values: np.ndarray, bits: int, look: dict[str, Any]
+    ) -> dict[str, Any]:
         return {
             "t": self._time(kept),
             "dt": self._step,
@@ -137,9 +146,8 @@ class ChartSeries:
 
     def curve(self, x: np.ndarray, y: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
         """A trace in a plane, whose points keep their times."""
-        trace = self.series(y, bits, **look)
-        kept = self.thinning.kept(y)
-        return {**trace, "x": self._pack.add(x[kept], bits)}
+        kept = self.thinning.kept(x, y)
+        return {**self._trace(kept, y, bits, look), "x": self._pack.add(x[kept], bits)}
 
     def spans(self, values: np.ndarray, row: int, member: int, **look: Any) -> dict[str, Any]:
         """A bar in `row` wherever `values` equals `member`."""
@@ -282,10 +290,10 @@ def _modes(histories: list[ChartSeries], paper: bool) -> list[Chart]:
             bars = [
                 h.spans(values, row, int(mode), color=colour, name=text)
                 for row, (mode, colour, text) in enumerate(
-                    zip(Mode, MODE_COLOURS, MODE_NAMES, strict=True)
+                    zip(Mode, MODE_COLOURS, MODES, strict=True)
                 )
             ]
-            panels.append(_panel("", bars, title=f"{h.case.label}, {joint}", rows=MODE_NAMES))
+            panels.append(_panel("", bars, title=f"{h.case.label}, {joint}", rows=MODES))
     return [_chart("time", "modes", f"Contact mode{' (Table 1)' if paper else ''}", panels)]
 
 

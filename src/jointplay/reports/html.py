@@ -60,7 +60,7 @@ def page(title: str, cases: object, made: Mapping[str, str], sections: object, *
         cases=cases,
         made=", ".join(f"{name} {version}" for name, version in made.items()),
         sections=sections,
-        **{"block": "", "data": "", "scripts": scripts} | more,
+        **{"block": "", "data": "", "judged": "", "scripts": scripts} | more,
     )
 
 

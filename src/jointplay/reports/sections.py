@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import json
@@ -23,10 +24,10 @@ from jointplay.geometry import Form
 from jointplay.joints import JOINT_KINDS
 from jointplay.mechanism.gear import Gear
 from jointplay.plots.figures import is_paper
-from jointplay.plots.style import MODE_NAMES
-from jointplay.reports.cases import Case, dark, place_of
+from jointplay.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
+from jointplay.reports.cases import Case, dark, place_of, since
 from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table, table_of
-from jointplay.result.certificate import CertifiedFigure
+from jointplay.result.certificate import COUNTS, CertifiedFigure, plus_minus
 from jointplay.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
@@ -40,9 +41,9 @@ _MEASURES = {
     "deviation_mm": "tool deviation about its mean, RMS [mm]",
     "speed_mm_s": "velocity deviation, RMS [mm/s]",
     "path_mm": "distance from the ideal path in the XOY plane, RMS [mm]",
-    "free": "free flight [share of time]",
-    "continuous": "continuous contact [share of time]",
-    "penetration": "pseudo-penetration [share of time]",
+    "free": f"{MODES[0]} [share of time]",
+    "continuous": f"{MODES[1]} [share of time]",
+    "penetration": f"{MODES[2]} [share of time]",
     "fx": "largest |Fx| [N]",
     "fy": "largest |Fy| [N]",
     "fz": "largest |Fz| [N]",
@@ -133,7 +134,7 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     keys = list(shares[0])
     rows: list[list[Cell]] = [
         [name, *(100.0 * share[key] for share in shares)]
-        for name, key in zip(MODE_NAMES, keys, strict=True)
+        for name, key in zip(MODES, keys, strict=True)
     ]
     forms = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
     forms = [share or dict.fromkeys((f.name.lower() for f in Form), math.nan) for share in forms]
@@ -147,9 +148,16 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     ]
     paper = is_paper({case.label: case.result for case in cases})
     mode, form = ("mode (Table 1)", "form (Figure 2)") if paper else ("mode", "form")
-    parts = [table([mode, *names], rows, "Share of the records in each mode [%]")]
+    explained = (
+        f"{name} (in the paper: {term}): {meaning}"
+        for name, term, meaning in zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
+    )
+    parts = [
+        table([mode, *names], rows, f"Share of the records in each mode [%]{since(start)}"),
+        paragraph("; ".join(explained) + "."),
+    ]
     if form_rows:
-        caption = "Share of the records in each form [%]"
+        caption = f"Share of the records in each form [%]{since(start)}"
         parts.append(table([form, *names], form_rows, caption))
     return joined(parts)
 
@@ -414,6 +422,7 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
         return paragraph("No case has a tool error: none has play, or none has a reference.")
     caption = (
         "Tool position less the ideal mechanism's at the same time, world axes; total: the distance"
+        f"{since(start)}"
     )
     parts = [table_of(rows, caption=caption, left=2), *unknown]
     if at_stops:
@@ -476,41 +485,158 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
     return joined([*parts, paragraph(note), bullets(missing)])
 
 
+UNCERTAIN = 0.1
+"""Relative numerical error from which on a figure is marked where it is first seen."""
+_GLANCE_DIGITS = 4
+
+
 def glance(cases: Sequence[Case], start: float) -> Html:
-    """One row for each case with the figures that matter most."""
-    rows = []
-    for case in cases:
-        audit = case.result.audit
-        rms = peak = at_stops = rate = force = penetration = None
-        if case.error is not None and float(case.error["time"][-1]) >= start:
-            accuracy = analysis.accuracy(case.error, start)
-            rms, peak = 1e3 * accuracy.rms[3], 1e3 * accuracy.peak[3]
-            ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
-            errors = [1e3 * float(analysis.error_at(case.error, end)[3]) for end in ends]
-            at_stops = max(errors, default=None)
-        if case.joints:
-            late = case.result.time >= start
-            peaks = case.result["joint_force_peak"].values[late]
-            force = float(np.linalg.norm(peaks, axis=2).max())
-            penetration = 1e6 * audit.largest_penetration
-            if audit.judged_impacts is None:
-                rate = audit.impacts / case.duration
-            else:
-                rate = audit.judged_impacts / max(case.duration - case.result.judge_from, 1e-12)
-        row: dict[str, Cell] = {
-            "case": dark(case),
-            "ended": case.result.status.name.lower().replace("_", " "),
-            "tool error, RMS [mm]": rms,
-            "tool error, peak [mm]": peak,
-            "error at stops, largest [mm]": at_stops,
-            "contacts begun [1/s]": rate,
-            "force at the joint, peak [N]": force,
-            "penetration, largest [µm]": penetration,
-            "energy residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
-            "warnings": len(audit.warnings),
-        }
-        rows.append(row)
-    return table_of(rows, left=2)
+    """The figures that matter most, a column for each case, with their numerical errors."""
+    columns = [_glanced(case, start) for case in cases]
+    rows: list[list[Cell]] = [
+        [name, *(column[name] for column in columns)]
+        for name in columns[0]
+        if any(column[name] is not None for column in columns)
+    ]
+    caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
+    made = table(["", *map(dark, cases)], rows, caption=caption, name="glance")
+    beside = markup('<div class="first">{}{}</div>', made, _robot(cases))
+    return beside + bullets(_what_errors_mean(cases, start))
+
+
+def _robot(cases: Sequence[Case]) -> Html:
+    """A picture of the mechanism with its play marked; nothing if it cannot be built or drawn."""
+    from jointplay.mechanism.picture import picture
+
+    shown = next((case for case in cases if case.joints), cases[0])
+    try:
+        mechanism = shown.result.simulation.mechanism
+        labels = {name: _play_of(cases, name) for name in shown.joints}
+        figure = picture(mechanism, shown.result["q"].values[0], labels=labels)
+    except JointplayError:  # such as a law of the user's own that may not be imported
+        return Html("")
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight", pad_inches=0.05)
+    words = f"{robot_of(shown.result)} at the start of the run"
+    words += f"; play in {', '.join(shown.joints)}" if shown.joints else "; no joint has play"
+    return markup(
+        '<figure><img alt="{}" src="data:image/png;base64,{}"><figcaption>{}</figcaption></figure>',
+        words,
+        base64.b64encode(drawn.getvalue()).decode(),
+        words,
+    )
+
+
+def _play_of(cases: Sequence[Case], joint: str) -> str:
+    """What the picture says of a joint: its play in each case."""
+    words = dict.fromkeys(
+        case.result.simulation.mechanism.clearance[joint].play_words
+        for case in cases
+        if joint in case.joints
+    )
+    return f"{joint}\nplay {next(iter(words))}" if len(words) == 1 else f"{joint}: play"
+
+
+def _glanced(case: Case, start: float) -> dict[str, Cell]:
+    """The figures of a case by name; None where one does not apply."""
+    audit = case.result.audit
+    rms = peak = at_stops = rate = force = penetration = None
+    strongest = ""
+    if case.error is not None and float(case.error["time"][-1]) >= start:
+        accuracy = analysis.accuracy(case.error, start)
+        rms, peak = 1e3 * accuracy.rms[3], 1e3 * accuracy.peak[3]
+        ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
+        errors = [1e3 * float(analysis.error_at(case.error, end)[3]) for end in ends]
+        at_stops = max(errors, default=None)
+    if case.joints:
+        late = case.result.time >= start
+        peaks = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max(axis=0)
+        force, strongest = float(peaks.max()), case.joints[int(peaks.argmax())]
+        penetration = 1e6 * audit.largest_penetration
+        if audit.judged_impacts is None:
+            rate = audit.impacts / case.duration
+        else:
+            rate = audit.judged_impacts / max(case.duration - case.result.judge_from, 1e-12)
+    at = f", {strongest}" if len(case.joints) > 1 else ""
+    lasted = max(case.duration - case.result.judge_from, 1e-12)
+    return {
+        "ended": case.result.status.name.lower().replace("_", " "),
+        "tool error, peak [mm]": _glance_cell(case, start, peak, "peak tool error", 1e3),
+        "tool error, RMS [mm]": _glance_cell(case, start, rms, "RMS tool error", 1e3),
+        "tool error at stops, largest [mm]": at_stops,
+        "force at the joint, peak [N]": _glance_cell(
+            case, start, force, f"peak joint force{at}", 1.0
+        ),
+        "contacts begun [1/s]": _glance_cell(case, start, rate, "impacts", 1.0 / lasted),
+        "penetration, largest [µm]": penetration,
+        "energy residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
+        "warnings": len(audit.warnings),
+    }
+
+
+def _error_of(case: Case, start: float, name: str) -> CertifiedFigure | None:
+    """A certified or estimated figure over the time that the report judges."""
+    certificate = case.result.certificate
+    if certificate is None or start != case.result.judge_from:
+        return None
+    return next((figure for figure in certificate.figures if figure.name == name), None)
+
+
+def _glance_cell(case: Case, start: float, value: float | None, name: str, scale: float) -> Cell:
+    """A value with its numerical error, marked where that exceeds `UNCERTAIN`."""
+    figure = None if value is None else _error_of(case, start, name)
+    if value is None or figure is None:
+        return value
+    shown = plus_minus(value, scale * figure.error, _GLANCE_DIGITS)
+    if not _uncertain(figure):
+        return shown
+    return markup('{}<br><strong class="warn">uncertain</strong>', shown)
+
+
+def _uncertain(figure: CertifiedFigure) -> bool:
+    counted = figure.name in COUNTS and figure.error <= 1.0
+    return figure.relative > UNCERTAIN and not counted
+
+
+def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
+    """What ± and its absence stand for, and what to do about large errors."""
+    known = [case for case in cases if case.result.certificate is not None]
+    points: list[Html | str] = []
+    if known:
+        points.append(
+            "±: numerical error, within which 9 of 10 figures are of what the model says. It does "
+            "not say how well the model fits the machine."
+        )
+    unsure: list[Html | str] = []
+    for case in known:
+        certificate = case.result.certificate
+        assert certificate is not None
+        shown = ("peak joint force", "peak tool error", "RMS tool error", "impacts")
+        found = [f.name for f in certificate.headline if f.name.startswith(shown) and _uncertain(f)]
+        if start == case.result.judge_from and found and case.joints:
+            note = f" ({certificate.note})" if certificate.note else ""
+            unsure.append(markup("{}: {}{}", dark(case), ", ".join(found), note))
+    if unsure:
+        points.append(
+            markup(
+                '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the '
+                "value. Take the figure for an order of magnitude, and do not compare designs by "
+                "it. A smaller tolerance or step (integration.tolerance, integration.step) helps "
+                "where the step is the cause; where the motion itself magnifies small differences, "
+                "only means over perturbed runs can be compared (jointplay sweep, repeats).{}",
+                f"{100.0 * UNCERTAIN:g}",
+                bullets(unsure),
+            )
+        )
+    unknown = [case for case in cases if case.result.certificate is None and case.joints]
+    if unknown:
+        points.append(
+            markup(
+                "{} numerical errors are not known; jointplay run --certify finds them.",
+                joined((dark(case) for case in unknown), ", "),
+            )
+        )
+    return points
 
 
 # What every reader of a report must know, from `assumptions.toml`, and which of it holds when.

@@ -202,7 +202,7 @@ def _picture(drawn: Drawn) -> Html:
         figure.savefig(content, format="svg", metadata={"Date": None})
     data = base64.b64encode(content.getvalue()).decode()
     return markup(
-        '<figure class="drawn"><figcaption>{}</figcaption><img alt="{}" src="data:image/svg+xml;'
+        '<figure class="plot"><figcaption>{}</figcaption><img alt="{}" src="data:image/svg+xml;'
         'base64,{}"></figure>',
         title,
         title,

@@ -88,8 +88,11 @@ class CertifiedFigure(Described):
         return f"{plus_minus(self.value, self.error)} {self.unit}".rstrip()
 
 
-def plus_minus(value: float, error: float) -> str:
-    """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many."""
+def plus_minus(value: float, error: float, most: int = 6) -> str:
+    """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many.
+
+    The value has three to `most` digits; a smaller error is rounded up to the last of them.
+    """
     if not math.isfinite(error):
         return f"{value:.4g} ± unknown"
     if error == 0.0:
@@ -97,7 +100,7 @@ def plus_minus(value: float, error: float) -> str:
     size = math.floor(math.log10(error))
     digits = 1 - size if error < 2.0 * 10.0**size else -size
     top = math.floor(math.log10(abs(value))) if value else size
-    digits = max(min(digits, 5 - top), 2 - top)  # three to six digits of the value
+    digits = max(min(digits, most - 1 - top), 2 - top)
     if -4 <= top < 6:
         places = max(digits, 0)
         shown = math.ceil(error * 10.0**digits - 1e-9) / 10.0**digits

@@ -1,6 +1,8 @@
 "use strict";
 (() => {
-  const BINS = 1500; // points of a line per window, each the smallest and the largest value
+  // Intervals of a window, of each the smallest and the largest value: less than half a pixel wide,
+  // as the widest chart has 990 px between its axes. A line is nowhere farther from its records.
+  const BINS = 2400;
   const SINGLE = 400; // fewer points than this in view are marked one by one
   const page = JSON.parse(document.getElementById("charts").textContent);
   const state = { range: null, drawn: 0, ready: false };
@@ -85,7 +87,7 @@
     return { x, y, count: Infinity };
   }
 
-  // A curve in view, without points closer than 1/1500 of its extent to the last one.
+  // A curve in view, without points closer than 1/2400 of its extent to the last one.
   function curve(trace) {
     const steps = series(trace.t), xs = series(trace.x), ys = series(trace.y);
     const [first, end] = inView(steps, trace.dt);
@@ -94,7 +96,7 @@
       left = Math.min(left, xs[i]); right = Math.max(right, xs[i]);
       low = Math.min(low, ys[i]); high = Math.max(high, ys[i]);
     }
-    const near = end - first > 2 * SINGLE ? Math.max(right - left, high - low) / 1500 : 0;
+    const near = end - first > 2 * SINGLE ? Math.max(right - left, high - low) / BINS : 0;
     const x = [], y = [], text = [];
     let last = -1;
     for (let i = first; i < end; i++) {
@@ -123,22 +125,40 @@
   // Plotly takes text for HTML of its own kind; names are not.
   const plain = (name) => String(name).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
   const number = (i) => (i === 0 ? "" : String(i + 1));
-  const FONT = { family: "system-ui, sans-serif", size: 12, color: "#222" };
-  const AXIS = { gridcolor: "#e6e6e6", zerolinecolor: "#c4c4c4", linecolor: "#999", ticks: "outside",
-    ticklen: 4, tickcolor: "#999", automargin: true };
 
-  function build(chart) {
+  // What a variable of report.css stands for now, in the dark or on paper.
+  const probe = document.body.appendChild(document.createElement("i"));
+  probe.hidden = true;
+  function colour(name) {
+    probe.style.color = `var(--${name})`;
+    return getComputedStyle(probe).color;
+  }
+
+  // A case's colour, lighter in the dark.
+  function tone(given) {
+    if (!isDark()) return given;
+    const mixed = [1, 3, 5].map((i) => Math.round(0.7 * parseInt(given.slice(i, i + 2), 16) + 76));
+    return `rgb(${mixed.join(",")})`;
+  }
+
+  function build(chart, wide) {
+    const ink = colour("ink"), line = colour("axis"), paper = colour("paper");
+    const FONT = { family: "system-ui, sans-serif", size: 12, color: ink };
+    const AXIS = { gridcolor: colour("grid"), zerolinecolor: line, linecolor: line, ticks: "outside",
+      ticklen: 4, tickcolor: line, automargin: true };
+    const most = wide < 640 ? 1 : wide < 900 ? 2 : 3; // panels side by side
     const seen = new Set();
     const data = [], annotations = [], shapes = [];
-    const layout = { font: FONT, paper_bgcolor: "white", plot_bgcolor: "white", annotations, shapes,
-      margin: { l: 76, r: 16, t: 34, b: 44 }, hovermode: "closest", uirevision: "keep",
+    const layout = { font: FONT, paper_bgcolor: paper, plot_bgcolor: paper, annotations, shapes,
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: line, activecolor: ink },
+      margin: { l: wide < 640 ? 56 : 76, r: 16, t: 34, b: 44 }, hovermode: "closest", uirevision: "keep",
       legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top" } };
     const time = chart.kind === "time";
     const stacked = time || chart.kind === "spectrum";
     const count = chart.panels.length;
-    const columns = stacked ? 1 : Math.min(count, 3);
+    const columns = stacked ? 1 : Math.min(count, most);
     const rows = Math.ceil(count / columns);
-    const rowHeight = chart.id === "modes" ? 100 : stacked ? (count > 4 ? 150 : 175) : 400;
+    const rowHeight = chart.id === "modes" ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, wide);
     const titled = chart.panels.some((panel) => panel.title);
     const gap = (titled ? 26 : 14) / (rows * rowHeight);
     layout.height = rows * rowHeight + 90;
@@ -175,7 +195,7 @@
       if (panel.title) annotations.push({ text: plain(panel.title), xref: "paper", yref: "paper", x: left,
         y: top, xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
       if (panel.outline) data.push({ x: panel.outline[0], y: panel.outline[1], mode: "lines",
-        line: { color: "black", width: 1.2 }, name: "clearance", showlegend: !seen.has("clearance"),
+        line: { color: ink, width: 1.2 }, name: "clearance", showlegend: !seen.has("clearance"),
         legendgroup: "clearance", hoverinfo: "skip", xaxis: "x" + xn, yaxis: "y" + n });
       if (panel.outline) seen.add("clearance");
       for (const trace of panel.traces) {
@@ -185,18 +205,19 @@
           hovertemplate: `%{y:.5~g} ${unit(panel.label)} at %{x:.6~g} ${below}`,
           xaxis: "x" + xn, yaxis: "y" + n, type: "scatter" };
         seen.add(trace.name);
-        const line = { color: trace.color, width: 1.2, dash: trace.dash || "solid" };
+        // Plotly's own simplification would leave polygons of smooth curves.
+        const line = { color: tone(trace.color), width: 1.2, dash: trace.dash || "solid", simplify: false };
         if (trace.from !== undefined) {
           data.push({ ...base, ...spans(trace), mode: "lines", hovertemplate: "%{x:.6~g} s",
-            line: { color: trace.color, width: 16 } });
+            line: { color: tone(trace.color), width: 16 } });
         } else if (time || chart.kind === "plane") {
           const { count: points, ...drawn } = time ? reduce(trace) : curve(trace);
           data.push({ ...base, ...drawn, line, mode: points <= SINGLE ? "lines+markers" : "lines",
-            marker: { size: 4, color: trace.color } });
+            marker: { size: 4, color: tone(trace.color) } });
         } else {
           const dots = chart.kind === "points";
           data.push({ ...base, x: Array.from(series(trace.x)), y: Array.from(series(trace.y)), line,
-            mode: dots ? "markers" : "lines", marker: { size: 5, color: trace.color, opacity: 0.7 } });
+            mode: dots ? "markers" : "lines", marker: { size: 5, color: tone(trace.color), opacity: 0.7 } });
         }
       }
     });
@@ -214,7 +235,8 @@
   async function draw(host) {
     const entry = hosts.get(host);
     entry.stale = false;
-    const { data, layout } = build(entry.chart);
+    entry.wide = host.clientWidth;
+    const { data, layout } = build(entry.chart, entry.wide);
     await Plotly.react(host, data, layout, config);
     if (!entry.listens) {
       entry.listens = true;
@@ -240,10 +262,29 @@
     if (host) document.documentElement.style.setProperty("--fit", String(Math.min(1, PAPER / host.clientWidth)));
   }
 
+  // Paper is white: charts are drawn anew where the screen is dark.
+  let theme = "";
   function beforePrint() {
     // Tables, but not the text of the robot.
     for (const details of document.querySelectorAll("details:not(:has(pre))")) details.open = true;
-    for (const [host, entry] of hosts) if (entry.stale) draw(host);
+    theme = document.documentElement.dataset.theme || "";
+    const restyled = isDark();
+    document.documentElement.dataset.theme = "light";
+    for (const [host, entry] of hosts) if (entry.stale || restyled) draw(host);
+  }
+  function afterPrint() {
+    setTheme(theme);
+  }
+
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const isDark = () => (document.documentElement.dataset.theme || (system.matches ? "dark" : "light")) === "dark";
+  function setTheme(name) {
+    if (name) document.documentElement.dataset.theme = name;
+    else delete document.documentElement.dataset.theme;
+    document.getElementById("theme").textContent = isDark() ? "light" : "dark";
+    for (const entry of hosts.values()) entry.stale = true;
+    refresh();
+    later(drawRest);
   }
 
   function zoomed(event) {
@@ -256,6 +297,8 @@
   const from = document.getElementById("from"), to = document.getElementById("to");
   let waiting = false;
   function show(range) {
+    const buttons = { whole: !range, judged: Boolean(range) && range[0] === page.start && range[1] === page.end };
+    for (const [id, on] of Object.entries(buttons)) document.getElementById(id)?.setAttribute("aria-pressed", String(on));
     if (range) {
       let [a, b] = range;
       a = Math.max(0, a); b = Math.min(page.end, b);
@@ -299,6 +342,7 @@
     from.addEventListener("change", read);
     to.addEventListener("change", read);
     document.getElementById("whole").addEventListener("click", () => show(null));
+    document.getElementById("judged")?.addEventListener("click", () => show([page.start, page.end]));
     document.getElementById("wider").addEventListener("click", () => {
       const [a, b] = window_();
       show([a - 1.5 * (b - a), b + 1.5 * (b - a)]);
@@ -309,10 +353,18 @@
         document.getElementById("chart-contacts").scrollIntoView({ block: "center" });
       });
     }
-    show(null);
+    document.getElementById("theme").addEventListener("click", () => setTheme(isDark() ? "light" : "dark"));
+    system.addEventListener("change", () => setTheme(document.documentElement.dataset.theme || ""));
+    setTheme("");
+    show(page.start > 0 ? [page.start, page.end] : null);
     fit();
-    window.addEventListener("resize", fit);
+    window.addEventListener("resize", () => {
+      fit();
+      for (const [host, entry] of hosts) if (host.clientWidth !== entry.wide) entry.stale = true;
+      refresh();
+    });
     window.addEventListener("beforeprint", beforePrint);
+    window.addEventListener("afterprint", afterPrint);
     later(drawRest);
     state.ready = true;
   }
