@@ -356,6 +356,109 @@ def test_file_plays_in_a_browser(browser, page, tmp_path):
     tab.close()
 
 
+STRIP = """() => {
+    const canvas = document.getElementById("timeline");
+    const {width, height} = canvas;
+    const {data} = canvas.getContext("2d").getImageData(0, 0, width, height);
+    const columns = [];
+    for (let x = 0; x < width; x++) {
+        let inked = 0;
+        for (let y = 8; y < height; y++) if (data[4 * (y * width + x) + 3] > 60) inked++;
+        columns.push(inked / height);
+    }
+    return columns;
+}"""
+
+
+def strip(tab, values=None):
+    """Of each column of the timeline the part that is drawn; `values` are shown, if given."""
+    if values is not None:
+        tab.evaluate(
+            """values => {
+            const p = window.jointplay, name = document.getElementById("signal").value;
+            p.signals[name] = {...p.signals[name], of: c => row => values[row]};
+            p.drawTimeline();
+        }""",
+            values,
+        )
+    return np.array(tab.evaluate(STRIP))
+
+
+def test_timeline_is_dragged_clicked_and_not_filled(browser, cases, tmp_path):
+    path = player.save_html({"0.2 mm": cases["0.2 mm"]}, tmp_path / "a.html")
+    tab = open_page(browser, path.as_uri())
+    box = tab.locator("#timeline").bounding_box()
+    end = tab.evaluate("window.jointplay.end")
+
+    def at(part):
+        return box["x"] + part * box["width"], box["y"] + box["height"] / 2
+
+    tab.mouse.click(*at(0.25))
+    assert tab.evaluate("window.jointplay.t") == pytest.approx(0.25 * end, abs=0.002 * end)
+    tab.mouse.move(*at(0.3))
+    tab.mouse.down()
+    tab.mouse.move(*at(0.5))
+    tab.mouse.move(*at(0.75))
+    assert tab.evaluate("window.jointplay.t") == pytest.approx(0.75 * end, abs=0.002 * end)
+    cursor = tab.locator("#cursor").bounding_box()["x"]
+    assert cursor == pytest.approx(at(0.75)[0], abs=2.0)
+    tab.mouse.move(*at(1.5))  # beyond: the end
+    assert tab.evaluate("window.jointplay.t") == pytest.approx(end)
+    tab.mouse.up()
+    tab.mouse.move(*at(0.1))  # let go of, it is not moved
+    assert tab.evaluate("window.jointplay.t") == pytest.approx(end)
+    assert not tab.troubles  # before pixels are read, of which browsers complain
+    rows = tab.evaluate("window.jointplay.cases[0].time.length")
+    constant = strip(tab, [59.0] * rows)
+    assert constant.min() > 0.0
+    assert constant.max() < 0.1  # a line
+    assert "constant, 59 N" in tab.inner_text("#signal-is")
+    slight = strip(tab, (59.0 + 0.5 * np.sin(np.linspace(0.0, 9.0, rows))).tolist())
+    assert slight.max() < 0.2
+    assert "58.5 N to 59.5 N" in tab.inner_text("#signal-is")
+    noise = np.random.default_rng(0).uniform(0.0, 1.0, rows)
+    assert np.median(strip(tab, noise.tolist())) > 0.4  # what varies within a pixel is seen
+    tab.close()
+
+
+def test_modes_are_called_and_coloured_as_in_figures(browser, page, tmp_path):
+    from jointplay.plots.names import MODE_TERMS, MODES
+    from jointplay.plots.palette import MODE_COLOURS
+
+    path = tmp_path / "a.html"
+    path.write_bytes(page[0])
+    tab = open_page(browser, path.as_uri())
+    for number, (name, term, colour) in enumerate(
+        zip(MODES, MODE_TERMS, MODE_COLOURS, strict=True)
+    ):
+        row = tab.locator(f"#mode-{number}")
+        assert row.inner_text().split("\n")[0].strip() in (f"{name} {term}", name)
+        dot = row.locator("i").evaluate("e => getComputedStyle(e).backgroundColor")
+        assert dot == f"rgb({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))})"
+    said = tab.locator("#modes-are").text_content()
+    assert all(
+        f"{name}:" in said and term in said for name, term in zip(MODES, MODE_TERMS, strict=True)
+    )
+    tab.close()
+
+
+def test_player_is_dark_where_the_system_is_and_by_its_switch(browser, page, tmp_path):
+    path = tmp_path / "a.html"
+    path.write_bytes(page[0])
+    tab = open_page(browser, path.as_uri())
+    bright = picture(tab).mean()
+    tab.click("#theme")
+    by_switch = picture(tab).mean()
+    tab.click("#theme")
+    assert picture(tab).mean() == pytest.approx(bright, abs=0.01)
+    tab.evaluate("delete document.documentElement.dataset.theme")
+    tab.emulate_media(color_scheme="dark")
+    assert picture(tab).mean() == pytest.approx(by_switch, abs=0.01)
+    assert by_switch < 0.6 * bright
+    assert not tab.troubles
+    tab.close()
+
+
 def test_served_page_plays_in_a_browser(browser, page):
     with Server(page[0], port=0) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -13,6 +13,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from jointplay.player.scene import Scene
+from jointplay.plots.names import MODE_MEANINGS, MODE_TERMS, MODES
+from jointplay.plots.palette import MODE_COLOURS
 
 # What a page may do, as browsers enforce: run its own scripts, told by hashes, and no others.
 #
@@ -56,7 +58,23 @@ def as_data(json: str) -> Markup:
     return Markup(json.replace("<", "\\u003c"))
 
 
-_SCRIPTS = ("tracks.js", "stage.js", "closeup.js", "rolling.js", "player.js")
+_COMPONENTS = ("tracks.js", "stage.js", "closeup.js", "rolling.js")
+_OWN = resources.files("jointplay.player") / "static"
+
+
+def components() -> str:
+    """Scripts that show robots and close-ups, without a player: tracks, stage, close-ups.
+
+    With what they share with figures and reports: the modes of joints, by name and colour.
+    """
+    modes = [
+        {"name": name, "term": term, "meaning": meaning, "colour": int(colour[1:], 16)}
+        for name, term, meaning, colour in zip(
+            MODES, MODE_TERMS, MODE_MEANINGS, MODE_COLOURS, strict=True
+        )
+    ]
+    sources = ((_OWN / name).read_text("utf-8") for name in _COMPONENTS)
+    return "\n".join((f"const MODES = {json.dumps(modes)};", *sources))
 
 
 def render(scene: Scene, title: str) -> bytes:
@@ -65,12 +83,11 @@ def render(scene: Scene, title: str) -> bytes:
     Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content
     security policy forbids the browser any request.
     """
-    own = resources.files("jointplay.player") / "static"
     bundle = resources.files("meshcat") / "viewer" / "dist"
     licences = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8") + _licence_texts(
         (bundle / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8")
     )
-    player = "\n".join((own / name).read_text("utf-8") for name in _SCRIPTS)
+    player = "\n".join((components(), (_OWN / "player.js").read_text("utf-8")))
     scripts = [
         as_script((bundle / "main.min.js").read_text("utf-8")),
         as_script(f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}'),
@@ -78,7 +95,7 @@ def render(scene: Scene, title: str) -> bytes:
     page = _template().render(
         policy=policy(scripts, connect="data: blob:"),
         title=title,
-        style=as_script((own / "player.css").read_text("utf-8")),
+        style=as_script((_OWN / "player.css").read_text("utf-8")),
         contents=as_data(json.dumps(scene.contents, separators=(",", ":"))),
         block=base64.b64encode(scene.block).decode("ascii"),
         licences=Markup(licences.replace("--", "- -")),  # those of what is bundled

@@ -114,7 +114,7 @@ class CloseUp {
         this.group.add(this.bearing, this.journal);
         this.contacts = joint.entry.contacts.map(name => {
             const point = seenThrough(new THREE.SphereGeometry(this.dot, 16, 12), 0x000000);
-            const normal = makeArrow(MODES[2].colour), friction = makeArrow(FRICTION);
+            const normal = makeArrow(FORCE), friction = makeArrow(FRICTION);
             point.name = `${name} point`;
             normal.name = `${name} normal force`;
             friction.name = `${name} friction force`;

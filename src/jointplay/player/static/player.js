@@ -13,10 +13,15 @@ const SIDEBAR = 268;
 const NARROW = 720;               // px; below, the legend is hidden first and close-ups stand below the robot
 const SEEN = 0.06;                // of the robot's reach: what the largest deviation is magnified to, at least
 
+const CONSTANT = 1e-6;            // of its size: a signal that varies less is drawn as a line
+const PEAKY = 0.15;               // of a signal's range: how low its median lies under towering peaks
+const LINE = 1.5;                 // px, of the timeline
+
 const LOADS = ["no load on balls or rollers", "", "balls or rollers under load"];  // modes of rolling bearings
 
 const $ = id => document.getElementById(id);
 const speedName = s => s < 1 ? `1/${Math.round(1 / s)}` : `${s}`;
+const light = colour => 0.3 * (colour >> 16) + 0.59 * (colour >> 8 & 255) + 0.11 * (colour & 255) > 140;
 const css = colour => "#" + colour.toString(16).padStart(6, "0");
 
 function quantity(value, unit) {
@@ -82,8 +87,7 @@ class Player {
 
     makeStage() {
         const {viewer} = this;
-        viewer.set_property(["Background"], "top_color", [0.93, 0.95, 0.97]);
-        viewer.set_property(["Background"], "bottom_color", [0.78, 0.82, 0.86]);
+        this.setTheme("");
         viewer.set_property(["Axes"], "visible", false);
         viewer.camera.near = this.reach / 200;
         viewer.camera.far = this.reach * 500;
@@ -110,6 +114,29 @@ class Player {
         this.cell = nice(this.reach / 3);
         this.across = size.x < size.y ? "x" : "y";
         this.spacing = 1.1 * size[this.across] + 0.15 * this.reach;
+    }
+
+    // "light", "dark", or as the system is. Not black: bodies and lines are dark, too.
+    setTheme(name) {
+        if (name) document.documentElement.dataset.theme = name;
+        this.dark = name ? name === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+        const [top, bottom] = this.dark ? [[0.38, 0.42, 0.46], [0.25, 0.28, 0.32]] : [[0.93, 0.95, 0.97], [0.78, 0.82, 0.86]];
+        this.viewer.set_property(["Background"], "top_color", top);
+        this.viewer.set_property(["Background"], "bottom_color", bottom);
+        $("theme").textContent = this.dark ? "light" : "dark";
+        this.labelled = null;
+        if (this.tags) {
+            this.tags.forEach((tag, i) => { tag.style.color = this.tone(this.cases[i].entry.colour); });
+            this.drawTimeline();
+        }
+        this.dirty();
+    }
+
+    // A case's colour, lighter in the dark.
+    tone(given) {
+        if (!this.dark) return given;
+        const mixed = [1, 3, 5].map(i => Math.round(0.6 * parseInt(given.slice(i, i + 2), 16) + 102));
+        return `rgb(${mixed.join(",")})`;
     }
 
     // Cases side by side, or all in one place.
@@ -280,7 +307,7 @@ class Player {
                 Object.assign(box.style, {left: `${rect.x}px`, top: `${rect.y}px`, width: `${rect.w}px`, height: `${rect.h}px`});
                 box.innerHTML = "<div class='caption'><b></b><span class='mode'></span><div class='numbers'></div></div><div class='scale'></div>";
                 box.querySelector("b").textContent = `${rect.view.joint.name}, ${rect.view.owner.label}`;
-                box.querySelector("b").style.color = rect.view.owner.entry.colour;
+                box.querySelector("b").style.color = this.tone(rect.view.owner.entry.colour);
                 this.letOrbit(box);
                 rect.view.box = box;
                 return box;
@@ -291,6 +318,7 @@ class Player {
             const mode = box.querySelector(".mode"), to = joint.to;
             mode.textContent = view.mode();
             mode.style.background = css(MODES[joint.modeNow].colour);
+            mode.style.color = light(MODES[joint.modeNow].colour) ? "#1d2730" : "#fff";
             const away = vectorAt(joint.displacement, owner.place, 0, CloseUp.away).length();
             const held = joint.top !== to || this.playing ? "largest " : "";
             box.querySelector(".numbers").innerHTML =
@@ -487,7 +515,9 @@ class Player {
         $("time").textContent = `${this.t.toFixed(digits)} s`;
         const slow = this.playing && this.speedNow < this.speed;
         $("rate").textContent = slow ? `slowed to ${speedName(this.speedNow)}` : "";
-        $("slider").value = String((this.t - this.start) / (this.end - this.start));
+        const part = (this.t - this.start) / (this.end - this.start);
+        $("slider").value = String(part);
+        $("cursor").style.left = `${100 * part}%`;
     }
 
     // What the timeline can show: names, units, and a value for each record of a case.
@@ -512,7 +542,26 @@ class Player {
         return signals;
     }
 
-    // The chosen signal over time, largest in each pixel; ticks at impacts.
+    // Of a case, the smallest and the largest value that the line of a signal takes in each column of pixels.
+    envelope(c, value, xOf, w) {
+        const low = new Float32Array(w + 1).fill(Infinity), high = new Float32Array(w + 1).fill(-Infinity);
+        let before = null, at = 0;
+        for (let row = 0; row < c.time.length; row++) {
+            const x = Math.round(xOf(c.time[row])), y = value(row);
+            // Columns without a record lie on the line between two.
+            for (let k = at + 1; before !== null && k < x; k++) {
+                const here = before + (y - before) * (k - at) / (x - at);
+                low[k] = Math.min(low[k], here);
+                high[k] = Math.max(high[k], here);
+            }
+            low[x] = Math.min(low[x], y);
+            high[x] = Math.max(high[x], y);
+            [before, at] = [y, x];
+        }
+        return {low, high};
+    }
+
+    // The chosen signal over time, between its smallest and its largest value; ticks at impacts.
     drawTimeline() {
         const canvas = $("timeline"), ratio = window.devicePixelRatio || 1;
         const w = canvas.clientWidth, h = canvas.clientHeight;
@@ -524,37 +573,43 @@ class Player {
         pen.clearRect(0, 0, w, h);
         const signal = this.signals[$("signal").value];
         const xOf = t => (t - this.start) / (this.end - this.start) * w;
-        const tops = [];
+        const drawn = [], all = [];
         for (const c of this.cases) {
             const value = c.visible && signal ? signal.of(c) : null;
             if (!value) continue;
-            const top = new Float32Array(w + 1);
-            for (let row = 0; row < c.time.length; row++) {
-                const x = Math.round(xOf(c.time[row]));
-                top[x] = Math.max(top[x], value(row));
-            }
-            tops.push({colour: c.entry.colour, top});
+            drawn.push({colour: c.entry.colour, ...this.envelope(c, value, xOf, w)});
+            for (let row = 0; row < c.time.length; row++) all.push(value(row));
         }
-        const largest = Math.max(1e-12, ...tops.map(({top}) => top.reduce((a, b) => Math.max(a, b), 0)));
-        for (const {colour, top} of tops) {
-            pen.strokeStyle = colour;
-            pen.globalAlpha = 0.75;
-            pen.beginPath();
+        all.sort((a, b) => a - b);
+        const least = all.length ? all[0] : 0, most = all.length ? all[all.length - 1] : 0;
+        const middle = all.length ? all[all.length >> 1] : 0;
+        const flat = most - least <= CONSTANT * Math.max(Math.abs(most), Math.abs(least));
+        // Where impacts tower over all else, smaller values are raised.
+        const peaky = !flat && middle - least < PEAKY * (most - least);
+        const part = value => flat ? 0.5 : peaky ? Math.sqrt((value - least) / (most - least)) : (value - least) / (most - least);
+        const top = 9, foot = 4, yOf = value => h - foot - (h - top - foot) * part(value);
+        for (const {colour, low, high} of drawn) {
+            pen.fillStyle = this.tone(colour);
+            pen.globalAlpha = drawn.length > 1 ? 0.8 : 1;
+            let above = null, below = null;
             for (let x = 0; x <= w; x++) {
-                if (!top[x]) continue;
-                pen.moveTo(x + 0.5, h);
-                pen.lineTo(x + 0.5, h - (h - 9) * Math.sqrt(top[x] / largest));
+                if (high[x] < low[x]) { above = null; continue; }
+                let a = yOf(high[x]), b = yOf(low[x]);
+                [a, b, above, below] = [a, b, a, b].map((y, k) => k > 1 || above === null ? y : k ? Math.max(y, above) : Math.min(y, below));
+                pen.fillRect(x - 0.5, a - LINE / 2, 1, b - a + LINE);
             }
-            pen.stroke();
         }
         pen.globalAlpha = 1;
         for (const hit of this.impacts) {
-            pen.fillStyle = hit.colour;
+            pen.fillStyle = this.tone(hit.colour);
             pen.fillRect(xOf(hit.t) - 0.5, 0, 1.5, 5);
         }
-        $("signal-is").textContent = signal
-            ? `0 to ${quantity(largest, signal.unit)}, square-root scale${this.impacts.length ? "; ticks: impacts" : ""}` : "";
-        canvas.title = signal ? `${$("signal").value} ${$("signal-is").textContent}` : "";
+        const {unit} = signal || {};
+        const range = flat ? `constant, ${quantity(most, unit)}` : `${quantity(least, unit)} to ${quantity(most, unit)}`;
+        $("signal-is").textContent = signal && all.length
+            ? `${range}${peaky ? ", square-root scale" : ""}${this.impacts.length ? "; ticks: impacts" : ""}` : "";
+        canvas.title = signal ? `${$("signal").value}: ${$("signal-is").textContent}` : "";
+        canvas.setAttribute("aria-label", `${canvas.title}. Click or drag to go to a time.`);
     }
 
     // ---- keeping what is seen ------------------------------------------------------------------
@@ -662,7 +717,7 @@ class Player {
         this.tags = this.cases.map(c => {
             const tag = document.createElement("span");
             tag.textContent = c.label;
-            tag.style.color = c.entry.colour;
+            tag.style.color = this.tone(c.entry.colour);
             $("tags").append(tag);
             return tag;
         });
@@ -705,7 +760,9 @@ class Player {
         for (const element of document.querySelectorAll(".needs-rolling")) element.hidden = !rolls;
         for (const [i, mode] of MODES.entries()) {
             const row = document.createElement("div");
-            row.innerHTML = `<i class="dot" style="background:${css(mode.colour)}"></i>${names[i]}`;
+            const term = names[i] === mode.name ? ` <small>${mode.term}</small>` : "";
+            row.innerHTML = `<i class="dot" style="background:${css(mode.colour)}"></i><span>${names[i]}${term}</span>`;
+            row.title = mode.meaning;
             row.id = `mode-${i}`;
             row.hidden = !names[i];
             $("modes").append(row);
@@ -747,6 +804,29 @@ class Player {
             document.body.classList.toggle("narrow", !this.sidebar);
             this.dirty();
         };
+        $("modes-are").replaceChildren(...(names === LOADS ? [] : MODES).map(mode => {
+            const line = document.createElement("p");
+            line.innerHTML = `<b></b> <span></span>`;
+            line.querySelector("b").textContent = `${mode.name}:`;
+            line.querySelector("span").textContent = `${mode.meaning} (in the paper ${mode.term}).`;
+            return line;
+        }));
+        $("theme").onclick = () => this.setTheme(this.dark ? "light" : "dark");
+        matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+            if (!document.documentElement.dataset.theme) this.setTheme("");
+        });
+        const strip = $("timeline"), seekTo = event => {
+            const box = strip.getBoundingClientRect(), part = (event.clientX - box.left) / box.width;
+            this.seek(this.start + Math.min(Math.max(part, 0), 1) * (this.end - this.start));
+        };
+        strip.onpointerdown = event => {
+            if (event.button) return;
+            event.preventDefault();
+            strip.setPointerCapture(event.pointerId);
+            this.setPlaying(false);
+            seekTo(event);
+        };
+        strip.onpointermove = event => { if (strip.hasPointerCapture(event.pointerId)) seekTo(event); };
         $("grid-is").textContent = quantity(this.cell, "m");
         $("end").textContent = `of ${this.end.toPrecision(4).replace(/\.?0+$/, "")} s`;
         $("notes").replaceChildren(...contents.notes.map(note => {

@@ -1,10 +1,8 @@
 // What is seen of the robots: bodies, ideal twins, traces, markers of joints, forces.
 
-const MODES = [
-    {name: "free flight", colour: 0x3b8bc9},
-    {name: "continuous contact", colour: 0xf2b134},
-    {name: "pseudo-penetration", colour: 0xc8244c},
-];
+// MODES, what a joint's modes are called and how they are coloured, come from pages.py.
+
+const FORCE = 0xd9820a;
 const GHOST = 0x00897b;
 const FRICTION = 0x2e7d32;
 const ERROR = 0x7b1fa2;
@@ -270,7 +268,7 @@ class Case {
         this.viewer.set_object([...path, "mode"], ring);
         joint.ringNode = nodeAt(this.viewer, [...path, "mode"]);
         joint.ring = ring;
-        joint.arrow = makeArrow(MODES[0].colour);
+        joint.arrow = makeArrow(FORCE);
         this.viewer.set_object([...path, "force"], joint.arrow);
         return joint;
     }
@@ -324,7 +322,6 @@ class Case {
         paint(joint.ring, MODES[joint.modeNow].colour);
         const force = Case.vector.fromArray(joint.force.values, 3 * top);
         const wanted = joint.size[top] * view.metresPerNewton * view.forceFactor;
-        paint(joint.arrow, MODES[joint.modeNow].colour);
         aimArrow(joint.arrow, Case.other.setFromMatrixPosition(matrix), force,
             wanted, view.longest, view.thickness);
     }
