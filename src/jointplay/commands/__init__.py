@@ -19,8 +19,8 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
 MODULES = (
-    *("scara", "run", "init", "check", "schema", "play", "compare", "report", "export", "robots"),
-    *("presets", "urdf"),
+    *("scara", "run", "init", "check", "schema", "play", "live", "compare", "report", "export"),
+    *("robots", "presets", "urdf"),
     *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
     "calibrate",
     *("shares", "sweep", "plot_sweep", "uncertainty"),

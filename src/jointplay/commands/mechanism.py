@@ -196,7 +196,7 @@ def task(options: argparse.Namespace) -> Task:
     driven, near = None, {}
     if mechanism.loops:
         near = {} if simulation is None else poses.start_of(simulation)
-        driven = _driven(mechanism, motion, near)
+        driven = poses.standing(mechanism, motion, near)
         notes.append(_loops(mechanism, driven))
     names: tuple[str, ...] = ()
     if options.workspace is not None:
@@ -271,15 +271,6 @@ def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
     passive = loops.ClosedLoops(mechanism, mechanism.configuration({}), driven).passive
     follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
     return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
-
-
-def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float]) -> tuple[str, ...]:
-    """Joints of loops that stand: those that the motion moves, or the first that are enough."""
-    from jointplay.design import loops, poses
-
-    if motion is not None:
-        return tuple(name for name in motion.joints if name in poses.moving(mechanism))
-    return loops.ClosedLoops(mechanism, poses.at_pose(mechanism, {}, None, near)[0]).driven
 
 
 def _mechanism(

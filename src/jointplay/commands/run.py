@@ -409,6 +409,19 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     return scenario
 
 
+def case_of(scenario: Scenario, options: argparse.Namespace) -> str:
+    """The one case that the options choose.
+
+    Raises:
+        JointplayError: several, or none where there are several.
+    """
+    if len(options.case) > 1:
+        raise JointplayError(f"one case at a time, got --case {', '.join(options.case)}")
+    if not options.case and len(scenario.cases) > 1:
+        raise JointplayError(f"choose a case with --case: {', '.join(scenario.cases)}")
+    return options.case[0] if options.case else scenario.cases[0]
+
+
 def simulation_of(options: argparse.Namespace) -> Any:
     """The one simulation that the options of `add_inputs` describe.
 
@@ -419,11 +432,7 @@ def simulation_of(options: argparse.Namespace) -> Any:
 
     # There --jobs is about the cases of a scenario, here about runs of one case.
     scenario = scenario_of(argparse.Namespace(**{**vars(options), "jobs": None}))
-    if len(options.case) > 1:
-        raise JointplayError(f"one case at a time, got --case {', '.join(options.case)}")
-    if not options.case and len(scenario.cases) > 1:
-        raise JointplayError(f"choose a case with --case: {', '.join(scenario.cases)}")
-    case = options.case[0] if options.case else None
+    case = case_of(scenario, options)
     simulation = scenario.simulation(case)
     scenario.ready_run(case)  # says what cannot be, with its line
     for line in decisive(scenario, {case or scenario.cases[0]: simulation}):

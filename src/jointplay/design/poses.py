@@ -161,6 +161,18 @@ def start_of(simulation: Simulation) -> dict[str, float]:
     return {name: value for name, value in begin.items() if value is not None}
 
 
+def standing(
+    mechanism: Mechanism, motion: Motion | None, near: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Joints of loops that stand: those that the motion moves, or the first that are enough.
+
+    `near` has the positions at which loops are closed first, by joint [rad or m].
+    """
+    if motion is not None:
+        return tuple(name for name in motion.joints if name in moving(mechanism))
+    return ClosedLoops(mechanism, at_pose(mechanism, {}, None, near)[0]).driven
+
+
 def moving(mechanism: Mechanism) -> list[str]:
     """Joints that have one coordinate of their own, the drives' motors aside."""
     return [name for name in mechanism.joints if name in mechanism.description.joints]

@@ -27,8 +27,8 @@ _PORTION = 20_000
 """Times at which a tree's motion is held in memory at once."""
 
 _KEPT = 2
-_RECENT: dict[tuple[object, ...], tuple[Mechanism, np.ndarray]] = {}
-"""Efforts of the last motions along trees, with the mechanism that their keys name."""
+_RECENT: dict[tuple[object, ...], tuple[pin.Model, np.ndarray]] = {}
+"""Efforts of the last motions along trees, with the model that was moved."""
 
 _PATIENCE_S = 1.0
 """What takes longer has a bar [s]."""
@@ -99,10 +99,14 @@ class IdealMotion:
         """
         if self._ideal.loops:
             return self._with_loops(times, progress)
-        # A run, its ideal twin and those that state its errors all ask for the same.
-        task = id(self._ideal), self._motion, tuple(self._at), tuple(self._order)
-        key = (*task, self._base.tobytes(), times[0], times[-1], len(times))
-        if key in _RECENT:
+        # A run, its ideal twin, those that state its errors, and the same machine with other
+        # clearances all ask for the same.
+        key = (
+            *(self._motion.joints, self._motion.times.tobytes(), self._motion.positions.tobytes()),
+            *(self._motion.interpolation, tuple(self._at), tuple(self._order)),
+            *(self._base.tobytes(), times[0], times[-1], len(times)),
+        )
+        if key in _RECENT and _RECENT[key][0] == self._ideal.model:
             return _RECENT[key][1].copy()
         model, data, at = self._ideal.model, self._ideal.data, self._at
         effort = np.empty((len(times), len(at)))
@@ -117,7 +121,7 @@ class IdealMotion:
                 effort[i] = pin.rnea(model, data, *state)[at]
         while len(_RECENT) >= _KEPT:
             _RECENT.pop(next(iter(_RECENT)), None)
-        _RECENT[key] = self._ideal, effort.copy()
+        _RECENT[key] = model, effort.copy()
         return effort
 
     def memory(self) -> dict[str, list[float]]:

@@ -84,10 +84,8 @@ def render(scene: Scene, title: str) -> bytes:
     security policy forbids the browser any request.
     """
     bundle = resources.files("meshcat") / "viewer" / "dist"
-    licences = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8") + _licence_texts(
-        (bundle / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8")
-    )
-    player = "\n".join((components(), (_OWN / "player.js").read_text("utf-8")))
+    player = "
+".join((components(), (_OWN / "player.js").read_text("utf-8")))
     scripts = [
         as_script((bundle / "main.min.js").read_text("utf-8")),
         as_script(f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}'),
@@ -98,7 +96,7 @@ def render(scene: Scene, title: str) -> bytes:
         style=as_script((_OWN / "player.css").read_text("utf-8")),
         contents=as_data(json.dumps(scene.contents, separators=(",", ":"))),
         block=base64.b64encode(scene.block).decode("ascii"),
-        licences=Markup(licences.replace("--", "- -")),  # those of what is bundled
+        licences=licences(),
         scripts=scripts,
     )
     return page.encode("utf-8")
@@ -112,6 +110,15 @@ def _template() -> Template:
         undefined=StrictUndefined,
     )
     return made.get_template("page.html")
+
+
+def licences() -> Markup:
+    """Licences of meshcat's viewer and what it bundles, to stand in a comment of a page."""
+    bundle = resources.files("meshcat") / "viewer" / "dist"
+    texts = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8") + _licence_texts(
+        (bundle / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8")
+    )
+    return Markup(texts.replace("--", "- -"))
 
 
 def _licence_texts(text: str) -> str:

@@ -381,6 +381,47 @@ def build(
     return Scene(contents, packer.deflated(), notes)
 
 
+# Parts of a scene, for who shows one machine that changes: its bodies once, its motion again.
+
+
+def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Scene:
+    """What does not move: surfaces of a mechanism's bodies, and where they stand.
+
+    Args:
+        mechanism: whose URDF has the shapes.
+        meshes: folders in which meshes are looked for first.
+
+    Raises:
+        JointplayError: see `visuals.look`.
+    """
+    packer = Packer()
+    surfaces, visuals = _Surfaces(packer), look(mechanism, meshes)
+    objects = surfaces.objects(visuals)
+    contents = {"surfaces": surfaces.entries, "objects": objects, "reach": visuals.reach}
+    notes = [f"{len(visuals.missing)} meshes not found: simple shapes instead"]
+    return Scene(contents, packer.deflated(), notes if visuals.missing else [])
+
+
+def motion(label: str, result: Result, twin: Result, budget: int) -> Scene:
+    """What moves: tracks of a result and of its ideal twin, as a case of `build` has them.
+
+    Args:
+        label: what the case is called.
+        result: with at least two records.
+        twin: the ideal twin's, with its coordinates; see `analysis.twin`.
+        budget: most moments.
+
+    Raises:
+        JointplayError: see `build`.
+    """
+    packer = Packer()
+    case = _Case(label, result)
+    entry = case.pack(packer, max(budget, 4))
+    mechanism = twin.simulation.mechanism
+    entry["ghost"] = _twin_tracks(case, mechanism, twin.time, twin["q"].values, packer)
+    return Scene(entry | {"error": None}, packer.deflated())
+
+
 class _Surfaces:
     """Surfaces of all bodies, each packed once."""
 

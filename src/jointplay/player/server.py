@@ -1,13 +1,16 @@
-"""Serving a page to browsers on this machine."""
+"""Serving a page, and answers to what it asks, to browsers on this machine."""
 
 from __future__ import annotations
 
 import errno
 import ipaddress
 import os
+import secrets
 import socket
 import sys
 import webbrowser
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -20,13 +23,27 @@ _ATTEMPTS = 20
 _TIMEOUT_S = 30.0
 
 
+MOST_ASKED = 100_000
+"""Bytes of a question at most."""
+
+Post = Callable[[bytes], Iterator[bytes]]
+"""Answers what a page asks: receives the body, gives the parts of the answer as they come. Closed
+when the page hangs up.
+
+Raises:
+    JointplayError: what the body says cannot be; the page receives the message.
+"""
+
+
 class Server(ThreadingHTTPServer):
-    """Serves one page, and nothing else, from memory.
+    """Serves one page from memory, and what answers its questions, if anything.
 
     Args:
         page: HTML in UTF-8.
         host: address or name of the interface to listen on.
         port: where; if it is taken, one of the next, or any; 0 takes any.
+        posts: what answers questions that the page posts, by name. With any, the address has a
+            random token, without which nothing is answered; and no other site's page can ask.
 
     Attributes:
         wanted: the port that was asked for.
@@ -38,10 +55,17 @@ class Server(ThreadingHTTPServer):
     daemon_threads = True
     allow_reuse_address = os.name == "posix"  # elsewhere it would share a port that is taken
 
-    def __init__(self, page: bytes, host: str = HOST, port: int = PORT) -> None:
+    def __init__(
+        self,
+        page: bytes,
+        host: str = HOST,
+        port: int = PORT,
+        posts: Mapping[str, Post] | None = None,
+    ) -> None:
         """Begin to listen."""
         port = require_whole("the port", port, 0, 65535)
-        self.page, self.wanted = page, port
+        self.page, self.wanted, self.posts = page, port, dict(posts or {})
+        self.root = f"/{secrets.token_urlsafe(24)}/" if posts else "/"
         try:
             addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError):
@@ -71,7 +95,8 @@ class Server(ThreadingHTTPServer):
     def url(self) -> str:
         """Address of the page."""
         host = {"0.0.0.0": HOST, "::": "::1", "": HOST}.get(self._host, self._host)
-        return f"http://[{host}]:{self.port}/" if ":" in host else f"http://{host}:{self.port}/"
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self.port}{self.root}"
 
     def known(self, host: str) -> bool:
         """Whether a request's Host header means this machine.
@@ -103,21 +128,71 @@ class _Handler(BaseHTTPRequestHandler):
     def do_HEAD(self) -> None:
         self._answer(send=False)
 
-    def _answer(self, send: bool) -> None:
+    def do_POST(self) -> None:
+        """Answer a question of the page, part by part; an error is the last part."""
+        self.close_connection = True
+        asked = self._asked()
+        if asked is None:
+            return
+        host, origin = self.headers.get("Host", ""), self.headers.get("Origin", "")
+        size = self.headers.get("Content-Length", "")
+        refused = None
+        if origin != f"http://{host}":
+            refused = HTTPStatus.FORBIDDEN
+        elif self.headers.get("Content-Type") != "application/json":
+            refused = HTTPStatus.UNSUPPORTED_MEDIA_TYPE
+        elif not (size.isascii() and size.isdigit()):
+            refused = HTTPStatus.LENGTH_REQUIRED
+        elif len(size) > 9 or int(size) > MOST_ASKED:
+            refused = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+        elif asked not in self.server.posts:
+            refused = HTTPStatus.NOT_FOUND
+        if refused is not None:
+            self.send_error(refused)
+            return
+        body = self.rfile.read(int(size))
+        try:
+            parts = self.server.posts[asked](body)
+        except JointplayError as error:
+            self._begin(HTTPStatus.UNPROCESSABLE_ENTITY, "text/plain; charset=utf-8")
+            self.wfile.write(str(error).encode())
+            return
+        with closing(parts):  # type: ignore[type-var]
+            self._begin(HTTPStatus.OK, "application/octet-stream")
+            for part in parts:
+                self.wfile.write(part)
+
+    def _asked(self) -> str | None:
+        """What is asked for, below the page's address; None if that is refused."""
         if not self.server.known(self.headers.get("Host", "")):
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
-            return
-        if self.path.partition("?")[0] != "/":
+            return None
+        path, root = self.path.partition("?")[0], self.server.root
+        if not secrets.compare_digest(path[: len(root)].encode(), root.encode()):
             self.send_error(HTTPStatus.NOT_FOUND)
-            return
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(self.server.page)))
+            return None
+        return path[len(root) :]
+
+    def _begin(self, status: HTTPStatus, kind: str, size: int | None = None) -> None:
+        """Send the head of an answer."""
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        if size is not None:
+            self.send_header("Content-Length", str(size))
         self.send_header("Cache-Control", "no-store")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("X-Frame-Options", "DENY")
         self.send_header("Referrer-Policy", "no-referrer")
         self.end_headers()
+
+    def _answer(self, send: bool) -> None:
+        asked = self._asked()
+        if asked is None:
+            return
+        if asked:
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        self._begin(HTTPStatus.OK, "text/html; charset=utf-8", len(self.server.page))
         if send:
             self.wfile.write(self.server.page)
 

@@ -258,7 +258,7 @@ class Scenario(Overview):
         """An error of the key at `path`, with file and line; `built`: found when built."""
         source = given_by(self.settings, path)
         if source is not None:
-            return JointplayError(f"{source}: {' '.join(message.split())}")
+            return JointplayError(f"{source}: {' '.join(message.split())}", where=path)
         place = self._place(path, case)
         line = line_of(self._lines, place)
         words = [str(self.path)]
@@ -266,7 +266,7 @@ class Scenario(Overview):
         words += [dotted(place)] if place else []
         if built and self._named and place[:1] != ("cases",):
             words.append(f"case {toml_text(case)}")
-        return JointplayError(f"{', '.join(words)}: {' '.join(message.split())}")
+        return JointplayError(f"{', '.join(words)}: {' '.join(message.split())}", where=path)
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

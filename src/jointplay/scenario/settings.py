@@ -124,6 +124,24 @@ def words(settings: Iterable[Setting]) -> list[str]:
     return [f"{dotted(s.key)}={inline(s.value)}" for s in settings]
 
 
+def as_toml(data: Mapping[str, Any]) -> str:
+    """Tables as a TOML file has them: single keys first, then a section a table."""
+    lines: list[str] = []
+    _section((), data, lines)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _section(path: Key, table: Mapping[str, Any], lines: list[str]) -> None:
+    """Append the lines of a table, and of those in it."""
+    own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    if path and (own or not table):
+        lines += ["", f"[{dotted(path)}]"]
+    lines += [f"{dotted((key,))} = {inline(value)}" for key, value in own.items()]
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            _section((*path, key), value, lines)
+
+
 def inline(value: Any) -> str:
     """A value as TOML writes it in one line."""
     if isinstance(value, Mapping):

@@ -1,0 +1,311 @@
+"""What the page is told: budget and one cycle of a machine whose numbers were changed.
+
+A question is answered in steps, each better than the one before: the budget at one pose, a quick
+run, then the budget along the whole motion and the run as `jointplay run` makes it.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.analysis.tool_error import deviation
+from jointplay.analysis.twins import clearance_outline, ideal_simulation
+from jointplay.core.errors import JointplayError
+from jointplay.design import poses
+from jointplay.design.static_budget import FOLLOW, Budget, budget
+from jointplay.kernel import Status
+from jointplay.kernel.integrators import DEFAULT
+from jointplay.live.state import State
+from jointplay.loads.drive import Drive
+from jointplay.player import scene
+from jointplay.result.result import Result
+from jointplay.result.thinning import thinned
+from jointplay.result.variables import TERMS
+from jointplay.simulation.run import Run
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.simulation.simulation import Simulation
+
+Message = tuple[dict[str, Any], bytes]
+"""Plain data, and a block of bytes to which it refers."""
+
+QUICK_TOLERANCE = 0.1
+"""Of the steps of a quick run, at least."""
+QUICK_MACRO_S = 1e-3
+"""Macro step of a quick run [s]."""
+QUICK_RECORD_S = 1e-3
+"""Between two records of a quick run, at least [s]."""
+QUICK_RECORDS = 2000
+"""Records of a quick run, about, if it is long."""
+SHOWN = 1500
+"""Records that are sent, about; peaks among those that are not are kept."""
+QUICK_MOMENTS, MOMENTS = 120, 600
+"""Moments at which the picture shows the machine; between them it is interpolated."""
+_TWINS = 6
+"""Ideal twins that are kept: moving one clearance back and forth asks for the same one again."""
+
+
+class Superseded(Exception):
+    """There is a newer question."""
+
+
+class Machine:
+    """One case of a scenario, kept warm: what it answers to changed numbers.
+
+    Args:
+        state: what can be changed.
+
+    Attributes:
+        superseded: says whether there is a newer question; a run then ends.
+    """
+
+    def __init__(self, state: State) -> None:
+        """Nothing is computed yet."""
+        self.state = state
+        self.superseded: Callable[[], bool] = lambda: False
+        self._twins: OrderedDict[str, Result] = OrderedDict()
+        self._worst: dict[str, np.ndarray] = {}
+
+    def simulation(self, values: Mapping[str, float]) -> Simulation:
+        """The case with these numbers.
+
+        Raises:
+            JointplayError: as `jointplay run` says it.
+        """
+        state = self.state
+        return state.scenario.simulation(state.case, state.changes(values))
+
+    def quick(self, values: Mapping[str, float]) -> Iterator[Message]:
+        """Answer soon: the budget at one pose, and a run with long steps."""
+        simulation = self.simulation(values)
+        yield _safely("budget", lambda: self._budget(simulation, whole=False))
+        self._continue()
+        coarse = quick_simulation(simulation)
+        if coarse is None:
+            return
+        try:
+            yield from self._cycle(coarse, QUICK_MOMENTS, quick=True)
+        except JointplayError:  # which the run as it is need not share
+            return
+
+    def fine(self, values: Mapping[str, float]) -> Iterator[Message]:
+        """Answer as the product does: the budget along the motion, and the run as it is."""
+        simulation = self.simulation(values)
+        yield _safely("budget", lambda: self._budget(simulation, whole=True))
+        self._continue()
+        yield from self._cycle(simulation, MOMENTS, quick=False)
+
+    def _continue(self) -> None:
+        if self.superseded():
+            raise Superseded
+
+    def _budget(self, simulation: Simulation, whole: bool) -> Message:
+        """The static budget, as `jointplay budget FILE` computes it, or at its worst pose."""
+        mechanism, motion = simulation.mechanism, simulation.motion
+        driven, near = None, {}
+        if mechanism.loops:
+            near = poses.start_of(simulation)
+            driven = poses.standing(mechanism, motion, near)
+        key = "whole" if whole else "one"
+        if not whole and self._worst.get(key) is not None:
+            q = self._worst[key]
+        elif motion is None:
+            q = poses.at_pose(mechanism, {}, driven, near)
+        else:
+            q = poses.along_motion(mechanism, motion, near=near)
+        own = simulation.drive
+        drive = own if isinstance(own, Drive) and own.follows else FOLLOW
+        errors = budget(mechanism, q, driven=driven, drive=drive)
+        at = errors.worst_pose
+        if not whole and len(q) > 1:  # from now on at this pose
+            self._worst[key] = q[at : at + 1]
+        return budget_message(errors, whole, motion is not None), b""
+
+    def _cycle(self, simulation: Simulation, moments: int, quick: bool) -> Iterator[Message]:
+        run = Run(simulation)
+        self._continue()
+        run.stop_checks.append(self.superseded)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
+            run.run_to_end()
+        self._continue()
+        result = run.result()
+        self._continue()
+        twin, reason = None, ""
+        try:
+            twin = self._twin(simulation)
+        except JointplayError as error:
+            reason = f"no ideal twin: {error}"
+        self._continue()
+        yield cycle_message(result, twin, moments, quick, reason)
+
+    def _twin(self, simulation: Simulation) -> Result:
+        """Where the ideal machine goes, which most changes of a clearance leave as it is."""
+        ideal = ideal_simulation(simulation)
+        key = json.dumps(ideal.describe(), default=str)
+        found = self._twins.pop(key, None)
+        if found is None:
+            run = Run(ideal)
+            run.stop_checks.append(self.superseded)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                status = run.run_to_end()
+            self._continue()
+            if status != Status.COMPLETED:
+                raise JointplayError(run.message(status))
+            found = run.result(
+                status, reactions=False, only=("q", "tool_position", "tool_velocity")
+            )
+        self._twins[key] = found
+        while len(self._twins) > _TWINS:
+            self._twins.popitem(last=False)
+        return found
+
+
+def _safely(kind: str, compute: Callable[[], Message]) -> Message:
+    """A part of an answer, or why there is none; the other parts do not depend on it."""
+    try:
+        return compute()
+    except JointplayError as error:
+        return {"kind": kind, "error": str(error)}, b""
+
+
+def quick_simulation(simulation: Simulation) -> Simulation | None:
+    """The same with longer steps and fewer records, for a first look; None if there is none."""
+    duration = simulation.duration or (simulation.motion.duration if simulation.motion else None)
+    if duration is None:
+        return None
+    apart = max(QUICK_RECORD_S, float(duration) / QUICK_RECORDS)
+    every = max(round(apart / simulation.step), simulation.record_every)
+    try:
+        return replace(
+            simulation,
+            integrator=DEFAULT,
+            tolerance=max(QUICK_TOLERANCE, simulation.tolerance or 0.0),
+            macro_step=max(QUICK_MACRO_S, simulation.macro_step or 0.0),
+            record_every=every,
+        )
+    except JointplayError:
+        return None
+
+
+def budget_message(errors: Budget, whole: bool, moves: bool) -> dict[str, Any]:
+    """A budget as the page shows it [m, rad]."""
+    at = errors.worst_pose
+    total = float(errors.worst_parts[at].sum())
+    where = "the worst of the poses along the motion" if moves else "one pose"
+    return {
+        "kind": "budget",
+        "whole": whole,
+        "where": where if whole or not moves else "the pose that was the worst to begin with",
+        "poses": len(errors.worst),
+        "tool": errors.tool,
+        "worst": float(errors.worst[at]),
+        "rms": float(errors.rms[at]),
+        "turn": float(errors.worst_turn[at]),
+        "second_order": float(errors.second_order[at]),
+        "parts": [
+            {
+                "name": name,
+                "worst": float(errors.worst_parts[at, j]),
+                "share": float(errors.worst_parts[at, j]) / total if total else 0.0,
+                "rms": float(errors.rms_parts[at, j]),
+                "turn": float(errors.turn_parts[at, j]),
+            }
+            for j, name in enumerate(errors.joints)
+        ],
+    }
+
+
+@dataclass
+class Columns:
+    """Curves in one block of bytes, 32-bit floats, found by name."""
+
+    block: bytearray
+    places: dict[str, dict[str, int]]
+
+    def put(self, name: str, values: np.ndarray) -> None:
+        """Append a curve."""
+        self.places[name] = {"at": len(self.block), "count": int(values.size)}
+        self.block += np.ascontiguousarray(values, "<f4").tobytes()
+
+
+def cycle_message(
+    result: Result, twin: Result | None, moments: int, quick: bool, reason: str = ""
+) -> Message:
+    """A run as the page shows it: figures of all its records, curves of some, and the picture."""
+    full_error = None
+    if twin is not None:
+        full_error = np.linalg.norm(deviation(result, twin).values, axis=1)
+    few = thinned(result, max(-(-len(result.time) // SHOWN), 1))
+    kept = np.searchsorted(result.time, few.time)
+    columns = Columns(bytearray(), {})
+    columns.put("time", few.time)
+    figures: list[dict[str, Any]] = []
+
+    def figure(name: str, value: float, unit: str) -> None:
+        figures.append({"name": name, "value": float(value), "unit": unit})
+
+    since = result.time >= result.judge_from
+    if full_error is not None:
+        judged = full_error[since[: len(full_error)]]
+        begin = np.append(0, kept[:-1] + 1)
+        columns.put(
+            "tool error", np.maximum.reduceat(full_error, np.minimum(begin, len(full_error) - 1))
+        )
+        figure("largest tool error", judged.max(initial=0.0), "m")
+        figure("RMS tool error", np.sqrt(np.mean(judged**2)) if len(judged) else 0.0, "m")
+    for j, name in enumerate(result.joints):
+        centre = few["journal_centre"].values[:, j]
+        columns.put(f"x {name}", centre[:, 0])
+        columns.put(f"y {name}", centre[:, 1])
+        outline = clearance_outline(result, name)
+        if outline is not None:
+            columns.put(f"outline x {name}", outline[0])
+            columns.put(f"outline y {name}", outline[1])
+        columns.put(f"force {name}", np.linalg.norm(few["joint_force_peak"].values[:, j], axis=1))
+        forces = np.linalg.norm(result["joint_force_peak"].values[since, j], axis=1)
+        figure(f"peak force, {name}", forces.max(initial=0.0), "N")
+    stored = few["kinetic_energy"].values + few["potential_energy"].values
+    columns.put("energy stored", stored - stored[0])
+    energies = ["energy stored"]
+    for term in TERMS:
+        values = few[term.variable].values
+        if np.any(values):
+            columns.put(f"energy {term.label}", values)
+            energies.append(f"energy {term.label}")
+    lost = sum(float(result[term.variable].values[-1]) for term in TERMS if term.lost)
+    figure("energy lost", lost, "J")
+    packed, picture = b"", None
+    if twin is not None and len(few.time) > 1:
+        shown = scene.motion("", few, twin, moments)
+        picture, packed = shown.contents, shown.block
+    head = {
+        "kind": "cycle",
+        "quick": quick,
+        "message": result.message,
+        "completed": result.status == Status.COMPLETED,
+        "reason": reason,
+        "judged_from": result.judge_from,
+        "joints": list(result.joints),
+        "energies": energies,
+        "figures": figures,
+        "columns": columns.places,
+        "curves": len(columns.block),
+        "picture": picture,
+    }
+    return head, bytes(columns.block) + packed
+
+
+def look(mechanism: Mechanism, meshes: Sequence[str] = ()) -> Message:
+    """The bodies of a machine, which the page receives once."""
+    shown = scene.bodies(mechanism, meshes)
+    return shown.contents | {"notes": shown.notes}, shown.block

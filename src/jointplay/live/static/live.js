@@ -1,0 +1,593 @@
+// The front end: controls that ask, and what shows the answers. One for pages and notebooks; how
+// questions travel is the transport's.
+//
+// A transport has `ask(values, receive)`, which returns a function that gives up waiting, and
+// `scenario(values)`, which promises the text of a file.
+
+const STEPS = 300;          // of a slider
+const DIGITS = 3;           // that a slider's value has
+const MOST_KEPT = 5;
+const COLOURS = ["--k0", "--k1", "--k2", "--k3", "--k4", "--k5"];
+const DASHES = ["", "6 3", "2 3", "8 3 2 3", "4 4", "1 3"];
+const FACTORS = [["automatic", 0], ["1", 1], ["10", 10], ["100", 100], ["1000", 1000]];
+
+let mounted = 0;
+
+// Questions over HTTP, to the server that the page comes from.
+function overHttp(root) {
+    const post = (name, values, signal) => fetch(`${root}${name}`, {
+        method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify({values}), signal});
+    return {
+        linked: true,
+        ask(values, receive) {
+            const giveUp = new AbortController();
+            (async () => {
+                const answer = await post("ask", values, giveUp.signal);
+                if (!answer.ok) { receive({kind: "error", error: await answer.text(), at: null}); receive({kind: "end"}); return; }
+                const reader = answer.body.getReader();
+                let held = new Uint8Array(0);
+                for (;;) {
+                    const {done, value} = await reader.read();
+                    if (done) break;
+                    const both = new Uint8Array(held.length + value.length);
+                    both.set(held);
+                    both.set(value, held.length);
+                    held = both;
+                    for (;;) {
+                        if (held.length < 8) break;
+                        const sizes = new DataView(held.buffer, held.byteOffset, 8);
+                        const head = sizes.getUint32(0, true), block = sizes.getUint32(4, true), end = 8 + head + block;
+                        if (held.length < end) break;
+                        const text = new TextDecoder().decode(held.subarray(8, 8 + head));
+                        receive(JSON.parse(text), held.slice(8 + head, end));
+                        held = held.slice(end);
+                    }
+                }
+            })().catch(error => {
+                if (giveUp.signal.aborted) return;
+                receive({kind: "error", error: `no answer (${error.message}); is jointplay live still running?`, at: null});
+                receive({kind: "end"});
+            });
+            return () => giveUp.abort();
+        },
+        async scenario(values) {
+            const answer = await post("scenario", values);
+            const text = await answer.text();
+            if (!answer.ok) throw new Error(text);
+            return text;
+        },
+    };
+}
+
+async function decompressed(bytes) {
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// When what is in the document now has been painted.
+function painted(then) {
+    requestAnimationFrame(() => { const channel = new MessageChannel(); channel.port1.onmessage = then; channel.port2.postMessage(0); });
+}
+
+function mount(root, contents, block, transport) {
+    return new Live(root, contents, block, transport || overHttp(""));
+}
+
+class Live {
+    constructor(root, contents, block, transport) {
+        Object.assign(this, {root, contents, transport, id: `jp${mounted++}`});
+        this.first = Object.fromEntries(contents.controls.map(one => [one.name, one.value]));
+        this.values = {...this.first};
+        this.history = [{...this.values}];
+        this.at = 0;
+        this.number = 0;          // of the newest question
+        this.kept = [];
+        this.joint = contents.joints[0] || null;
+        this.answer = {};         // to the newest question, as far as it is there
+        this.timing = {};
+        this.errorOfQuick = null;
+        this.joined = Promise.resolve();
+        root.classList.add("jp-live");
+        this.build();
+        this.fromLink();
+        this.scheme = window.matchMedia("(prefers-color-scheme: dark)");
+        this.scheme.addEventListener("change", () => { this.view?.theme(this.scheme.matches); this.redraw(); });
+        this.ready = this.makeView(block);
+        root.addEventListener("keydown", event => this.shortcut(event));
+        if (transport.linked) window.addEventListener("hashchange", () => { if (this.fromLink()) { this.remember(); this.ask(); } });
+        this.ask();
+    }
+
+    async makeView(block) {
+        const bytes = typeof block === "string" ? Uint8Array.from(atob(block), one => one.charCodeAt(0)) : block;
+        try {
+            const unpacked = await decompressed(bytes);
+            this.view = new RobotView(this.pane, this.contents.bodies, unpacked);
+            this.view.theme(this.scheme.matches);
+        } catch (error) {
+            this.pane.replaceChildren(element("p", {class: "soft"}, `no picture: ${error.message}`));
+        }
+    }
+
+    // ---- what there is to see -------------------------------------------------------------------
+
+    build() {
+        const {contents, root} = this;
+        const button = (text, act, title) => element("button", {type: "button", onclick: act, title}, text);
+        this.undoButton = button("Undo", () => this.go(-1), "Ctrl+Z");
+        this.redoButton = button("Redo", () => this.go(1), "Ctrl+Shift+Z");
+        this.resetButton = button("Reset", () => { this.set({...this.first}); }, "all values as in the scenario");
+        this.keepButton = button("Keep as case", () => this.keep(), "show these results beside later ones");
+        this.saveButton = button("Save as scenario", () => this.save(), "a file for jointplay run");
+        this.linkButton = button("Copy link", () => this.copyLink(), "a link that holds these values");
+        this.linkButton.hidden = !this.transport.linked;
+        this.status = element("p", {class: "status", role: "status", "aria-live": "polite"});
+        const header = element("header", {}, element("h1", {}, contents.title), this.undoButton, this.redoButton,
+            this.resetButton, this.keepButton, this.saveButton, this.linkButton, this.status);
+        this.inputs = {};
+        const groups = new Map();
+        for (const control of contents.controls) {
+            if (!groups.has(control.group)) groups.set(control.group, []);
+            groups.get(control.group).push(this.makeControl(control));
+        }
+        const controls = element("section", {class: "card controls", "aria-label": "controls"});
+        this.wrong = element("p", {class: "wrong", role: "alert"});
+        controls.append(this.wrong);
+        let open = 3;
+        for (const [group, parts] of groups) {
+            controls.append(element("details", {open: open-- > 0}, element("summary", {}, group), ...parts));
+        }
+        if (contents.assumptions.length) {
+            controls.append(element("details", {}, element("summary", {}, "What was assumed"),
+                ...contents.assumptions.map(line => element("p", {class: "soft"}, line))));
+        }
+        root.replaceChildren(header, element("div", {class: "grid"}, controls, this.buildResults()));
+        this.showButtons();
+    }
+
+    makeControl(control) {
+        const {name, label, unit, help} = control, id = `${this.id}-${name}`;
+        const words = unit ? `${label} [${unit.replace("^2", "\u00b2")}]` : label;
+        const slider = element("input", {type: "range", min: 0, max: STEPS, step: 1, id: `${id}-slider`,
+            "aria-label": `${words}, ${control.group}, slider`});
+        const field = element("input", {type: "number", step: "any", id, "aria-describedby": `${id}-wrong`,
+            "aria-label": `${words}, ${control.group}`});
+        const wrong = element("p", {class: "wrong", id: `${id}-wrong`});
+        slider.oninput = () => { this.values[name] = this.valueAt(control, Number(slider.value)); this.showValue(name); this.ask(); };
+        slider.onchange = () => this.remember();
+        field.onchange = () => {
+            const value = field.value.trim() === "" ? NaN : Number(field.value);
+            if (Number.isNaN(value)) { this.refuse(name, `${label}: not a number`); return; }
+            this.values[name] = value;
+            this.showValue(name);
+            this.remember();
+            this.ask();
+        };
+        const whole = element("div", {class: "control"}, element("label", {for: id, title: help || null}, words),
+            element("div", {class: "row"}, slider, field), wrong);
+        this.inputs[name] = {control, slider, field, wrong, whole};
+        return whole;
+    }
+
+    valueAt({low, high, logarithmic}, step) {
+        const part = step / STEPS;
+        const value = logarithmic ? low * (high / low) ** part : low + (high - low) * part;
+        return Number(value.toPrecision(DIGITS));
+    }
+
+    stepOf({low, high, logarithmic}, value) {
+        const part = logarithmic ? Math.log(Math.max(value, low) / low) / Math.log(high / low) : (value - low) / (high - low);
+        return Math.round(STEPS * Math.min(Math.max(part, 0), 1));
+    }
+
+    showValue(name) {
+        const {control, slider, field, whole} = this.inputs[name], value = this.values[name];
+        field.value = String(Number(value.toPrecision(12)));
+        const step = this.stepOf(control, value);
+        if (Number(slider.value) !== step) slider.value = String(step);
+        slider.setAttribute("aria-valuetext", `${field.value} ${control.unit}`.trim());
+        whole.classList.toggle("changed", value !== this.first[name]);
+    }
+
+    buildResults() {
+        const card = (label, ...parts) => element("section", {class: "card", "aria-label": label}, ...parts);
+        this.pane = element("div", {});
+        const pane = element("div", {class: "pane", role: "img", "aria-label": "the machine in motion, with its ideal twin in green"}, this.pane);
+        this.playButton = element("button", {type: "button", onclick: () => this.play(!this.playing), "aria-label": "play"}, "\u25b6");
+        this.timeSlider = element("input", {type: "range", min: 0, max: 1, step: 0.001, value: 0, "aria-label": "time of the picture"});
+        this.timeSlider.oninput = () => { this.play(false); this.seek(Number(this.timeSlider.value) * this.duration); };
+        this.timeIs = element("span", {class: "soft"});
+        this.factor = element("select", {"aria-label": "magnification of deviations from the ideal twin"},
+            ...FACTORS.map(([text, value]) => element("option", {value}, text)));
+        this.factor.onchange = () => this.magnify();
+        this.factorIs = element("span", {class: "soft"});
+        this.duration = 1;
+        const robot = card("machine", element("h2", {}, "Machine"), pane,
+            element("div", {class: "row"}, this.playButton, this.timeSlider, this.timeIs),
+            element("div", {class: "row"}, element("label", {}, "deviations \u00d7 ", this.factor), this.factorIs));
+        this.budgetBody = element("div", {});
+        const budget = card("static error budget", element("h2", {}, "Static error budget"), this.budgetBody);
+        const time = {label: "time", unit: "s"};
+        this.charts = {
+            orbit: new Chart({title: "Orbit of the journal", x: {label: "x", unit: "m"}, y: {label: "y", unit: "m"}, equal: true}),
+            error: new Chart({title: "Tool error", x: time, y: {label: "error", unit: "m"}}),
+            force: new Chart({title: "Contact force", x: time, y: {label: "force", unit: "N"}}),
+            energy: new Chart({title: "Energy", x: time, y: {label: "energy", unit: "J"}}),
+        };
+        const joints = element("select", {"aria-label": "joint whose orbit and force are shown"},
+            ...this.contents.joints.map(name => element("option", {value: name}, name)));
+        joints.onchange = () => { this.joint = joints.value; this.redraw(); };
+        const choice = element("label", {}, "joint ", joints);
+        choice.hidden = this.contents.joints.length < 2;
+        this.runIs = element("p", {class: "soft"});
+        this.table = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "figures of all cases"});
+        this.results = element("div", {class: "results"}, robot, budget,
+            card("figures", element("h2", {}, "Figures"), this.runIs, this.table),
+            element("section", {class: "card orbit", "aria-label": "orbit"}, choice, this.charts.orbit.figure),
+            card("tool error", this.charts.error.figure), card("contact force", this.charts.force.figure),
+            card("energy", this.charts.energy.figure));
+        this.results.children[2].classList.add("wide");
+        return this.results;
+    }
+
+    // ---- questions ------------------------------------------------------------------------------
+
+    changed(values = this.values) {
+        return Object.fromEntries(Object.entries(values).filter(([name, value]) => value !== this.first[name]));
+    }
+
+    // Ask about the values as they are; what comes later to older questions is not shown.
+    ask() {
+        const number = ++this.number;
+        this.cancel?.();
+        this.clearWrong();
+        this.results.classList.add("waiting");
+        this.timing = {number, asked: performance.now()};
+        this.answer = {number, values: {...this.values}};
+        this.say("computing \u2026");
+        this.toLink();
+        this.showButtons();
+        this.cancel = this.transport.ask(this.changed(), (head, block) => {
+            if (number === this.number) this.receive(number, head, block);
+        });
+    }
+
+    // Parts of an answer are shown in their order: pictures take a moment to unpack.
+    receive(number, head, block) {
+        this.joined = this.joined.then(async () => {
+            let tracks = null;
+            if (head.kind === "cycle") {
+                this.readColumns(head, block);
+                if (head.picture && this.view) tracks = await decompressed(block.subarray(head.curves));
+            }
+            if (number === this.number) this.show(head, tracks);
+        }).catch(error => { console.error(error); this.say(`this answer cannot be shown: ${error.message}`, true); });
+    }
+
+    readColumns(head, block) {
+        const bytes = block.slice(0, head.curves);
+        head.curve = name => {
+            const place = head.columns[name];
+            return place ? new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.count) : null;
+        };
+    }
+
+    show(head, tracks) {
+        const {answer, timing} = this, number = this.number;
+        const done = what => painted(() => { if (timing.number === number) timing[what] = performance.now() - timing.asked; });
+        if (head.kind === "error") {
+            this.failed = true;
+            this.refuse(head.at, head.error);
+        } else if (head.kind === "budget") {
+            if (answer.budget?.whole && !head.whole) return;
+            answer.budget = head;
+            this.showBudget();
+            this.showTable();
+            if (!("budget" in timing)) done("budget");
+            if (head.whole) done("wholeBudget");
+        } else if (head.kind === "cycle") {
+            if (answer.cycle && !answer.cycle.quick && head.quick) return;
+            if (!head.quick && answer.cycle?.quick) this.errorOfQuick = this.difference(answer.cycle, head);
+            answer.cycle = head;
+            answer.quick = head.quick;
+            this.results.classList.remove("waiting");
+            this.showCycle(tracks);
+            done(head.quick ? "cycle" : "fine");
+            if (!("cycle" in timing)) done("cycle");
+            this.say(head.quick ? "quick answer; the exact one is being computed \u2026" : "");
+        } else if (head.kind === "end") {
+            timing.ended = true;
+            if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
+            else if (!this.failed) this.say(answer.cycle && !answer.cycle.quick ? "exact answer" : "no answer");
+            this.failed = false;
+        }
+        this.showButtons();
+    }
+
+    // By how much quick figures were off, the largest part.
+    difference(quick, fine) {
+        let worst = null;
+        for (const {name, value, unit} of fine.figures) {
+            const before = quick.figures.find(one => one.name === name);
+            if (!before || !value) continue;
+            const part = Math.abs(before.value - value) / Math.abs(value);
+            if (!worst || part > worst.part) worst = {name, part, away: Math.abs(before.value - value), unit};
+        }
+        return worst;
+    }
+
+    refuse(name, text) {
+        const input = this.inputs[name];
+        if (input) {
+            input.wrong.textContent = text;
+            input.field.setAttribute("aria-invalid", "true");
+            input.whole.closest("details").open = true;
+        } else {
+            this.wrong.textContent = text;
+        }
+        this.results.classList.remove("waiting");
+        this.answer.refused = true;
+        for (const part of this.results.children) part.classList.add("stale");
+        this.say("not computed: see the message at the value; what is shown is from before", true);
+    }
+
+    clearWrong() {
+        this.failed = false;
+        this.wrong.textContent = "";
+        for (const part of this.results.children) part.classList.remove("stale");
+        for (const {wrong, field} of Object.values(this.inputs)) {
+            wrong.textContent = "";
+            field.removeAttribute("aria-invalid");
+        }
+    }
+
+    say(text, wrong = false) {
+        if (this.status.textContent !== text) this.status.textContent = text;
+        this.status.classList.toggle("wrong", wrong);
+    }
+
+    // ---- answers --------------------------------------------------------------------------------
+
+    colour(k) { return getComputedStyle(this.root).getPropertyValue(COLOURS[k % COLOURS.length]).trim(); }
+
+    // What is now and what was kept, each with its look.
+    cases() {
+        const now = {label: "now", ...this.answer, k: 0};
+        return [...this.kept, ...(this.answer.cycle || this.answer.budget ? [now] : [])];
+    }
+
+    showBudget() {
+        const {budget} = this.answer;
+        if (!budget) return;
+        if (budget.error) { this.budgetBody.replaceChildren(element("p", {class: "soft"}, `no budget: ${budget.error}`)); return; }
+        const head = element("tr", {}, ...["joint", "share", "", "worst [mm]", "RMS [mm]", "turn [mrad]"].map(text => element("th", {scope: "col"}, text)));
+        const mm = value => (1e3 * value).toFixed(4);
+        const rows = budget.parts.map(part => {
+            const bar = element("span", {class: "share"});
+            bar.style.width = `${(100 * part.share).toFixed(1)}%`;
+            return element("tr", {}, element("th", {scope: "row"}, part.name), element("td", {}, `${(100 * part.share).toFixed(1)} %`),
+                element("td", {class: "bar", "aria-hidden": "true"}, bar),
+                ...[part.worst, part.rms, part.turn].map(value => element("td", {}, mm(value))));
+        });
+        rows.push(element("tr", {}, element("th", {scope: "row"}, "all"), element("td", {}, ""), element("td", {}, ""),
+            ...[budget.worst, budget.rms, budget.turn].map(value => element("td", {}, mm(value)))));
+        const words = budget.whole
+            ? `At ${budget.where} (${budget.poses}), as jointplay budget gives it for ${budget.tool}.`
+            : `At ${budget.where}; all poses follow.`;
+        this.budgetBody.replaceChildren(
+            element("p", {}, element("b", {}, `worst case ${inUnits(budget.worst, "m", 4)}`), `, RMS ${inUnits(budget.rms, "m", 4)}`),
+            element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "shares of the static error budget"},
+                element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows))),
+            element("p", {class: "soft"}, words));
+    }
+
+    showCycle(tracks) {
+        const {cycle} = this.answer;
+        const off = this.errorOfQuick;
+        const known = off ? `; on the last question it was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`
+            : "; how far it is off shows once the exact run is there";
+        const parts = [cycle.message];
+        if (cycle.quick) parts.unshift(`Quick run with long steps (tolerance 0.1, macro steps of 1 ms)${known}.`);
+        else if (off) parts.push(`the quick run was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`);
+        if (cycle.reason) parts.push(cycle.reason);
+        if (cycle.judged_from) parts.push(`figures from ${inUnits(cycle.judged_from, "s")} on`);
+        this.runIs.textContent = parts.join("; ").replace(".;", ".");
+        this.showTable();
+        this.drawCharts();
+        if (tracks) {
+            const factor = this.view.show(tracks, cycle.picture, this.colour(0), Number(this.factor.value));
+            this.factorIs.textContent = `drawn \u00d7 ${factor}`;
+            this.duration = cycle.picture.end;
+            this.seek(Math.min(this.time || 0, this.duration));
+        }
+    }
+
+    drawCharts() {
+        const show = (name, pick, title) => this.charts[name].show(this.cases().filter(one => one.cycle).flatMap(pick), title);
+        const look = one => ({colour: this.colour(one.k), dash: DASHES[one.k % DASHES.length]});
+        const {joint} = this;
+        const series = (one, x, y, name = one.label) => ({name, x: one.cycle.curve(x), y: one.cycle.curve(y), ...look(one)});
+        show("orbit", one => [
+            {...series(one, `outline x ${joint}`, `outline y ${joint}`), dash: "1 3", plain: true},
+            series(one, `x ${joint}`, `y ${joint}`)], `Orbit of the journal in ${joint}; dotted: its clearance`);
+        show("error", one => one.cycle.curve("tool error") ? [series(one, "time", "tool error")] : []);
+        show("force", one => [series(one, "time", `force ${joint}`)], `Contact force in ${joint}, peaks`);
+        const now = this.answer.cycle;
+        if (this.kept.length || !now) {
+            show("energy", one => one.cycle.energies.filter(name => name.startsWith("energy lost")).slice(0, 2).map((name, i) =>
+                ({...series(one, "time", name, `${one.label}: ${name.slice(7)}`), dash: i ? "2 3" : DASHES[one.k % DASHES.length]})), "Energy lost");
+        } else {
+            show("energy", one => one.cycle.energies.map((name, i) =>
+                ({...series(one, "time", name, name.slice(7)), colour: this.colour(i), dash: DASHES[i % DASHES.length]})),
+            "Energy since the start");
+        }
+    }
+
+    showTable() {
+        const cases = this.cases();
+        const names = new Map();
+        for (const one of cases) for (const {name, unit} of one.cycle?.figures || []) names.set(name, unit);
+        const head = element("tr", {}, element("th", {scope: "col"}, "figure"), ...cases.map(one => {
+            const cell = element("th", {scope: "col"}, one.label);
+            cell.style.color = this.colour(one.k);
+            if (one.id) cell.append(" ", element("button", {type: "button", onclick: () => this.drop(one.id), "aria-label": `remove case ${one.label}`}, "\u00d7"));
+            return cell;
+        }));
+        const row = (name, value) => element("tr", {}, element("th", {scope: "row"}, name), ...cases.map(one => element("td", {}, value(one))));
+        const rows = [
+            row("static worst case", one => one.budget && !one.budget.error ? inUnits(one.budget.worst, "m", 4) : "\u2013"),
+            ...[...names].map(([name, unit]) => row(name, one => {
+                const found = one.cycle?.figures.find(figure => figure.name === name);
+                return found ? `${one.cycle.quick ? "\u2248 " : ""}${inUnits(found.value, unit, 4)}` : "\u2013";
+            })),
+        ];
+        const differing = this.kept.length ? Object.keys(this.first).filter(name => new Set(cases.map(one => one.values[name])).size > 1) : [];
+        for (const name of differing) {
+            const {control} = this.inputs[name];
+            const words = control.group === "the machine" ? control.label : `${control.label}, ${control.group}`;
+            rows.push(row(words, one => `${one.values[name]} ${control.unit}`.trim()));
+        }
+        this.table.replaceChildren(element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows)));
+    }
+
+    redraw() {
+        this.showTable();
+        this.drawCharts();
+    }
+
+    // ---- picture --------------------------------------------------------------------------------
+
+    seek(t) {
+        this.time = t;
+        this.view?.seek(t);
+        this.timeSlider.value = String(t / this.duration);
+        this.timeIs.textContent = `${t.toFixed(3)} s`;
+        this.timeSlider.setAttribute("aria-valuetext", this.timeIs.textContent);
+        for (const chart of Object.values(this.charts)) chart.markAt(t);
+    }
+
+    play(playing) {
+        this.playing = playing;
+        this.playButton.textContent = playing ? "\u275a\u275a" : "\u25b6";
+        this.playButton.setAttribute("aria-label", playing ? "pause" : "play");
+        let last = performance.now();
+        const tick = now => {
+            if (!this.playing) return;
+            const t = (this.time || 0) + (now - last) / 1000;
+            last = now;
+            this.seek(t > this.duration ? 0 : t);
+            requestAnimationFrame(tick);
+        };
+        if (playing) requestAnimationFrame(tick);
+    }
+
+    magnify() {
+        const factor = this.view?.magnify(Number(this.factor.value));
+        if (factor) this.factorIs.textContent = `drawn \u00d7 ${factor}`;
+    }
+
+    // ---- state: history, cases, file, link ------------------------------------------------------
+
+    // Take values for all controls, as one step of the history.
+    set(values) {
+        this.values = values;
+        for (const name of Object.keys(values)) this.showValue(name);
+        this.remember();
+        this.ask();
+    }
+
+    remember() {
+        const same = JSON.stringify(this.history[this.at]) === JSON.stringify(this.values);
+        if (!same) {
+            this.history.splice(this.at + 1);
+            this.history.push({...this.values});
+            this.at++;
+        }
+        this.showButtons();
+    }
+
+    go(by) {
+        if (!this.history[this.at + by]) return;
+        this.at += by;
+        this.values = {...this.history[this.at]};
+        for (const name of Object.keys(this.values)) this.showValue(name);
+        this.ask();
+    }
+
+    shortcut(event) {
+        if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+        const key = event.key.toLowerCase();
+        if (key !== "z" && key !== "y") return;
+        event.preventDefault();
+        this.go(key === "y" || event.shiftKey ? 1 : -1);
+    }
+
+    showButtons() {
+        this.undoButton.disabled = this.at === 0;
+        this.redoButton.disabled = this.at === this.history.length - 1;
+        this.resetButton.disabled = !Object.keys(this.changed()).length;
+        this.keepButton.disabled = !this.answer.cycle || this.answer.quick || this.kept.length >= MOST_KEPT
+            || Boolean(this.answer.refused);
+    }
+
+    keep() {
+        const used = new Set(this.kept.map(one => one.k));
+        const k = [1, 2, 3, 4, 5].find(number => !used.has(number));
+        this.kept.push({...this.answer, label: `case ${String.fromCharCode(64 + k)}`, k, id: k});
+        this.redraw();
+        this.showButtons();
+        this.say(`kept as case ${String.fromCharCode(64 + k)}`);
+    }
+
+    drop(id) {
+        this.kept = this.kept.filter(one => one.id !== id);
+        this.redraw();
+        this.showButtons();
+        this.keepButton.focus();
+    }
+
+    async save() {
+        try {
+            const text = await this.transport.scenario(this.changed());
+            const link = element("a", {href: URL.createObjectURL(new Blob([text], {type: "application/toml"})), download: "live.toml"});
+            link.click();
+            setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+            this.say("saved as live.toml: jointplay run live.toml --out DIR");
+        } catch (error) {
+            this.say(error.message, true);
+        }
+    }
+
+    toLink() {
+        if (!this.transport.linked) return;
+        const words = new URLSearchParams(Object.entries(this.changed()).map(([name, value]) => [name, String(value)])).toString();
+        this.fragment = words;
+        history.replaceState(null, "", words ? `#${words}` : location.pathname);
+    }
+
+    // Take the values that the address holds; says whether they are others than now.
+    fromLink() {
+        for (const name of Object.keys(this.values)) this.showValue(name);
+        if (!this.transport.linked) return false;
+        const words = location.hash.slice(1);
+        if (words === (this.fragment || "")) return false;
+        const values = {...this.first}, unknown = [];
+        for (const [name, text] of new URLSearchParams(words)) {
+            if (name in values && text.trim() && Number.isFinite(Number(text))) values[name] = Number(text);
+            else unknown.push(name);
+        }
+        this.values = values;
+        for (const name of Object.keys(values)) this.showValue(name);
+        if (unknown.length) this.wrong.textContent = `the link has what this machine has not: ${unknown.join(", ")}`;
+        return true;
+    }
+
+    async copyLink() {
+        try {
+            await navigator.clipboard.writeText(location.href);
+            this.say("link copied");
+        } catch {
+            this.say("the address of this page is the link: it holds the values");
+        }
+    }
+}

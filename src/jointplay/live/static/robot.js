@@ -1,0 +1,102 @@
+// The machine in motion: the player's bodies, twins, paths and forces, whose tracks can be replaced.
+
+const LOOKS = {light: [[0.93, 0.95, 0.97], [0.78, 0.82, 0.86]], dark: [[0.16, 0.19, 0.22], [0.09, 0.11, 0.13]]};
+const SEEN_PART = 0.06;  // of the robot's reach: what the largest deviation is magnified to, at least
+
+class LiveCase extends Case {
+    // Other tracks for the same bodies.
+    replace(block, entry) {
+        const table = item => unpack(block, item);
+        this.entry = {...entry, objects: this.entry.objects};
+        this.block = block;
+        this.time = unpack(block, entry.time, Float64Array).values;
+        this.real = {position: table(entry.poses.position), turn: table(entry.poses.turn)};
+        this.ideal = {position: table(entry.ghost.position), turn: table(entry.ghost.turn)};
+        this.tool = table(entry.tool);
+        this.idealTool = table(entry.ghost.tool);
+        for (const {line} of this.traces.lines) line.geometry.dispose();
+        this.traces = this.makeTraces();
+        this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
+    }
+}
+
+class RobotView {
+    constructor(pane, bodies, block) {
+        this.viewer = new MeshCat.Viewer(pane);
+        const {viewer} = this, resize = viewer.set_3d_pane_size.bind(viewer);
+        viewer.set_3d_pane_size = () => { if (pane.clientWidth) resize(pane.clientWidth, pane.clientHeight); };
+        viewer.gui.domElement.style.display = "none";
+        viewer.renderer.domElement.setAttribute("aria-hidden", "true");
+        for (const name of ["Axes", "Grid"]) viewer.set_property([name], "visible", false);
+        new ResizeObserver(() => { viewer.set_3d_pane_size(); viewer.set_dirty(); }).observe(pane);
+        this.bodies = bodies;
+        this.surfaces = bodies.surfaces.map(entry => surfaceOf(block, entry));
+        this.shown = null;
+        this.t = 0;
+    }
+
+    theme(dark) {
+        const [top, bottom] = LOOKS[dark ? "dark" : "light"];
+        this.viewer.set_property(["Background"], "top_color", top);
+        this.viewer.set_property(["Background"], "bottom_color", bottom);
+        this.viewer.set_dirty();
+    }
+
+    // Show a run; returns the factor by which deviations are magnified.
+    show(block, entry, colour, factor) {
+        entry = {...entry, objects: this.bodies.objects, reach: this.bodies.reach, colour};
+        const {reach} = this.bodies;
+        if (!this.shown) this.shown = new LiveCase(this.viewer, block, entry, 0, this.surfaces);
+        else this.shown.replace(block, entry);
+        const largest = this.shown.largestDeviation();
+        this.automatic = largest ? Math.min(1e5, nice(SEEN_PART * reach / largest) || 1) : 1;
+        const typical = Math.max(1e-9, ...entry.joints.map(joint => joint.typical));
+        this.view = {
+            deviation: factor || Math.max(1, this.automatic), forceFactor: 1, metresPerNewton: nice(0.25 * reach / typical),
+            longest: 0.6 * reach, thickness: 0.005 * reach, ring: 0.075 * reach,
+        };
+        this.shown.moveTo(new THREE.Vector3());
+        this.shown.drawTraces(this.view.deviation);
+        if (!this.placed) { this.aim(); this.placed = true; }
+        this.seek(this.t);
+        return this.view.deviation;
+    }
+
+    magnify(factor) {
+        if (!this.shown) return 1;
+        this.view.deviation = factor || Math.max(1, this.automatic);
+        this.shown.drawTraces(this.view.deviation);
+        this.seek(this.t);
+        return this.view.deviation;
+    }
+
+    aim() {
+        const {viewer, shown} = this, box = new THREE.Box3();
+        for (let i = 0; i <= 12; i++) {
+            this.seek(shown.entry.start + i / 12 * (shown.entry.end - shown.entry.start));
+            viewer.scene.updateMatrixWorld(true);
+            for (const {node, twin} of shown.bodies) if (twin) box.expandByObject(node);
+        }
+        if (box.isEmpty()) return;
+        const size = box.getSize(new THREE.Vector3()), centre = box.getCenter(new THREE.Vector3());
+        const {camera, controls} = viewer;  // whose axes have y up, like those of the box
+        camera.near = this.bodies.reach / 200;
+        camera.far = this.bodies.reach * 500;
+        camera.fov = 32;
+        const pane = viewer.renderer.domElement, aspect = Math.min(1, pane.clientWidth / Math.max(pane.clientHeight, 1));
+        const distance = 0.62 * size.length() / Math.tan(16 * Math.PI / 180) / Math.max(aspect, 0.6);
+        camera.position.copy(new THREE.Vector3(-0.35, 0.5, 1).normalize().multiplyScalar(distance).add(centre));
+        controls.target.copy(centre);
+        camera.updateProjectionMatrix();
+        controls.update();
+        this.t = shown.entry.start;
+    }
+
+    seek(t) {
+        this.t = t;
+        if (!this.shown) return;
+        const at = Math.min(Math.max(t, this.shown.entry.start), this.shown.entry.end);
+        this.shown.update(at, at, this.view);
+        this.viewer.set_dirty();
+    }
+}
