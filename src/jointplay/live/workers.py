@@ -8,6 +8,7 @@ from __future__ import annotations
 import multiprocessing
 import sys
 import threading
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Mapping
@@ -141,8 +142,16 @@ def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
             def superseded(number: int = number) -> bool:
                 return bool(newest.value != number)
 
-            def send(head: dict[str, Any], block: bytes = b"", number: int = number) -> None:
-                connection.send(({**head, "question": number}, block))
+            began = time.process_time()
+
+            def send(
+                head: dict[str, Any],
+                block: bytes = b"",
+                number: int = number,
+                began: float = began,
+            ) -> None:
+                took = {"question": number, "cpu_s": time.process_time() - began}
+                connection.send((head | took, block))
 
             machine.superseded = superseded
             _answer(machine, kind, values, send)

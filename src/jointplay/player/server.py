@@ -121,6 +121,7 @@ class Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: Server
     timeout = _TIMEOUT_S
+    disable_nagle_algorithm = True  # parts of an answer are small, and awaited
 
     def do_GET(self) -> None:
         self._answer(send=True)

@@ -283,7 +283,7 @@ class Live {
             answer.budget = head;
             this.showBudget();
             this.showTable();
-            if (!("budget" in timing)) done("budget");
+            if (!("budget" in timing)) { done("budget"); timing.budgetCpu = 1e3 * head.cpu_s; }
             if (head.whole) done("wholeBudget");
         } else if (head.kind === "cycle") {
             if (answer.cycle && !answer.cycle.quick && head.quick) return;
@@ -293,7 +293,8 @@ class Live {
             this.results.classList.remove("waiting");
             this.showCycle(tracks);
             done(head.quick ? "cycle" : "fine");
-            if (!("cycle" in timing)) done("cycle");
+            if (!("cycleCpu" in timing)) timing.cycleCpu = 1e3 * head.cpu_s;
+            if (!head.quick && !("cycle" in timing)) done("cycle");
             this.say(head.quick ? "quick answer; the exact one is being computed \u2026" : "");
         } else if (head.kind === "end") {
             timing.ended = true;
@@ -360,16 +361,15 @@ class Live {
         const {budget} = this.answer;
         if (!budget) return;
         if (budget.error) { this.budgetBody.replaceChildren(element("p", {class: "soft"}, `no budget: ${budget.error}`)); return; }
-        const head = element("tr", {}, ...["joint", "share", "", "worst [mm]", "RMS [mm]", "turn [mrad]"].map(text => element("th", {scope: "col"}, text)));
+        const head = element("tr", {}, ...["joint", "share", "worst [mm]", "RMS [mm]", "turn [mrad]"].map(text => element("th", {scope: "col"}, text)));
         const mm = value => (1e3 * value).toFixed(4);
         const rows = budget.parts.map(part => {
-            const bar = element("span", {class: "share"});
-            bar.style.width = `${(100 * part.share).toFixed(1)}%`;
-            return element("tr", {}, element("th", {scope: "row"}, part.name), element("td", {}, `${(100 * part.share).toFixed(1)} %`),
-                element("td", {class: "bar", "aria-hidden": "true"}, bar),
+            const percent = (100 * part.share).toFixed(1), share = element("td", {class: "share"}, `${percent} %`);
+            share.style.setProperty("--share", `${percent}%`);
+            return element("tr", {}, element("th", {scope: "row"}, part.name), share,
                 ...[part.worst, part.rms, part.turn].map(value => element("td", {}, mm(value))));
         });
-        rows.push(element("tr", {}, element("th", {scope: "row"}, "all"), element("td", {}, ""), element("td", {}, ""),
+        rows.push(element("tr", {}, element("th", {scope: "row"}, "all"), element("td", {}, ""),
             ...[budget.worst, budget.rms, budget.turn].map(value => element("td", {}, mm(value)))));
         const words = budget.whole
             ? `At ${budget.where} (${budget.poses}), as jointplay budget gives it for ${budget.tool}.`

@@ -25,7 +25,7 @@ class RobotView {
         this.viewer = new MeshCat.Viewer(pane);
         const {viewer} = this, resize = viewer.set_3d_pane_size.bind(viewer);
         viewer.set_3d_pane_size = () => { if (pane.clientWidth) resize(pane.clientWidth, pane.clientHeight); };
-        viewer.gui.domElement.style.display = "none";
+        viewer.gui.domElement.remove();
         viewer.renderer.domElement.setAttribute("aria-hidden", "true");
         for (const name of ["Axes", "Grid"]) viewer.set_property([name], "visible", false);
         new ResizeObserver(() => { viewer.set_3d_pane_size(); viewer.set_dirty(); }).observe(pane);
@@ -84,7 +84,7 @@ class RobotView {
         camera.far = this.bodies.reach * 500;
         camera.fov = 32;
         const pane = viewer.renderer.domElement, aspect = Math.min(1, pane.clientWidth / Math.max(pane.clientHeight, 1));
-        const distance = 0.62 * size.length() / Math.tan(16 * Math.PI / 180) / Math.max(aspect, 0.6);
+        const distance = 0.52 * size.length() / Math.tan(16 * Math.PI / 180) / Math.max(aspect, 0.6);
         camera.position.copy(new THREE.Vector3(-0.35, 0.5, 1).normalize().multiplyScalar(distance).add(centre));
         controls.target.copy(centre);
         camera.updateProjectionMatrix();

@@ -1,0 +1,675 @@
+"""The live page: in a real browser, over its server, and as a widget."""
+
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import threading
+import time
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from test_playback import CHROMIUM, GL, until
+from warm import JOINTPLAY, PYTHON
+
+import jointplay as jp
+from jointplay.analysis import tool_error, twin
+from jointplay.design.static_budget import budget
+from jointplay.joints import RollingBearing
+from jointplay.live.answer import Machine, Superseded
+from jointplay.live.state import State
+from jointplay.live.workers import Workers
+from jointplay.scenario import Scenario
+from jointplay.scenario.robot import robot_scenario
+
+DURATION = 0.3
+SLIDER_CRANK = "jointplay:slider_crank.toml"
+
+
+def scenario(**settings):
+    """The SCARA, for a short time."""
+    from jointplay.scenario.settings import parse
+
+    given = [f"integration.duration={DURATION}", *(f"{k}={v}" for k, v in settings.items())]
+    return robot_scenario(None, (), [parse(text) for text in given])
+
+
+def machine(radial):
+    """The same by hand: mechanism and motion."""
+    joint = jp.RevoluteClearance(radial_clearance=radial, axial_clearance=0.2e-3)
+    mechanism = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint})
+    return mechanism, jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+
+
+def state_of(chosen, case=None):
+    case = case or chosen.cases[0]
+    return State.of(chosen, case, chosen.simulation(case))
+
+
+@contextmanager
+def served(*arguments, program=JOINTPLAY):
+    """A running command, and the address that it printed."""
+    command = [program, "live", *arguments, "--no-browser", "--port", "0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        line = process.stdout.readline()
+        assert "live at http://127.0.0.1:" in line
+        yield line.split()[2], process
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait(900)
+
+
+@pytest.fixture(scope="module")
+def address():
+    with served("--duration", str(DURATION)) as (url, _):
+        yield url
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if CHROMIUM is None:
+        pytest.skip("no chromium is installed")
+    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync.sync_playwright() as tools:
+        started = tools.chromium.launch(executable_path=CHROMIUM, args=list(GL))
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def tab(chromium, address):
+    with opened(chromium, address) as made:
+        yield made
+
+
+@contextmanager
+def opened(chromium, address, **options):
+    """A page with its first exact answer; whatever goes wrong in it fails the test."""
+    context = chromium.new_context(viewport={"width": 1280, "height": 800}, **options)
+    made = context.new_page()
+    made.set_default_timeout(900_000)
+    made.troubles, made.requests = [], []
+    made.on(
+        "console",
+        lambda message: (
+            made.troubles.append(message.text)
+            if message.type in ("error", "warning") and "GPU stall" not in message.text
+            else None
+        ),
+    )
+    made.on("pageerror", lambda error: made.troubles.append(f"{error} {error.stack}"))
+    made.on("request", lambda request: made.requests.append(request.url))
+    made.goto(address)
+    answered(made)
+    yield made
+    assert made.troubles == []
+    assert all(url.startswith(("http://127.0.0.1:", "data:", "blob:")) for url in made.requests)
+    context.close()
+
+
+def answered(tab):
+    """Wait for the exact answer to the newest question."""
+    until(tab, "() => Boolean(window.jointplay?.timing.ended)")
+
+
+def figures(tab):
+    """What the page holds of the newest answer, by name, SI units."""
+    rows = tab.evaluate("() => window.jointplay.answer.cycle.figures")
+    return {row["name"]: row["value"] for row in rows}
+
+
+def type_in(tab, name, text):
+    """Give a control a value as by typing."""
+    field = tab.locator(f"[id$='-{name}']")
+    field.fill(str(text))
+    field.press("Enter")
+
+
+def expected(simulation):
+    """Figures of a run, by ways of their own."""
+    result = simulation.run(estimate=False, check_step=False)
+    error = np.linalg.norm(tool_error.deviation(result, twin(result)).values, axis=1)
+    force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
+    return {"largest tool error": error.max(), "peak force, joint_b": force.max()}
+
+
+# In a browser.
+
+
+def test_a_value_gives_what_simulation_and_budget_give(tab):
+    type_in(tab, "joint_b.radial_clearance", 0.35)
+    answered(tab)
+    mechanism, motion = machine(0.35e-3)
+    wanted = expected(jp.Simulation(mechanism, motion, duration=DURATION))
+    found = figures(tab)
+    for name, value in wanted.items():
+        assert found[name] == pytest.approx(value, rel=1e-9), name
+    from jointplay.design.poses import along_motion
+
+    errors = budget(mechanism, along_motion(mechanism, motion))
+    shown = tab.evaluate("() => window.jointplay.answer.budget")
+    assert shown["whole"]
+    assert shown["worst"] == pytest.approx(errors.worst.max(), rel=1e-9)
+    assert shown["rms"] == pytest.approx(errors.rms[errors.worst_pose], rel=1e-9)
+    text = tab.locator("[aria-label='static error budget']").inner_text()
+    assert f"{1e3 * errors.worst.max():.4f}" in text
+    assert "100.0 %" in text
+
+
+def test_a_slider_asks_and_its_field_follows(tab):
+    before = figures(tab)["largest tool error"]
+    slider = tab.locator("[id$='-joint_b.radial_clearance-slider']")
+    slider.fill("300")
+    answered(tab)
+    assert tab.locator("[id$='-joint_b.radial_clearance']").input_value() == "1"
+    assert figures(tab)["largest tool error"] > 2.0 * before
+
+
+def test_an_older_answer_is_not_shown_for_a_newer_question(tab):
+    """The first answer is held back, and handed over after the second."""
+    shown = tab.evaluate(
+        """async () => {
+            const live = window.jointplay, ask = live.transport.ask, late = [];
+            let first = true;
+            live.transport.ask = (values, receive) => {
+                if (!first) return ask(values, receive);
+                first = false;
+                ask(values, (head, block) => late.push([head, block, receive]));
+                return () => {};
+            };
+            const wait = done => new Promise(go => {
+                const look = () => done() ? go() : setTimeout(look, 20);
+                look();
+            });
+            live.values["joint_b.radial_clearance"] = 0.9;
+            live.ask();
+            await wait(() => late.some(([head]) => head.kind === "cycle" && !head.quick));
+            live.values["joint_b.radial_clearance"] = 0.1;
+            live.ask();
+            await wait(() => live.timing.ended);
+            const worst = live.answer.budget.worst;
+            for (const [head, block, receive] of late) receive(head, block);
+            await new Promise(go => setTimeout(go, 300));
+            live.transport.ask = ask;
+            const old = late.find(([head]) => head.kind === "budget")[0].worst;
+            return [worst, live.answer.budget.worst, old, live.budgetBody.innerText];
+        }"""
+    )
+    before, after, old, text = shown
+    assert after == before < 0.5 * old
+    assert f"{1e3 * before:.4f}" in text
+
+
+def test_undo_redo_and_reset(tab):
+    name = "joint_b.friction"
+    field = tab.locator(f"[id$='-{name}']")
+    type_in(tab, name, 0.3)
+    type_in(tab, name, 0.4)
+    answered(tab)
+    tab.get_by_role("button", name="Undo").click()
+    assert field.input_value() == "0.3"
+    tab.get_by_role("button", name="Undo").click()
+    assert field.input_value() == "0.1"
+    tab.get_by_role("button", name="Redo").click()
+    assert field.input_value() == "0.3"
+    answered(tab)
+    tab.get_by_role("button", name="Reset").click()
+    assert field.input_value() == "0.1"
+    answered(tab)
+
+
+def test_a_kept_case_stays_beside_later_ones(tab):
+    kept = figures(tab)["peak force, joint_b"]
+    tab.get_by_role("button", name="Keep as case").click()
+    type_in(tab, "payload", 1.5)
+    answered(tab)
+    now = figures(tab)["peak force, joint_b"]
+    assert now > kept
+    cells = tab.locator(
+        "[aria-label='figures of all cases'] tr", has_text="peak force"
+    ).inner_text()
+    assert f"{kept:.4g} N" in cells
+    assert f"{now:.4g} N" in cells
+    assert tab.locator("[aria-label='tool error'] path.curve").count() == 2
+    assert "case A" in tab.locator("[aria-label='tool error']").inner_text()
+    tab.get_by_role("button", name="remove case case A").click()
+    assert tab.locator("[aria-label='tool error'] path.curve").count() == 1
+
+
+def test_a_saved_scenario_runs_to_the_same_numbers(tab, tmp_path):
+    type_in(tab, "joint_b.radial_clearance", 0.31)
+    type_in(tab, "gravity", 8.5)
+    type_in(tab, "payload", 0.7)
+    type_in(tab, "speed", 1.5)
+    answered(tab)
+    shown = figures(tab)
+    with tab.expect_download() as waiting:
+        tab.get_by_role("button", name="Save as scenario").click()
+    path = tmp_path / "live.toml"
+    waiting.value.save_as(path)
+    command = [JOINTPLAY, "run", str(path), "--out", str(tmp_path / "out"), "--no-figures"]
+    done = subprocess.run([*command, "--quiet"], capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, done.stderr
+    (file,) = (tmp_path / "out").glob("*.nc")
+    result = jp.Result.load(file)
+    force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
+    error = np.linalg.norm(tool_error.deviation(result, twin(result)).values, axis=1).max()
+    assert shown["peak force, joint_b"] == pytest.approx(force, rel=1e-12)
+    assert shown["largest tool error"] == pytest.approx(error, rel=1e-9)
+    command = [JOINTPLAY, "budget", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
+    worst = tab.evaluate("() => window.jointplay.answer.budget.worst")
+    assert f"{1e3 * worst:.4f}" in done.stdout
+
+
+def test_a_link_brings_the_values_back(tab, chromium):
+    type_in(tab, "joint_b.restitution", 0.5)
+    answered(tab)
+    link = tab.url
+    assert link.endswith("#joint_b.restitution=0.5")
+    with opened(chromium, link) as other:
+        assert other.locator("[id$='-joint_b.restitution']").input_value() == "0.5"
+        assert figures(other) == pytest.approx(figures(tab))
+
+
+def test_what_the_model_refuses_is_said_at_the_field(tab):
+    type_in(tab, "joint_b.radial_clearance", -0.1)
+    answered(tab)
+    wrong = tab.locator("[id$='-joint_b.radial_clearance-wrong']").inner_text()
+    with pytest.raises(jp.JointplayError) as caught:
+        jp.RevoluteClearance(radial_clearance=-1e-4, axial_clearance=2e-4)
+    assert str(caught.value) in wrong
+    field = tab.locator("[id$='-joint_b.radial_clearance']")
+    assert field.get_attribute("aria-invalid") == "true"
+    field.fill("0.2")
+    field.press("Enter")
+    answered(tab)
+    assert field.get_attribute("aria-invalid") is None
+    assert tab.locator("[id$='-joint_b.radial_clearance-wrong']").inner_text() == ""
+
+
+def focused(tab):
+    return tab.evaluate(
+        """() => {
+            const here = document.activeElement;
+            return here.getAttribute("aria-label") || here.innerText;
+        }"""
+    )
+
+
+def tab_to(tab, words):
+    """Go on with the Tab key until what has the focus is called so."""
+    for _ in range(80):
+        tab.keyboard.press("Tab")
+        if words in focused(tab):
+            return
+    raise AssertionError(f"the keyboard does not reach {words!r}")
+
+
+def test_the_keyboard_alone_does_everything(tab):
+    tab_to(tab, "radial clearance [mm], joint_b, slider")
+    for _ in range(5):
+        tab.keyboard.press("ArrowRight")
+    answered(tab)
+    value = float(tab.locator("[id$='-joint_b.radial_clearance']").input_value())
+    assert value > 0.2
+    tab.keyboard.press("Control+z")
+    until(tab, "() => window.jointplay.values['joint_b.radial_clearance'] < " + str(value))
+    tab.keyboard.press("Control+Shift+z")
+    assert float(tab.locator("[id$='-joint_b.radial_clearance']").input_value()) == value
+    answered(tab)
+    for words in ("play", "time of the picture", "magnification", "shares of", "figures of all"):
+        tab_to(tab, words)
+    for _ in range(60):
+        tab.keyboard.press("Shift+Tab")
+        if "Keep as case" in focused(tab):
+            break
+    tab.keyboard.press("Enter")
+    assert tab.evaluate("() => window.jointplay.kept.length") == 1
+
+
+def test_all_controls_and_charts_have_names(tab):
+    nameless = tab.evaluate(
+        """() => [...document.querySelectorAll("button, input, select, [role=img], [role=region]")]
+            .filter(one => !(one.getAttribute("aria-label") || one.innerText || "").trim())
+            .map(one => one.outerHTML)"""
+    )
+    assert nameless == []
+    charts = tab.locator("svg[role=img]")
+    assert charts.count() == 4
+    for label in charts.evaluate_all("all => all.map(one => one.getAttribute('aria-label'))"):
+        assert re.search(r"from .* to ", label)
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_fits(chromium, address, width, scheme):
+    with opened(chromium, address, color_scheme=scheme) as page:
+        page.set_viewport_size({"width": width, "height": 800})
+        page.wait_for_timeout(200)
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+        back, ink = page.evaluate(
+            """() => {
+                const style = getComputedStyle(document.querySelector(".jp-live"));
+                const parts = text => text.match(/[0-9]+/g).slice(0, 3).map(Number);
+                return [style.backgroundColor, style.color].map(text => Math.max(...parts(text)));
+            }"""
+        )
+        assert (back < ink) == (scheme == "dark")
+
+
+def test_the_picture_moves(tab):
+    tab.evaluate("() => window.jointplay.seek(0)")
+    places = "() => window.jointplay.view.shown.bodies.map(body => [...body.node.matrix.elements])"
+    before = np.array(tab.evaluate(places))
+    tab.evaluate("() => window.jointplay.seek(0.25)")
+    assert np.abs(np.array(tab.evaluate(places)) - before).max() > 1e-3
+    tab.get_by_role("button", name="play", exact=True).click()
+    until(tab, "() => window.jointplay.time > 0 && window.jointplay.time !== 0.25")
+    tab.get_by_role("button", name="pause").click()
+
+
+def test_a_loop_at_constant_speed_and_a_case_of_a_file(chromium):
+    options = ("--case", "0.05 mm", "--duration", "0.004")
+    with served(SLIDER_CRANK, *options) as (url, _), opened(chromium, url) as page:
+        before = figures(page)["peak force, piston_pin"]
+        type_in(page, "speed.crank_pin", 300)
+        answered(page)
+        assert 0.0 < figures(page)["peak force, piston_pin"] < before
+        assert page.evaluate("() => window.jointplay.answer.budget.worst") > 0.0
+
+
+# The server.
+
+
+def post(url, body=None, name="ask", **changed):
+    """A question, and the status of its answer."""
+    place = urlsplit(url)
+    headers = {"Content-Type": "application/json", "Origin": f"http://{place.netloc}"}
+    headers = {k: v for k, v in (headers | changed).items() if v is not None}
+    connection = http.client.HTTPConnection(place.netloc, timeout=900)
+    connection.request("POST", place.path + name, json.dumps(body or {"values": {}}), headers)
+    answer = connection.getresponse()
+    text = answer.read() if answer.status != 200 or name == "scenario" else b""
+    connection.close()
+    return answer.status, text
+
+
+def test_who_comes_from_elsewhere_or_has_no_token_is_refused(address):
+    place = urlsplit(address)
+    root = f"http://{place.netloc}/"
+    assert post(address, name="scenario")[0] == 200
+    assert post(address, name="scenario", Origin="http://evil.example")[0] == 403
+    assert post(address, name="scenario", Origin=None)[0] == 403
+    assert post(address, name="scenario", Origin="null")[0] == 403
+    assert post(address, name="scenario", Host="evil.example")[0] == 421
+    assert post(address, name="scenario", **{"Content-Type": "text/plain"})[0] == 415
+    assert post(address, {"values": {"x" * 200_000: 1}}, "scenario")[0] == 413
+    assert post(address, name="other")[0] == 404
+    assert post(root, name="scenario")[0] == 404
+    wrong = place.path[:-2] + ("A" if place.path[-2] != "A" else "B") + "/"
+    assert post(f"http://{place.netloc}{wrong}", name="scenario")[0] == 404
+    for path, status in (("/", 404), (wrong, 404), (place.path, 200), (place.path + "ask", 404)):
+        connection = http.client.HTTPConnection(place.netloc)
+        connection.request("GET", path)
+        assert connection.getresponse().status == status, path
+        connection.close()
+    assert len(place.path) > 24
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ({"values": {"nothing": 1.0}}, "nothing"),
+        ({"values": {"payload": "much"}}, "numbers"),
+        ({"values": {"payload": True}}, "numbers"),
+        ({"values": {"payload": -1.0}}, "payload"),
+        ([], "values"),
+    ],
+)
+def test_what_is_no_question_is_refused_in_words(address, body, words):
+    connection_status, text = post(address, body or [1], "scenario")
+    assert connection_status == 422
+    assert words in text.decode()
+
+
+def test_nothing_is_left_running_after_a_stop():
+    program = shutil.which("jointplay")
+    if program is None:
+        pytest.skip("jointplay is not installed as a command")
+    for number in (signal.SIGTERM, signal.SIGINT):
+        with served("--duration", str(DURATION), program=program) as (url, process):
+            children = workers_of(process.pid)
+            assert len(children) == 2
+            post(url)
+            process.send_signal(number)
+            assert process.wait(900) == 0
+            assert [one for one in children if alive(one)] == []
+
+
+def workers_of(pid):
+    listed = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True
+    )
+    return [int(line) for line in listed.stdout.split()]
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_help_says_what_it_is_for():
+    done = subprocess.run([JOINTPLAY, "live", "--help"], capture_output=True, text=True)
+    assert done.returncode == 0
+    for words in ("--port", "--no-browser", "--joint", "random token"):
+        assert words in done.stdout
+
+
+# What is computed.
+
+
+def test_controls_are_those_of_the_machine():
+    state = state_of(scenario())
+    assert [*state.controls] == [
+        *("speed", "payload", "gravity"),
+        *("joint_b.radial_clearance", "joint_b.axial_clearance"),
+        *("joint_b.restitution", "joint_b.friction"),
+    ]
+    for one in state.controls.values():
+        assert one.low <= one.value <= one.high
+    radial = state.controls["joint_b.radial_clearance"]
+    assert (radial.value, radial.unit, radial.logarithmic) == (0.2, "mm", True)
+
+
+def test_a_rolling_bearing_has_its_temperature():
+    from jointplay.scenario.settings import parse
+
+    given = [
+        parse('joints.joint_b={kind="ball-bearing",designation="6010/C3"}'),
+        parse(f"integration.duration={DURATION}"),
+    ]
+    state = state_of(robot_scenario(None, ["joint_b"], given))
+    name = "joint_b.temperature_difference"
+    assert state.controls[name].unit == "K"
+    answering = Machine(state)
+    cold, warm = (
+        answering.simulation({name: k}).mechanism.clearance["joint_b"] for k in (0.0, 20.0)
+    )
+    assert isinstance(warm, RollingBearing)
+    assert warm.cr < cold.cr
+    assert state.controls["joint_b.radial_clearance"].value == pytest.approx(1e3 * cold.cr)
+
+
+def test_quick_and_exact_answers_agree_within_what_the_page_says():
+    answering = Machine(state_of(scenario()))
+    quick, fine = (
+        {row["name"]: row["value"] for head, _ in kind({}) for row in head.get("figures", ())}
+        for kind in (answering.quick, answering.fine)
+    )
+    assert quick.keys() == fine.keys()
+    assert quick["largest tool error"] == pytest.approx(fine["largest tool error"], rel=0.05)
+
+
+def test_a_newer_question_ends_a_run():
+    answering = Machine(state_of(scenario()))
+    answering.superseded = lambda: True
+    with pytest.raises(Superseded):
+        list(answering.fine({}))
+
+
+def test_only_the_newest_question_is_answered():
+    workers = Workers(state_of(scenario()))
+    try:
+        parts, done = [], threading.Event()
+
+        def receive(head, block):
+            parts.append(head)
+            if head["kind"] == "end" and not head["superseded"]:
+                done.set()
+
+        for k in range(5):
+            newest = workers.ask({"joint_b.radial_clearance": 0.1 + 0.1 * k}, receive)
+        assert done.wait(900)
+        answers = [head for head in parts if head["kind"] in ("budget", "cycle")]
+        assert [head["kind"] for head in answers].count("cycle") == 2
+        assert answers[-1]["question"] == newest
+        ends = [head["question"] for head in parts if head["kind"] == "end"]
+        assert sorted(ends) == list(range(1, 6))
+    finally:
+        workers.close()
+
+
+def test_a_worker_that_is_killed_is_replaced():
+    workers = Workers(state_of(scenario()))
+    try:
+        os.kill(workers.processes["quick"].pid, signal.SIGKILL)
+        end = time.monotonic() + 900.0
+        before = workers.processes["quick"]
+        while workers.processes["quick"] is before:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        done = threading.Event()
+        workers.ask({}, lambda head, block: done.set() if head["kind"] == "end" else None)
+        assert done.wait(900)
+    finally:
+        workers.close()
+
+
+def test_a_saved_scenario_finds_its_files_from_any_folder(tmp_path):
+    folder = tmp_path / "a"
+    folder.mkdir()
+    shutil.copy(jp.shipped("scara.urdf"), folder / "arm.urdf")
+    shutil.copy(jp.shipped("scara_motion.csv"), folder / "way.csv")
+    (folder / "s.toml").write_text(
+        '[robot]\nurdf = "arm.urdf"\n[motion]\nfile = "way.csv"\n'
+        '[joints."joint_b"]\nkind = "revolute"\nradial_clearance = "0.2 mm"\n'
+        'axial_clearance = "0.1 mm"\n'
+    )
+    text = state_of(Scenario.load(folder / "s.toml")).text({"joint_b.axial_clearance": 0.3})
+    (tmp_path / "b.toml").write_text(text)
+    again = Scenario.load(tmp_path / "b.toml").simulation()
+    assert again.mechanism.clearance["joint_b"].axial_clearance == 0.3e-3
+    assert again.mechanism.clearance["joint_b"].radial_clearance == 0.2e-3
+
+
+# The widget.
+
+
+@pytest.fixture
+def shown():
+    pytest.importorskip("anywidget", reason="anywidget is not installed")
+    from jointplay.live.widget import widget
+
+    made = widget(scenario())
+    made.sent, made.ended = [], threading.Event()
+
+    def send(head, buffers=None):
+        made.sent.append((head, buffers or []))
+        if head["kind"] in ("end", "scenario"):
+            made.ended.set()
+
+    made.send = send
+    yield made
+    made.close()
+
+
+def asked(shown, message):
+    shown.sent.clear()
+    shown.ended.clear()
+    shown._handle_custom_msg(message, [])
+    assert shown.ended.wait(900)
+    return list(shown.sent)
+
+
+def test_the_widget_answers_over_its_comm(shown):
+    values = {"joint_b.radial_clearance": 0.3}
+    answers = asked(shown, {"what": "ask", "to": 7, "values": values})
+    assert all(head["to"] == 7 for head, _ in answers)
+    fine = next(head for head, _ in answers if head["kind"] == "cycle" and not head["quick"])
+    wanted = expected(jp.Simulation(*machine(0.3e-3), duration=DURATION))
+    found = {row["name"]: row["value"] for row in fine["figures"]}
+    for name, value in wanted.items():
+        assert found[name] == pytest.approx(value, rel=1e-9), name
+    ((head, _),) = asked(shown, {"what": "scenario", "to": 8, "values": values})
+    assert 'radial_clearance = "0.3 mm"' in head["text"]
+    refused = asked(shown, {"what": "ask", "to": 9, "values": {"nothing": 1}})
+    assert "nothing" in refused[0][0]["error"]
+
+
+def test_the_widget_shows_the_same_front_end(shown, chromium):
+    """Its module in a browser; messages go to the widget and back."""
+    import base64
+
+    def answer(message):
+        return [
+            [head, [base64.b64encode(bytes(one)).decode() for one in buffers]]
+            for head, buffers in asked(shown, message)
+        ]
+
+    page = chromium.new_page()
+    troubles = []
+    page.on("pageerror", lambda error: troubles.append(str(error)))
+    page.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
+    page.expose_function("toPython", answer)
+    page.set_content("<!doctype html><div id=out></div>")
+    page.evaluate(
+        """async ([module, contents, block]) => {
+            const codes = text => Uint8Array.from(atob(text), one => one.charCodeAt(0));
+            const bytes = text => new DataView(codes(text).buffer);
+            const url = URL.createObjectURL(new Blob([module], {type: "text/javascript"}));
+            const {default: widget} = await import(url), told = [];
+            const model = {
+                get: name => ({contents, block: bytes(block)})[name],
+                on: (what, act) => told.push(act),
+                send: async message => {
+                    for (const [head, buffers] of await window.toPython(message)) {
+                        for (const act of told) act(head, buffers.map(bytes));
+                    }
+                },
+            };
+            widget.render({model, el: document.getElementById("out")});
+            window.jointplay = document.querySelector(".jp-live").live;
+        }""",
+        [shown._esm, shown.contents, base64.b64encode(shown.block).decode()],
+    )
+    answered(page)
+    assert figures(page)["peak force, joint_b"] > 0.0
+    assert page.evaluate("() => window.jointplay.view.shown.bodies.length") > 0
+    assert troubles == []
+    page.close()
+
+
+def test_importing_the_command_line_does_not_need_the_extra():
+    code = "import sys; import jointplay.live.server; print('anywidget' in sys.modules)"
+    done = subprocess.run([PYTHON, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
