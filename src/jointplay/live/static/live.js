@@ -297,7 +297,7 @@ class Live {
             if (!head.quick && !("cycle" in timing)) done("cycle");
             this.say(head.quick ? "quick answer; the exact one is being computed \u2026" : "");
         } else if (head.kind === "end") {
-            timing.ended = true;
+            painted(() => { timing.ended = true; });
             if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
             else if (!this.failed) this.say(answer.cycle && !answer.cycle.quick ? "exact answer" : "no answer");
             this.failed = false;
