@@ -17,6 +17,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few
 from jointplay.core.units import readable
 from jointplay.motion.reference import GOES_ON
+from jointplay.result.certificate import plus_minus
 from jointplay.result.result import Result
 
 if TYPE_CHECKING:
@@ -85,10 +86,19 @@ def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list
     rms = accuracy(error, start).rms[-1]
     tool = result.simulation.mechanism.tool
     answer = (
-        f"{_cause(result)} puts the tool {tool!r} up to {_mm(sizes.max())} off{since} (at t = "
-        f"{at:.4g} s), RMS {_mm(rms)}, against the ideal mechanism{ended}"
+        f"{_cause(result)} puts the tool {tool!r} up to {_peak(result, sizes.max())} off{since} "
+        f"(at t = {at:.4g} s), RMS {_mm(rms)}, against the ideal mechanism{ended}"
     )
     return [answer, *_at_stops(result, error, start)]
+
+
+def _peak(result: Result, size: float) -> str:
+    """The largest tool error with its numerical error, if that is known."""
+    found = result.certificate.headline if result.certificate else ()
+    for figure in found:
+        if figure.name == "peak tool error":
+            return f"{plus_minus(1e3 * figure.value, 1e3 * figure.error)} mm"
+    return _mm(size)
 
 
 def _cause(result: Result) -> str:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from jointplay import kernel
 from jointplay.analysis.twins import ideal_simulation
@@ -22,6 +21,7 @@ from jointplay.contact.trust import files_of
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.core.processes import number_of
+from jointplay.core.progress import ProgressBar
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
@@ -128,7 +128,7 @@ def traces(
         runs = {key: trace for key, trace in there.items() if trace is not None}
     todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
     count = len(todo) + len(runs)
-    bar = tqdm(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
+    bar = ProgressBar(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
     kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
     names = list(todo)
     with bar, run_parallel(_run, todo.values(), jobs, kept=kept) as outcomes:

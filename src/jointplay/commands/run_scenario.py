@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.core import processes, signals, streams
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import claim, holds, refuse_present
+from jointplay.core.progress import current, printing, whole
 from jointplay.core.signals import INTERRUPTED
 from jointplay.simulation.working_files import check_own, working_paths
 
@@ -83,18 +84,19 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.analysis.certification import further_runs
     from jointplay.analysis.headline import HISTORIES
     from jointplay.kernel import Status
-    from jointplay.result.thinning import load_some
     from jointplay.scenario.assumptions import decisive
 
     progress = not options.quiet
     items = {}
-    total, simulations, only_run = 0.0, {}, None
+    lengths, simulations, only_run = {}, {}, None
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
         run = scenario.ready_run(case, progress, item.records)
         simulations[case] = run.simulation
         runs = 1 + (further_runs(run.simulation, item.certified) if item.errors else 0)
-        total += runs * run.total_steps * run.simulation.step
+        length = run.total_steps * run.simulation.step
+        # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
+        lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
         only_run = run if len(cases) == 1 else None
         del run  # and its arrays
     for line in [*decisive(scenario, simulations), *scenario.notes]:
@@ -113,24 +115,20 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         claim(out, [*names, *drawn])
     streams.release()
     left = [item for case, item in items.items() if case not in done]
-    if jobs == 1 or len(left) <= 1:
-        stopped = _run_serially(scenario, left, progress, only_run)
-        only_run = None
-    else:
-        stopped = _run_parallel(scenario, left, jobs, total, progress)
     # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
-    only = None if drawn else HISTORIES
-    results = {
-        case: load_some(item.path, scenario.trust, only)
-        for case, item in items.items()
-        if item.path.exists()
-    }
-    for case, result in results.items():
-        # What was run, rather than built once more from the file, recorded as seldom as this is.
-        every = json.loads(result.dataset.attrs["simulation"])["record_every"]
-        result.simulation = replace(simulations[case], record_every=every)
-        answers = "\n  ".join(_case_headline(result, results, progress))
-        print(f"\n{case}: {answers}\n  {result.message}\n{result.judgement}")
+    summaries = _Summaries(scenario, items, simulations, None if drawn else HISTORIES, progress)
+    total = sum(lengths[item.case][0] for item in left)
+    if all(map(_gives, simulations.values())):
+        total += sum(more for _, more in lengths.values())
+    with whole(total, progress):
+        summaries.add(*done)
+        if jobs == 1 or len(left) <= 1:
+            stopped = _run_serially(scenario, left, progress, only_run, summaries)
+            only_run = None
+        else:
+            stopped = _run_parallel(scenario, left, jobs, summaries)
+        summaries.finish()
+    results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if drawn and drawable:
         plots.save(drawable, out)
@@ -150,13 +148,74 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
 
 
-def _case_headline(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
-    """The headline of a case; its ideal mechanism is another case, or simulated for it."""
-    from jointplay.analysis import is_twin
-    from jointplay.analysis.headline import headline, reference
+class _Summaries:
+    """What came out of each case, printed as soon as it can be."""
 
-    ideal = next((other for other in results.values() if is_twin(result, other)), None)
-    return headline(result, ideal or reference(result, progress))
+    def __init__(
+        self,
+        scenario: Scenario,
+        items: Mapping[str, CaseRun],
+        simulations: Mapping[str, Simulation],
+        only: Sequence[str] | None,
+        progress: bool,
+    ) -> None:
+        """Nothing has been run; `only` are the histories that are looked at, None for all."""
+        self.scenario, self.items, self.simulations = scenario, items, simulations
+        self.only, self.progress = only, progress
+        self.results: dict[str, Result] = {}
+        """Of the cases that are there, in the order of the scenario once all are."""
+        self._printed: set[str] = set()
+        self._ideal = {case for case, one in simulations.items() if not _gives(one)}
+
+    def add(self, *cases: str) -> None:
+        """These are done. Those are printed whose ideal mechanism is there or is no case's."""
+        for case in cases:
+            self._load(case)
+        if self._ideal <= set(self.results):
+            self._print()
+
+    def finish(self) -> None:
+        """No more is run."""
+        for case in self.items:
+            self._load(case)
+        self._print()
+        self.results = {case: self.results[case] for case in self.items if case in self.results}
+
+    def _load(self, case: str) -> None:
+        from jointplay.result.thinning import load_some
+
+        path = self.items[case].path
+        if case in self.results or not path.exists():
+            return
+        result = load_some(path, self.scenario.trust, self.only)
+        # What was run, rather than built once more from the file, recorded as seldom as this is.
+        every = json.loads(result.dataset.attrs["simulation"])["record_every"]
+        result.simulation = replace(self.simulations[case], record_every=every)
+        self.results[case] = result
+
+    def _print(self) -> None:
+        for case, result in self.results.items():
+            if case not in self._printed:
+                self._printed.add(case)
+                lines = [*self._headline(result), result.message]
+                if case in self._ideal:  # there is no error to begin with
+                    lines = [lines[-1], *lines[:-1]]
+                answers = "\n  ".join(lines)
+                with printing():
+                    print(f"\n{case}: {answers}\n{result.judgement}", flush=True)
+
+    def _headline(self, result: Result) -> list[str]:
+        """The headline of a case; its ideal mechanism is another case, or simulated for it."""
+        from jointplay.analysis import is_twin
+        from jointplay.analysis.headline import headline, reference
+
+        ideal = next((other for other in self.results.values() if is_twin(result, other)), None)
+        return headline(result, ideal or reference(result, self.progress))
+
+
+def _gives(simulation: Simulation) -> bool:
+    """Whether a mechanism has joints or gears that are not ideal."""
+    return bool(simulation.mechanism.clearance or simulation.mechanism.gears)
 
 
 def _errors(scenario: Scenario, case: str, options: argparse.Namespace) -> str:
@@ -216,18 +275,20 @@ def _execute(
 
 
 def _run_serially(
-    scenario: Scenario, items: Sequence[CaseRun], progress: bool, ready: Run | None
+    scenario: Scenario,
+    items: Sequence[CaseRun],
+    progress: bool,
+    ready: Run | None,
+    summaries: _Summaries,
 ) -> bool:
     """Run all in this process, the only one as it is `ready`; returns whether told to stop."""
-    from tqdm import tqdm
-
     from jointplay.kernel import Status
 
     for item in items:
         try:
             prepared = ready or scenario.ready_run(item.case, progress, item.records)
-            if progress:
-                tqdm.write(f"case {item.case}:", file=sys.stderr)
+            if len(items) > 1:
+                prepared.label = f"case {item.case} "
             status = _execute(scenario, item, prepared, progress)
         except signals.GivenUp as error:
             signals.say(str(error))
@@ -236,39 +297,39 @@ def _run_serially(
             return True
         if status == Status.INTERRUPTED or signals.stop_requested():
             return True
+        summaries.add(item.case)
     return False
 
 
 def _run_parallel(
-    scenario: Scenario, items: Sequence[CaseRun], jobs: int, total: float, progress: bool
+    scenario: Scenario, items: Sequence[CaseRun], jobs: int, summaries: _Summaries
 ) -> bool:
     """Run each in a process of its own; returns whether it was told to stop."""
-    from tqdm import tqdm
-
     clocks = multiprocessing.RawArray(ctypes.c_double, len(items))
     begun = multiprocessing.RawArray(ctypes.c_int, len(items))
-    layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
-    bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
+    bar, shown = current(), 0.0
     given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
     kept = f"completed results are in {str(items[0].path.parent)!r}"
     pool = processes.Pool(partial(_work, clocks, begun, *given), jobs, begin=_begin, kept=kept)
     left = [item.case for item in items]
     try:
-        with bar, closing(pool):
+        with closing(pool):
             try:
                 pool.start(list(enumerate(items)))
                 while pool.busy:
                     for place, _ in pool.outcomes(_LOOK_S):
                         left.remove(items[place].case)
-                    now = min(sum(clocks), total)
+                        summaries.add(items[place].case)
+                    if bar is None:
+                        continue
+                    now = sum(clocks)
                     ended = f"{len(items) - len(left)} of {len(items)} cases done"
                     for item, runs in zip(items, begun, strict=True):
                         if item.case in left and runs > 1:
                             ended += f", errors of {item.case} (further run {runs - 1})"
-                    bar.set_postfix_str(
-                        ended if now else "starting (the first start ever compiles)", refresh=False
-                    )
-                    bar.update(now - bar.n)
+                    bar.say(ended)
+                    bar.add(now - shown)
+                    shown = now
             except BaseException:
                 _stop_workers(pool, items, left)
                 raise

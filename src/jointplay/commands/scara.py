@@ -41,9 +41,13 @@ def run(options: argparse.Namespace) -> int:
 
     started = time.perf_counter()
     progress = not options.quiet
-    cases, rows, verdicts = study.run_study(options.out, options.runs, options.jobs, progress)
-    for label, result in cases.items():
-        print(f"\n{label}: {result.message}\n{result.audit}")
+    _, rows, verdicts = study.run_study(
+        options.out,
+        options.runs,
+        options.jobs,
+        progress,
+        lambda label, result: print(f"\n{label}: {result.message}\n{result.audit}"),
+    )
     print("\nFigures with their numerical errors, compared with the explicit method:\n")
     print(study.errors_text(rows))
     if verdicts:

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
-from tqdm import tqdm
 
 from jointplay.core.errors import (
     JointplayError,
@@ -31,6 +30,7 @@ from jointplay.core.errors import (
     require_share,
     require_whole,
 )
+from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import columns
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget, half_sphere
@@ -71,7 +71,7 @@ class ErrorModel:
         """Find the sources of play at all poses, and draw states if a quantile is asked for."""
         self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
         self.seed, self.driven = seed, driven
-        self._bar = tqdm(
+        self._bar = ProgressBar(
             desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
         )
         self.names = allocated(mechanism)

@@ -23,13 +23,13 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog, minimize
-from tqdm import tqdm
 
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
     require_positive,
 )
+from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.allocation import PATIENCE_S
 from jointplay.design.error_budget import (
@@ -219,7 +219,7 @@ def allocate_causes(
     weight = np.array([prices.get(c, 1.0) * weights.get(j, 1.0) for j, c in free])
     least = np.array([limits.get(c, LIMIT) for _, c in free])
     curved = any(c == "play" and is_proportional(mechanism, j) for j, c in free)
-    with tqdm(desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S,
+    with ProgressBar(desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S,
               leave=False) as bar:  # fmt: skip
         x, aim, budget = np.ones(len(free)), target * (1.0 - _FITS), first
         for _ in range(_RENEWALS):

@@ -23,11 +23,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
+from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import csv_text
 from jointplay.joints import RollingBearing
 from jointplay.joints.base import BoreWear
@@ -143,7 +143,7 @@ def wear_blocks(
     worn: Depths = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
     first = simulation.seed or 0
     seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
-    with tqdm(total=blocks * runs, disable=not progress, unit="run", desc="wear") as bar:
+    with ProgressBar(total=blocks * runs, disable=not progress, unit="run", desc="wear") as bar:
         for block in range(blocks):
             machine = with_worn(simulation, worn)
             drawn = [replace(machine, seed=seed) for seed in seeds]

@@ -128,9 +128,9 @@ def extra(name: str, package: str) -> Iterator[None]:
 
 def in_blocks(number: int, size: int, what: str, progress: bool) -> Iterator[slice]:
     """Blocks of so many records, with a bar."""
-    from tqdm import tqdm
+    from jointplay.core.progress import ProgressBar
 
-    with tqdm(desc=what, total=number, disable=not progress, unit="record") as bar:
+    with ProgressBar(desc=what, total=number, disable=not progress, unit="record") as bar:
         for first in range(0, max(number, 1), size):
             yield slice(first, first + size)
             bar.update(min(size, number - first))

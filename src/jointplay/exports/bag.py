@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from jointplay import exports
+from jointplay.core.progress import ProgressBar
 from jointplay.exports.trajectory import encoders, joint_trajectory, message, stamp
 from jointplay.result.result import AXES, Result
 
@@ -70,7 +70,7 @@ def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     sink = io.BytesIO()
     schemas: dict[str, Any] = {}
     with Writer(sink) as writer:
-        steps = tqdm(_messages(result), "bag", disable=not progress, unit="message")
+        steps = ProgressBar(_messages(result), "bag", disable=not progress, unit="message")
         for topic, kind, time, content in steps:
             if kind not in schemas:
                 schemas[kind] = writer.register_msgdef(kind, definition(kind))

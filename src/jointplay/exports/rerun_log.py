@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import trimesh
-from tqdm import tqdm
 
 from jointplay import exports
+from jointplay.core.progress import ProgressBar
 from jointplay.exports.table import columns
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.visuals import look
@@ -92,7 +92,7 @@ def _poses(
     held = {name: mechanism.bearing_frame(name) for name in mechanism.clearance}
     poses = np.empty((len(links), len(result.time), 7))
     origins = {name: np.empty((len(result.time), 3)) for name in held}
-    for i, q in enumerate(tqdm(result.q, "poses", disable=not progress, unit="record")):
+    for i, q in enumerate(ProgressBar(result.q, "poses", disable=not progress, unit="record")):
         pin.framesForwardKinematics(model, data, q)
         for k, frame in enumerate(frames):
             poses[k, i] = pin.SE3ToXYZQUAT(data.oMf[frame])

@@ -607,11 +607,11 @@ def _bar(show: bool, total: int) -> Any:
     """A progress bar that appears after two seconds, as a context with a function that counts."""
     from contextlib import contextmanager
 
-    from tqdm import tqdm
+    from jointplay.core.progress import ProgressBar
 
     @contextmanager
     def shown() -> Any:
-        with tqdm(total=total, desc="models", delay=2.0, disable=not show) as bar:
+        with ProgressBar(total=total, desc="models", delay=2.0, disable=not show) as bar:
             yield lambda: bar.update(1)
 
     return shown()

@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from scipy.signal import find_peaks
 from scipy.stats import bootstrap, qmc
 from scipy.stats import t as student
-from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
+from jointplay.core.progress import ProgressBar
 from jointplay.identification.fit import CONFIDENCE
 from jointplay.identification.measurement import Key, Measurement
 from jointplay.identification.parameters import friction_of, with_clearance
@@ -702,7 +702,7 @@ def by_simulation(
         )
     joints = simulation.mechanism.clearance.values()
     low, high = (np.array([delivered(one, end) for one in joints]) for end in (LOW, HIGH))
-    with tqdm(total=runs, desc="restitution", disable=not progress, unit="run") as bar:
+    with ProgressBar(total=runs, desc="restitution", disable=not progress, unit="run") as bar:
         values = design(runs // 2, low, high, seed)
         table = compared.run(values, jobs, bar)
         first, _ = compared.fit(values, table, low, high)
@@ -739,7 +739,7 @@ class _Comparison:
         statistics = self._instruments.statistics(measured)
         self._names, self._measured = list(statistics), np.array(list(statistics.values()))
 
-    def run(self, values: np.ndarray, jobs: int | None, bar: tqdm) -> np.ndarray:
+    def run(self, values: np.ndarray, jobs: int | None, bar: ProgressBar) -> np.ndarray:
         """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
         todo = [self._with(row) for row in values]
         rows = run_in_order(self._instruments.statistics_of_run, todo, jobs, bar)

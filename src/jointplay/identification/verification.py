@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
-from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
+from jointplay.core.progress import ProgressBar
 from jointplay.identification.fit import basis
 from jointplay.identification.identification import NORMAL, Identification, spreads
 from jointplay.identification.measurement import tool_positions
@@ -155,7 +155,7 @@ def verify(
     if instruments is not None:
         own = instruments.settings(simulation)
     drawn = [_perturbed(own, identification, number) for number in range(runs)]
-    with tqdm(total=runs, desc="verify", disable=not progress, unit="run") as bar:
+    with ProgressBar(total=runs, desc="verify", disable=not progress, unit="run") as bar:
         found = run_in_order(partial(_look, identification, instruments), drawn, jobs, bar)
     means, rows = zip(*found, strict=True)
     statistics = {} if instruments is None else instruments.statistics(measured)

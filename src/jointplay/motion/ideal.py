@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
-from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
+from jointplay.core.progress import ProgressBar
 from jointplay.mechanism.loop import assemble, closing_rows, follow
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -179,8 +179,8 @@ class IdealMotion:
 def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
     """`things`, with a bar of how many have been taken if that takes long."""
     if not progress:
-        return things  # and nothing of tqdm: see `simulation.progress`
-    bar: Iterable[int] = tqdm(
+        return things  # and nothing of ProgressBar: see `simulation.progress`
+    bar: Iterable[int] = ProgressBar(
         things,
         "tabulating the motion",
         delay=_PATIENCE_S,

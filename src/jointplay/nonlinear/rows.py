@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from jointplay.analysis import ideal_simulation
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
+from jointplay.core.progress import ProgressBar
 from jointplay.nonlinear import lyapunov, steady_motion
 from jointplay.nonlinear.poincare import once_per_turn
 from jointplay.nonlinear.run_up import RunUp
@@ -270,7 +270,7 @@ class Table:
         missing = [key for key in keys if key not in self.rows]
         if not missing:
             return 0
-        bar = tqdm(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
+        bar = ProgressBar(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
         kept = f"finished values are in {str(self.path)!r}; the same command continues"
         with bar, run_parallel(partial(_found, work), missing, jobs, kept=kept) as outcomes:
             for place, found in outcomes:

@@ -181,7 +181,7 @@ def film(
     content: bytes, contents: Mapping[str, Any], path: Path, shot: Shot, progress: bool = False
 ) -> MovieFile:
     """Film a page with these contents; see `player.save_movie`."""
-    from tqdm import tqdm
+    from jointplay.core.progress import ProgressBar
 
     suffix = path.suffix.lower()
     begin = min(case["start"] for case in contents["cases"])
@@ -202,7 +202,9 @@ def film(
     with ExitStack() as stack:
         folder = Path(stack.enter_context(files.temporary("film")))
         take = stack.enter_context(_browser(content, contents, shot, folder))
-        bar = tqdm(times, unit=" frames", disable=not progress or speed is None, desc="filming")
+        bar = ProgressBar(
+            times, unit=" frames", disable=not progress or speed is None, desc="filming"
+        )
         taken = (take(float(t), span, f"t = {t:.{digits}f} s{how}") for t in bar)
         made = next(taken) if speed is None else _encoded(taken, folder, suffix, shot)
     files.write(path, made)

@@ -84,8 +84,7 @@ def render(scene: Scene, title: str) -> bytes:
     security policy forbids the browser any request.
     """
     bundle = resources.files("meshcat") / "viewer" / "dist"
-    player = "
-".join((components(), (_OWN / "player.js").read_text("utf-8")))
+    player = "\n".join((components(), (_OWN / "player.js").read_text("utf-8")))
     scripts = [
         as_script((bundle / "main.min.js").read_text("utf-8")),
         as_script(f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}'),

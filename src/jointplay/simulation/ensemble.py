@@ -8,10 +8,9 @@ from contextlib import closing, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tqdm import tqdm
-
 from jointplay import kernel
 from jointplay.core.processes import Pool, number_of, one_thread, with_item
+from jointplay.core.progress import ProgressBar
 from jointplay.kernel import Status
 
 if TYPE_CHECKING:
@@ -74,7 +73,7 @@ def ensemble(
     """
     kept: dict[int, Any] = {}
     total = len(simulations) if isinstance(simulations, Sized) else None
-    bar = tqdm(total=total, unit="run", disable=not progress, delay=BAR_AFTER_S)
+    bar = ProgressBar(total=total, unit="run", disable=not progress, delay=BAR_AFTER_S)
     one = partial(_run, keep, check_step)
     try:
         with bar, run_parallel(one, simulations, jobs, name="simulations") as outcomes:
@@ -119,7 +118,7 @@ def run_to_the_end(simulation: Simulation, words: str) -> Result:
 
 
 def run_in_order(
-    work: Callable[[Item], Value], items: Iterable[Item], jobs: int | None, bar: tqdm
+    work: Callable[[Item], Value], items: Iterable[Item], jobs: int | None, bar: ProgressBar
 ) -> list[Value]:
     """What came of the items, in their order; each moves the bar by one. See `run_parallel`."""
     found: dict[int, Value] = {}

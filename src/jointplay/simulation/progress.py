@@ -1,8 +1,4 @@
-"""The progress bars of a run.
-
-Nothing of tqdm is made where nothing is shown: its bars share a lock between processes, and one
-that was killed while it held the lock would never give it back.
-"""
+"""The progress bars of a run."""
 
 from __future__ import annotations
 
@@ -10,7 +6,7 @@ import math
 import time
 from typing import Any
 
-from tqdm import tqdm
+from jointplay.core.progress import ProgressBar, current
 
 
 class Bar:
@@ -23,8 +19,12 @@ class Bar:
             "{remaining} left"
         )
         self._bar: Any = None
-        if show:
-            self._bar = tqdm(
+        self._whole = current() if show else None
+        self._reached = begin
+        if self._whole is not None:
+            self._whole.say(label.strip())
+        elif show:
+            self._bar = ProgressBar(
                 total=total,
                 bar_format=layout,
                 mininterval=0.2,
@@ -36,7 +36,12 @@ class Bar:
 
     def update(self, now: float) -> None:
         """Say that the run has got to the time `now` [s]."""
-        if self._bar is None or not math.isfinite(now):
+        if not math.isfinite(now):
+            return
+        if self._whole is not None:
+            self._whole.add(now - self._reached)
+            self._reached = now
+        if self._bar is None:
             return
         speed = (now - self._begin) / max(time.perf_counter() - self._started, 1e-9)
         self._bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
@@ -54,7 +59,7 @@ class Writing:
     def __init__(self, total: int, show: bool) -> None:
         """Show nothing unless `show`; `total` is how many there are."""
         layout = "writing the histories {percentage:3.0f}%|{bar}| {remaining} left"
-        self._bar: Any = tqdm(total=total, bar_format=layout) if show else None
+        self._bar: Any = ProgressBar(total=total, bar_format=layout) if show else None
 
     def update(self, records: int) -> None:
         """Say that so many more are written."""

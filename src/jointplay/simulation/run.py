@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from tqdm import tqdm
 
 from jointplay.core import signals
 from jointplay.core.errors import (
@@ -532,10 +532,8 @@ class Run:
         workspace = self.workspace
         if not self._begun:
             self._origin = workspace.q.copy(), workspace.v.copy()
-        if progress and not self._loop.compiled:
-            note = "loading compiled kernels (the first start ever compiles them, half a minute)"
-            tqdm.write(note, file=sys.stderr)
-        self._loop.compile()
+        with _saying_if_long(progress and not self._loop.compiled):
+            self._loop.compile()
         bar = Bar(self.total_steps * self.simulation.step, progress, self.label, workspace.time)
         self._since = time.perf_counter() - self._elapsed
         with ExitStack() as stack:
@@ -734,3 +732,21 @@ class Run:
     def message(self, status: Status) -> str:
         """One line on how the run ended."""
         return end_message(self.mechanism, self.workspace, status, list(self.simulation.loads))
+
+
+_COMPILES_S = 5.0
+"""Loading compiled kernels takes less than this; compiling them, at the first start, much more."""
+
+
+@contextmanager
+def _saying_if_long(say: bool) -> Iterator[None]:
+    """Within the block kernels are loaded; what is going on is said if they are compiled."""
+    words = "compiling the kernels, half a minute or two; the next start loads them"
+    timer = threading.Timer(_COMPILES_S, lambda: print(words, file=sys.stderr, flush=True))
+    timer.daemon = True
+    if say:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
-
-from tqdm import tqdm
 
 from jointplay.analysis.certification import add_certificate, figures
 from jointplay.analysis.claims import Measures, measure
@@ -104,16 +101,23 @@ def perturbed(condition: Condition, label: str, seed: int) -> Measures:
     return measure(run.completed(f"{condition}, {label}, seed {seed}"), _ideal(condition))
 
 
+def length() -> float:
+    """What a run simulates [s]."""
+    motion = scara(None).motion
+    assert motion is not None
+    return motion.duration
+
+
 def run_case(label: str, out: Path, progress: bool) -> Result:
     """Simulate one of the three cases, save it, and certify it.
 
     Raises:
         KeyboardInterrupt: after Ctrl-C, when the case has been saved as far as it came.
     """
-    if progress:
-        tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    _, result = run_and_save(Run(simulation, progress), out / FILES[label], progress)
+    run = Run(simulation, progress)
+    run.label = f"case {label} "
+    _, result = run_and_save(run, out / FILES[label], progress)
     assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt

@@ -12,17 +12,24 @@ from operator import call
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
 from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
+from jointplay.core.progress import current
 from jointplay.core.tables import csv_text, markdown
 from jointplay.mechanism.urdf import GRAVITY
 from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
-from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
+from jointplay.study.cases import (
+    CASES,
+    CONDITIONS,
+    VARIANTS,
+    Condition,
+    explicit,
+    length,
+    perturbed,
+)
 
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
@@ -77,6 +84,7 @@ class Ensembles:
         for place, found in pool.run(work):
             if place < len(self._others):
                 self.explicit[self._others[place]] = found
+                self._simulated()
             else:
                 self._keep(self.plan[place - len(self._others)], found)
 
@@ -92,17 +100,30 @@ class Ensembles:
         self.measures[key] = measures
         files.append(self.table, text.getvalue())
 
-    def wait(self, collecting: Future[None], progress: bool) -> None:
+        self._simulated()
+
+    def _simulated(self) -> None:
+        """Say that a run is done."""
+        if (bar := current()) is not None:
+            bar.add(length())
+
+    @property
+    def to_simulate(self) -> float:
+        """What the runs that `started` begins simulate, without `others` [s]."""
+        return len(self.plan) * length()
+
+    def wait(self, collecting: Future[None]) -> None:
         """Wait for the runs, those by the explicit method among them.
 
         Raises:
             JointplayError: a run did not complete, or the table cannot be written.
         """
-        total = len(self.plan) + len(self._others)
-        with tqdm(total=total, desc="further runs", unit="run", disable=not progress) as bar:
-            while not collecting.done():
-                wait([collecting], _LOOK_S)
-                bar.update(len(self.measures) + len(self.explicit) - bar.n)
+        while not collecting.done():
+            wait([collecting], _LOOK_S)
+            if (bar := current()) is not None:
+                done, all_runs = len(self.measures), len(self.plan)
+                bar.say(f"perturbed runs, {done} of {all_runs}")
+                bar.add(0.0)
         collecting.result()
 
     def verdicts(self) -> list[Verdict]:

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from jointplay.analysis.certification import further_runs
 from jointplay.analysis.claims import Verdict
 from jointplay.core import files, signals
+from jointplay.core.progress import printing, whole
 from jointplay.core.tables import columns, markdown
 from jointplay.result.result import Result
-from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S, run_case
+from jointplay.study.cases import (
+    BESIDE,
+    CASES,
+    DIFFERS,
+    EXPLICIT,
+    EXPLICIT_STEP_S,
+    length,
+    run_case,
+    scara,
+)
 from jointplay.study.ensembles import Ensembles, made_with, write_claims
 from jointplay.study.outputs import folder
 
@@ -99,7 +110,11 @@ def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def run_study(
-    out: str | Path, runs: int = 8, jobs: int | None = None, progress: bool = True
+    out: str | Path,
+    runs: int = 8,
+    jobs: int | None = None,
+    progress: bool = True,
+    done: Callable[[str, Result], None] = lambda label, result: None,
 ) -> tuple[dict[str, Result], list[tuple[str, ...]], list[Verdict]]:
     """Run the whole study into the folder `out`.
 
@@ -108,7 +123,8 @@ def run_study(
             ``claims.md``, ``claims.csv`` and ``ensemble.csv`` (the numbers of every perturbed run).
         runs: perturbed runs for each clearance and condition; 0 leaves the claims out.
         jobs: processes; None takes one for each core.
-        progress: show progress bars.
+        progress: show a bar.
+        done: is told of each case when it has been run and certified.
 
     Returns:
         The cases by label, the rows of `errors_table`, and the verdicts on the claims.
@@ -122,14 +138,24 @@ def run_study(
     out = folder(out, runs, jobs)
     # The first case has the kernels compiled and cached; from then on all cores can work.
     first, *rest = CASES
-    cases = {first: run_case(first, out, progress)}
+    cases: dict[str, Result] = {}
     ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
+    played = [label for label, clearance in CASES.items() if clearance is not None]
+
+    def run(label: str) -> None:
+        cases[label] = run_case(label, out, progress)
+        with printing():
+            done(label, cases[label])
+
+    of_cases = sum(1 + further_runs(scara(clearance)) for clearance in CASES.values())
+    total = (of_cases + len(played)) * length() + ensembles.to_simulate
     try:
-        played = [label for label, clearance in CASES.items() if clearance is not None]
-        with ensembles.started(played) as collecting:
-            for label in rest:
-                cases[label] = run_case(label, out, progress)
-            ensembles.wait(collecting, progress)
+        with whole(total, progress):
+            run(first)
+            with ensembles.started(played) as collecting:
+                for label in rest:
+                    run(label)
+                ensembles.wait(collecting)
     finally:  # whatever happens, what was found is written
         with signals.keeping(f"the tables in {out}"):
             rows = errors_table(cases, ensembles.explicit)

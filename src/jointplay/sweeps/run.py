@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import xarray as xr
-from tqdm import tqdm
 
 from jointplay import kernel
 from jointplay.core.errors import JointplayError
 from jointplay.core.processes import MOST_DEATHS, Pool, number_of
+from jointplay.core.progress import ProgressBar
 from jointplay.core.schema import one_of
 from jointplay.core.units import toml_text
 from jointplay.scenario import Scenario
@@ -266,7 +266,7 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
         "{percentage:3.0f}%|{bar}| {n}/{total} cases{postfix}, {elapsed} gone, {remaining} left"
     )
     failed = int(np.count_nonzero(store.state == FAILED))
-    bar = tqdm(
+    bar = ProgressBar(
         total=made.count, initial=made.count - left, disable=not progress, bar_format=layout,
         mininterval=0.2, smoothing=0.05,
     )  # fmt: skip
@@ -373,7 +373,7 @@ def _check_values(made: Plan, bench: Bench, progress: bool) -> None:
         column = made.drawn_values[:, k]
         for number in dict.fromkeys((int(np.argmin(column)), int(np.argmax(column)))):
             tried.append((axis, number, float(column[number]), column[number]))
-    bar = tqdm(tried, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
+    bar = ProgressBar(tried, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
     for axis, number, value, coordinate in bar:
         reason = _refusal(made, bench, axis, number, value)
         if reason is None:

@@ -1,0 +1,135 @@
+"""Progress of what takes longer than a moment: a bar in a terminal, now and then a line in a file.
+
+Nothing of tqdm is made where nothing is shown: its bars share a lock between processes, and one
+that was killed while it held the lock would never give it back.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from tqdm import tqdm
+
+LINE_EVERY_S = 10.0
+"""Interval at which progress is said where there is no terminal [s]."""
+
+_LINE = "{desc} {percentage:3.0f} %, {n_fmt}/{total_fmt} {unit}{postfix}, {remaining} left"
+_COUNT = "{desc} {n_fmt} {unit}{postfix}, {elapsed} gone"
+
+
+class ProgressBar(tqdm):
+    """A bar of tqdm's in a terminal; in a file or a pipe a line each `LINE_EVERY_S`.
+
+    Arguments are tqdm's.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        """Begin; standard error takes it, as with tqdm."""
+        self._lines = not _terminal(options.get("file") or sys.stderr)
+        if self._lines:
+            layout = options.get("bar_format")
+            if layout is None:
+                known = options.get("total") is not None or args
+                layout = _LINE if known else _COUNT
+            options["bar_format"] = layout.replace("%|{bar}|", " %,")
+            options |= {"mininterval": LINE_EVERY_S, "maxinterval": LINE_EVERY_S, "miniters": 1}
+            options["delay"] = max(options.get("delay", 0.0), LINE_EVERY_S)
+        super().__init__(*args, **options)
+
+    def close(self) -> None:
+        """End it; a bar stays as it is, and of lines there is a last one if there was any."""
+        if not self._lines or self.disable:
+            super().close()
+            return
+        if self.last_print_t >= self.start_t + self.delay:
+            self.display()
+        self.disable = True
+        self._decr_instances(self)
+
+    @staticmethod
+    def status_printer(file: Any) -> Callable[[str], None]:
+        """What writes the bar, or a line."""
+        if _terminal(file):
+            return tqdm.status_printer(file)  # type: ignore[no-any-return]
+
+        said = ""
+
+        def write(text: str) -> None:
+            nonlocal said
+            if text.strip() and text.strip() != said:
+                said = text.strip()
+                file.write(f"{said}\n")
+                file.flush()
+
+        return write
+
+
+def _terminal(stream: Any) -> bool:
+    try:
+        return bool(stream.isatty())
+    except (AttributeError, ValueError):  # none at all, or closed
+        return False
+
+
+class Whole:
+    """One bar for a piece of work of several runs, by the time that they simulate [s].
+
+    The bars of runs that begin in the meantime add to it instead of standing on their own.
+    """
+
+    def __init__(self, total: float) -> None:
+        """`total` is what all runs simulate together [s]."""
+        layout = (
+            "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
+        )
+        self._bar = ProgressBar(total=total, bar_format=layout, mininterval=0.2, smoothing=0.0)
+
+    def add(self, seconds: float) -> None:
+        """So much more has been simulated [s]."""
+        self._bar.total = max(self._bar.total, self._bar.n + seconds)
+        self._bar.update(max(seconds, 0.0))
+
+    def say(self, words: str) -> None:
+        """What is being done now."""
+        self._bar.set_postfix_str(words, refresh=False)
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        self._bar.close()
+
+
+_whole: Whole | None = None
+
+
+def current() -> Whole | None:
+    """The bar of the whole, within `whole`."""
+    return _whole
+
+
+@contextmanager
+def whole(total: float, show: bool) -> Iterator[None]:
+    """Within the block one bar is for all runs; `total` is what they simulate together [s]."""
+    global _whole
+    if not show or _whole is not None:
+        yield
+        return
+    _whole = Whole(total)
+    try:
+        yield
+    finally:
+        bar, _whole = _whole, None
+        bar.close()
+
+
+@contextmanager
+def printing() -> Iterator[None]:
+    """Within the block text can be printed while bars are shown."""
+    if _whole is None or not _terminal(sys.stderr):
+        yield
+        return
+    with tqdm.external_write_mode(file=sys.stdout):
+        yield
+        sys.stdout.flush()

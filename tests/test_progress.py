@@ -1,0 +1,106 @@
+"""Progress: bars in a terminal, lines in a file, one bar for the whole."""
+
+import fcntl
+import io
+import os
+import pty
+import re
+import struct
+import subprocess
+import termios
+from contextlib import suppress
+
+import pytest
+from warm import JOINTPLAY
+
+from jointplay.core import progress
+from jointplay.simulation.progress import Bar
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
+    file = io.StringIO()
+    bar = progress.ProgressBar(total=100, desc="wear", unit="run", file=file)
+    for _ in range(100):
+        bar.update()
+    bar.close()
+    assert file.getvalue() == ""  # it took no ten seconds
+    monkeypatch.setattr(progress, "LINE_EVERY_S", 0.0)
+    bar = progress.ProgressBar(total=4, desc="wear", unit="run", file=file)
+    for _ in range(4):
+        bar.update()
+    bar.close()
+    lines = file.getvalue().splitlines()
+    assert len(lines) == len(set(lines)) == 5
+    assert lines[2].startswith("wear  50 %, 2/4 run, ")
+    assert "|" not in file.getvalue()
+    assert "\r" not in file.getvalue()
+
+
+def test_a_terminal_has_a_bar():
+    file = Terminal()
+    with progress.ProgressBar(total=2, file=file, mininterval=0.0) as bar:
+        bar.update(2)
+    assert "100%|" in file.getvalue()
+
+
+def test_runs_within_a_whole_add_to_its_one_bar(monkeypatch):
+    file = Terminal()
+    monkeypatch.setattr("sys.stderr", file)
+    with progress.whole(3.0, True):
+        for label in ("first ", "second "):
+            bar = Bar(1.0, True, label)
+            bar.update(0.25)
+            bar.update(1.0)
+            bar.close()
+        assert progress.current()._bar.n == pytest.approx(2.0)
+        progress.current().add(2.0)  # more than was expected
+        assert progress.current()._bar.total == pytest.approx(4.0)
+    assert progress.current() is None
+    assert "simulated, second" in file.getvalue()
+    assert file.getvalue().count("\n") == 1  # one bar, which stays
+
+
+def test_nothing_is_shown_unless_asked_for(monkeypatch):
+    file = Terminal()
+    monkeypatch.setattr("sys.stderr", file)
+    with progress.whole(1.0, False), progress.printing():
+        bar = Bar(1.0, False)
+        bar.update(1.0)
+        bar.close()
+    assert file.getvalue() == ""
+
+
+def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(tmp_path):
+    """In a terminal; into a pipe go the answers and no bar."""
+    command = [JOINTPLAY, "run", "jointplay:scara.toml", "--no-figures", "--jobs", "1"]
+    short = ["--set", "integration.duration=0.2"]
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 110, 0, 0))
+    shown = bytearray()
+    with subprocess.Popen(
+        [*command, *short, "--out", tmp_path / "a"], stdout=theirs, stderr=theirs
+    ) as process:
+        os.close(theirs)
+        with suppress(OSError):  # the end, on Linux
+            while data := os.read(ours, 65536):
+                shown += data
+    os.close(ours)
+    assert process.returncode == 0
+    screen = shown.decode()
+    bars = [line for line in re.split(r"[\r\n]", screen) if "%|" in line]
+    totals = {re.search(r"/([\d.]+) s simulated", line)[1] for line in bars}
+    assert len(totals) == 1  # one bar for all three cases and their further runs
+    assert screen.index("ideal: completed") < screen.index("0.5 mm: Play of 0.5 mm")
+    assert screen.rindex("%|") > screen.index("0.2 mm: Play of 0.2 mm")
+    done = subprocess.run(
+        [*command, *short, "--out", tmp_path / "b"],
+        capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "%|" not in done.stderr
+    assert "\r" not in done.stderr
