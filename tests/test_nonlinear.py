@@ -223,3 +223,55 @@ def test_ideal_slider_crank_gives_one_point_and_the_closed_form():
     angle = 2.0 * np.pi * np.arange(len(kept)) / 400
     exact = 0.05 * np.cos(angle) + np.sqrt(0.12**2 - (0.05 * np.sin(angle)) ** 2)
     assert kept[:, 1] == pytest.approx(exact, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "label"),
+    [
+        ("joints.piston_pin.radial_clearance=0.1:0.5:3 mm", "radial clearance of piston_pin [mm]"),
+        ("motion.speeds.crank_pin=500:5000:3 rpm", "speed of crank_pin [rpm]"),
+        ("joints.piston_pin.restitution=0.5:0.9:3", "restitution of piston_pin [SI unit]"),
+    ],
+)
+def test_axes_of_figures_have_words_and_units(text, label):
+    from jointplay.nonlinear.rows import Varied
+
+    assert Varied.parse(text).label == label
+
+
+def test_a_bifurcation_names_quantity_unit_and_turns(tmp_path, monkeypatch):
+    from jointplay import cli
+    from jointplay.plots import nonlinear
+
+    drawn = []
+    made = nonlinear.bifurcation
+
+    def kept(*arguments):
+        drawn.append(made(*arguments))
+        return drawn[-1]
+
+    monkeypatch.setattr(nonlinear, "bifurcation", kept)
+    status = cli.main(
+        ["dynamics", "jointplay:slider_crank.toml", "bifurcation", "--case", "0.2 mm", "--settle",
+         "1", "--keep", "2", "--vary", "joints.piston_pin.radial_clearance=0.1:0.2:2 mm", "--out",
+         str(tmp_path / "out"), "--quiet", "--jobs", "1"]
+    )  # fmt: skip
+    assert status == 0
+    (axes,) = drawn[0].axes
+    assert axes.get_xlabel() == "radial clearance of piston_pin [mm]"
+    assert axes.get_ylabel() == "acceleration of guide [m/s²], once a turn"
+    caption = drawn[0]._supxlabel.get_text().replace("\n", " ")
+    assert "turns 2 to 3 at each of 2 values" in caption
+    assert "period of the motion" in caption
+
+
+def test_decades_of_a_waterfalls_colours_are_plain_text():
+    from jointplay.plots.nonlinear import waterfall
+
+    amplitudes = np.geomspace(1.0, 1e4, 30).reshape(3, 10)
+    figure = waterfall(np.arange(3.0), np.arange(10.0), amplitudes, "speed [rpm]", "force [N]")
+    figure.canvas.draw()
+    labels = [text.get_text() for axes in figure.axes for text in axes.get_yticklabels()]
+    assert "10⁴" in labels
+    assert not any("$" in label for label in labels)
+    assert figure.axes[0].get_title() == "tallest peak: 1e+04 N"

@@ -46,6 +46,53 @@ def test_tool_histories_show_all_cases_in_the_papers_colours(cases, name):
         assert np.array_equal(drawn, cases["0.2 mm"][variable].sel(axis=axis))
 
 
+def test_a_single_runs_overview_shows_its_tool_error(cases):
+    from jointplay import analysis
+
+    figure = plots.FIGURES["overview"]({"0.5 mm": cases["0.5 mm"]})
+    error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
+    (line,) = error.get_lines()
+    expected = analysis.deviation(cases["0.5 mm"], cases["ideal"]).values
+    expected = 1e3 * np.linalg.norm(expected, axis=1)
+    assert np.allclose(line.get_ydata(), expected, atol=1e-3 * expected.max())
+
+
+def test_the_ideal_mechanism_is_red_wherever_it_stands(cases):
+    from jointplay.plots.palette import COLOURS
+    from jointplay.plots.palette import colours as colours_of
+
+    last = {"0.2 mm": cases["0.2 mm"], "0.5 mm": cases["0.5 mm"], "ideal": cases["ideal"]}
+    assert colours_of(last) == [COLOURS[1], COLOURS[2], COLOURS[0]]
+
+
+def test_a_tool_on_a_straight_line_has_no_path_and_one_row(coarse, tmp_path):
+    import jointplay as jp
+
+    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
+    runs = {
+        case: scenario.simulation(case, {"integration": {"duration": "0.014 s"}}).run()
+        for case in ("ideal", "0.2 mm")
+    }
+    written = {path.name for path in plots.save(runs, tmp_path)}
+    assert "tool_velocity.png" in written
+    assert "tool_path.png" not in written
+    figure = plots.FIGURES["tool_velocity"](runs)
+    assert [axes.get_ylabel() for axes in figure.axes] == ["velocity x [m/s]", "x - ideal [mm/s]"]
+    assert "does not move along y and z" in figure._supxlabel.get_text()
+
+
+@pytest.mark.parametrize(("number", "smallest"), [(400, 2.0), (30, 4.0)])
+def test_points_of_a_bifurcation_can_be_seen(number, smallest):
+    from jointplay.plots.nonlinear import bifurcation
+
+    values = np.linspace(0.0, 1.0, number)
+    samples = np.zeros((number, 3))
+    figure = bifurcation(values, samples, "radial clearance [mm]", "force [N]", caption="40 turns")
+    (points,) = figure.axes[0].get_lines()
+    assert points.get_markersize() >= smallest
+    assert figure._supxlabel.get_text() == "40 turns"
+
+
 def test_a_run_too_short_for_a_spectrum_is_named_in_the_legend(cases):
     short = shortened(0.2e-3, 1e-3)
     figure = figures._spectra({"long": cases["0.2 mm"], "short": short}, None)

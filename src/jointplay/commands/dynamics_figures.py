@@ -54,8 +54,24 @@ class FigureJob:
         study, options = self.study, self.options
         case = f", case {options.case}" if options.case else ""
         case += " changed" if case and (options.vary or options.changes) else ""
-        file = Path(options.file.removeprefix("jointplay:")).stem
-        return f"{file}{case}: turns {study.settle + 1} to {study.end}"
+        return f"{self.file}{case}: turns {study.settle + 1} to {study.end}"
+
+    @property
+    def file(self) -> str:
+        """The scenario's name."""
+        return Path(self.options.file.removeprefix("jointplay:")).stem
+
+    @property
+    def sampling(self) -> str:
+        """How points were sampled, for a caption."""
+        study, options = self.study, self.options
+        base = f" Other keys as in case {options.case}." if options.case else ""
+        given = f" Changed: {', '.join(options.changes)}." if options.changes else ""
+        return (
+            f"One point a turn (period of the motion), {study.phase:g} of a turn after its start: "
+            f"turns {study.settle + 1} to {study.end} at each of {len(self.keys)} values, "
+            f"{study.settle} turns of settling left out.{base}{given}"
+        )
 
     @property
     def varied(self) -> Varied:
@@ -85,7 +101,8 @@ def bifurcation(job: FigureJob) -> Figure:
     print(_repeats([poincare.repeats_after(row, near) for row in good], near))
     values = np.array(job.varied.values)
     up = f"{job.labels()[0]}, once a turn"
-    return plots.bifurcation(values, samples, job.varied.label, up, job.title)
+    title = f"{job.file}: {job.labels()[0].rpartition(' [')[0]} over the {job.varied.words}"
+    return plots.bifurcation(values, samples, job.varied.label, up, title, job.sampling)
 
 
 def _repeats(periods: list[int | None], near: float) -> str:

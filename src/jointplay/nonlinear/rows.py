@@ -71,8 +71,17 @@ class Varied:
 
     @property
     def label(self) -> str:
-        """For an axis of a figure."""
-        return f"{self.key} [{self.unit or 'SI'}]"
+        """For an axis of a figure: ``radial clearance of piston_pin [mm]``."""
+        return f"{self.words} [{self.unit or 'SI unit'}]"
+
+    @property
+    def words(self) -> str:
+        """The key in words: ``radial clearance of piston_pin``."""
+        *group, name = self.key.split(".")
+        words, of = name.replace("_", " "), ".".join(group[1:])
+        if group[:2] == ["motion", "speeds"]:  # the last part names a joint
+            words, of = "speed", name
+        return f"{words}{f' of {of}' if of else ''}"
 
 
 @dataclass(frozen=True)

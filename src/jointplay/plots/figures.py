@@ -20,11 +20,13 @@ from jointplay.core import files
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.plots.names import MARK, PAPER, is_paper_robot
 from jointplay.plots.palette import Cases, colours, reference
-from jointplay.plots.style import listed, new_figure, style
+from jointplay.plots.style import footnote, listed, new_figure, style
 from jointplay.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3
 _ORBITS = 3
+_STILL = 1e-6
+"""Motion along an axis relative to the largest, below which there is none."""
 """Columns of a legend, and of orbits, at most."""
 
 
@@ -78,8 +80,10 @@ def ordered_legend(figure: Figure, axes: Any) -> None:
 def _tool_history(cases: Cases, of: str) -> Figure:
     """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
     pairs = list(compared(cases))
-    figure, panels = _figure(9.0 if pairs else 6.0, 6.0, 3, 2 if pairs else 1, sharex=True)
-    for row, axis in enumerate(AXES):
+    axes = moving_axes(cases)
+    high, columns = 1.4 + 1.55 * len(axes), 2 if pairs else 1
+    figure, panels = _figure(9.0 if pairs else 6.0, high, len(axes), columns, sharex=True)
+    for row, axis in enumerate(axes):
         for label, result, colour in coloured(cases):
             draw = result.plot.displacement if of == "tool_position" else result.plot.velocity
             draw(axis, ax=panels[row, 0], color=colour, label=listed(label))
@@ -93,7 +97,23 @@ def _tool_history(cases: Cases, of: str) -> Figure:
     for panel in panels[:-1].flat:
         panel.set_xlabel("")
     ordered_legend(figure, panels[0, 0])
+    still = [axis for axis in AXES if axis not in axes]
+    if still:
+        footnote(figure, f"The tool does not move along {' and '.join(still)}.")
     return figure
+
+
+def moving_axes(cases: Cases) -> list[str]:
+    """World axes along which the tool moves in any of the cases; all, if it moves along none."""
+    paths = [result["tool_position"].values for result in cases.values()]
+    reach = np.max([np.nanmax(path, axis=0) - np.nanmin(path, axis=0) for path in paths], axis=0)
+    found = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
+    return found or list(AXES)
+
+
+def is_straight(cases: Cases) -> bool:
+    """Whether the tool stays on a straight line along an axis: there is no path to see."""
+    return len(moving_axes(cases)) < 2
 
 
 def tool_displacement(cases: Cases) -> Figure:
@@ -252,8 +272,8 @@ def overview(cases: Cases) -> Figure:
     ring = analysis.rolls(result, result.joints[0])
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
     orbit.set_title(f"{what}, {label}", fontsize=9)
-    for panel in (plan, orbit):
-        panel.set_aspect("equal", adjustable="box")
+    plan.set_aspect("equal", adjustable="datalim")
+    orbit.set_aspect("equal", adjustable="box")
     return figure
 
 
@@ -300,6 +320,8 @@ def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
     for name, draw in FIGURES.items():
         if name in NEEDS_CLEARANCE and joint_of(cases) is None:
             continue
+        if name == "tool_path" and is_straight(cases):
+            continue
         if name != "bearing_loads" or bearings_of(cases):
             yield name, draw(cases)
 
@@ -307,7 +329,8 @@ def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
 def save(cases: Cases, folder: str | Path) -> list[Path]:
     """Draw all figures into `folder`, each as PNG and PDF; the paper's under their numbers.
 
-    Orbits and overview are left out if no case has clearance. Figures drawn earlier are replaced.
+    Orbits and overview are left out if no case has clearance, the path if it is a straight line.
+    Figures drawn earlier are replaced.
 
     Returns:
         The files written.

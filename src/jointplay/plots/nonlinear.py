@@ -10,7 +10,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jointplay.nonlinear.lyapunov import Exponent
-from jointplay.plots.style import COLOURS, panels
+from jointplay.plots.style import COLOURS, Decades, footnote, panels
+
+_WIDE_PT = 480.0
+"""Width of a bifurcation diagram between its axes, about [points]."""
+_POINTS_PT = (2.0, 5.0)
+"""Smallest and largest diameter of its dots: half as large, they are not seen in print [points]."""
 
 
 def turns(
@@ -42,7 +47,12 @@ def turns(
 
 
 def bifurcation(
-    values: np.ndarray, samples: np.ndarray, across: str, up: str, title: str = ""
+    values: np.ndarray,
+    samples: np.ndarray,
+    across: str,
+    up: str,
+    title: str = "",
+    caption: str = "",
 ) -> Figure:
     """Samples once a turn over a parameter.
 
@@ -51,11 +61,16 @@ def bifurcation(
         samples: for each, shape (n, turns); rows that are no numbers failed.
         across, up: labels.
         title: of the figure.
+        caption: beneath it: how samples were taken.
     """
-    with panels(8.0, 4.2) as (figure, axes):
+    size = float(np.clip(_WIDE_PT / max(len(values), 1), *_POINTS_PT))
+    with panels(8.0, 4.6) as (figure, axes):
         at = np.repeat(values, samples.shape[1])
-        axes.plot(at, samples.ravel(), ".", color="black", ms=1.4, mew=0, rasterized=True)
+        look = {"color": COLOURS[1], "ms": size, "mew": 0, "alpha": 0.7, "rasterized": True}
+        axes.plot(at, samples.ravel(), "o", **look)
         axes.set(xlabel=across, ylabel=up, title=title)
+        axes.margins(x=0.01)
+        footnote(figure, caption)
     return figure
 
 
@@ -144,13 +159,14 @@ def waterfall(
             lines.fill_between(order, values[k], height, color="white", zorder=-k)
             lines.plot(order, height, color=COLOURS[1], lw=0.6, zorder=-k)
         lines.set(xlabel="order (frequency over turning speed)", ylabel=across)
-        lines.set_title(f"tallest peak: {top:.3g}", fontsize=8)
+        unit = up[up.rfind("[") + 1 : -1] if up.endswith("]") else ""
+        lines.set_title(f"tallest peak: {top:.3g} {unit}".rstrip(), fontsize=8)
         drawn = panel.pcolormesh(
             order, values, np.maximum(amplitudes, 1e-4 * top), norm=LogNorm(1e-4 * top, top),
             shading="nearest", rasterized=True,
         )  # fmt: skip
         panel.set(xlabel="order (frequency over turning speed)", ylabel=across)
-        figure.colorbar(drawn, ax=panel, label=f"amplitude: {up}")
+        figure.colorbar(drawn, ax=panel, label=f"amplitude: {up}", format=Decades())
         figure.suptitle(title, fontsize=9)
     return figure
 

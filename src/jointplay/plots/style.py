@@ -24,7 +24,7 @@ from jointplay.core.errors import MissingName
 from jointplay.plots.palette import COLOURS
 from jointplay.result.result import AXES
 
-_SMALL_PRINT, _LETTERS_AN_INCH = 5.5, 24
+_SMALL_PRINT, _LETTERS_AN_INCH = 6.5, 20
 """Size of footnotes [pt], and how many of their letters stand side by side."""
 
 _SCREEN = {

@@ -73,6 +73,8 @@ def _lines(
     with panels(6.0, 3.8, look=look) as (figure, axes):
         for number, k in enumerate(groups):
             part = values if k is None else values.isel({hue: k})
+            if not np.isfinite(part.values).any():  # none of its cases ran to its end
+                continue
             text = None if k is None or hue is None else listed(coordinate_text(dataset, hue, k))
             options: dict[str, Any] = {"color": COLOURS[number % len(COLOURS)], "label": text}
             if number >= len(COLOURS):

@@ -12,7 +12,7 @@ import numpy as np
 from jointplay import analysis
 from jointplay.analysis.spectra import TooShort
 from jointplay.geometry import Mode
-from jointplay.plots.figures import force_joints, is_paper, plane_of
+from jointplay.plots.figures import force_joints, is_paper, moving_axes, plane_of
 from jointplay.plots.names import MODES, PAPER
 from jointplay.plots.palette import MODE_COLOURS
 from jointplay.plots.style import contact_line, spans
@@ -198,7 +198,11 @@ def _tool(histories: list[ChartSeries], of: str, name: str, title: str) -> list[
     unit, small = ("m", "mm") if of == "tool_position" else ("m/s", "mm/s")
     panels: list[dict[str, Any]] = []
     differences: list[dict[str, Any]] = []
-    for k, axis in enumerate(AXES):
+    axes = moving_axes({h.case.label: h.case.result for h in histories})
+    shown = [(AXES.index(axis), axis) for axis in axes]
+    if len(axes) < len(AXES):
+        title += f" (along {' and '.join(axes)}, the others are at rest)"
+    for k, axis in shown:
         bits = EXACT if of == "tool_position" else _FINE
         traces = [h.series(h.result[of].values[:, k], bits) for h in histories]
         panels.append(_panel(f"{axis} [{unit}]", traces))
@@ -206,10 +210,10 @@ def _tool(histories: list[ChartSeries], of: str, name: str, title: str) -> list[
         if h.case.error is None or h.case.ideal is None:
             continue
         error = 1e3 * analysis.deviation(h.result, h.case.ideal, of).values
-        for k, axis in enumerate(AXES):
-            if len(differences) <= k:
+        for row, (k, axis) in enumerate(shown):
+            if len(differences) <= row:
                 differences.append(_panel(f"{axis} − ideal [{small}]", []))
-            differences[k]["traces"].append(
+            differences[row]["traces"].append(
                 h.series(_padded(error[:, k], len(h.result.time)), _FINE)
             )
     return [
