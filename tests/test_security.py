@@ -97,9 +97,13 @@ class Elements(HTMLParser):
 
 
 def inert(page):
-    """Whether a page has no elements but its own: no picture, no handler, no further script."""
+    """Whether a page has no elements but its own: its picture, no handler, no further script."""
     found = Elements(page).found
-    assert not [tag for tag, _ in found if tag in ("img", "iframe", "object", "embed", "base")]
+    assert not [tag for tag, _ in found if tag in ("iframe", "object", "embed", "base")]
+    pictures = [attrs for tag, attrs in found if tag == "img"]
+    assert all(set(attrs) == {"alt", "src"} for attrs in pictures)
+    assert all(attrs["src"].startswith("data:image/png;base64,") for attrs in pictures)
+    assert len(pictures) <= 1
     assert not [a for _, attrs in found for a in attrs if a.startswith("on")]
     assert len([tag for tag, _ in found if tag == "script"]) == 4
     assert "<script>owned" not in page
@@ -110,9 +114,7 @@ def pages(tmp_path_factory):
     """A report and a playback of a hostile result, read from a file."""
     folder = tmp_path_factory.mktemp("pages")
     path = hostile_result(folder).save(folder / "evil.nc")
-    reports.report(
-        {EVIL: jp.Result.load(path)}, folder / "report.html", title=EVIL, pdf=False, impacts=1
-    )
+    reports.report({EVIL: jp.Result.load(path)}, folder / "report.html", pdf=False, impacts=1)
     played = hostile_result(folder, contacts=False).save(folder / "evil2.nc")
     player.save_html({EVIL: jp.Result.load(played)}, folder / "play.html")
     return [folder / "report.html", folder / "play.html"]

@@ -156,6 +156,19 @@ def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
+def test_legends_of_sweeps_list_what_ran(done):
+    from jointplay.plots.sweep import draw
+
+    dataset = jp.open_sweep(done[0]).load()
+    every = draw(dataset, "clearance", "peak_force", "friction").axes[0].get_legend()
+    part = dataset.copy(deep=True)
+    part["peak_force"][{"friction": 0}] = np.nan
+    ran = draw(part, "clearance", "peak_force", "friction").axes[0].get_legend()
+    names = [text.get_text() for text in every.get_texts()]
+    assert [text.get_text() for text in ran.get_texts()] == names[1:]
+    assert len(names) > 1
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

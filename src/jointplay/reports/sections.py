@@ -516,7 +516,8 @@ def _robot(cases: Sequence[Case]) -> Html:
     except JointplayError:  # such as a law of the user's own that may not be imported
         return Html("")
     drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight", pad_inches=0.05)
+    figure.set_size_inches(6.0, 4.1)  # letters that can be read in half a page
+    figure.savefig(drawn, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
     words = f"{robot_of(shown.result)} at the start of the run"
     words += f"; play in {', '.join(shown.joints)}" if shown.joints else "; no joint has play"
     return markup(
