@@ -117,7 +117,8 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     simulation = scara(CASES[label])
     run = Run(simulation, progress)
     run.label = f"case {label} "
-    _, result = run_and_save(run, out / FILES[label], progress)
+    notes = {"title": scenario().title, "case": label}
+    _, result = run_and_save(run, out / FILES[label], progress, notes)
     assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
