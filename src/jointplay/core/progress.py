@@ -26,6 +26,8 @@ class ProgressBar(tqdm):
     Arguments are tqdm's.
     """
 
+    disable: bool
+
     def __init__(self, *args: Any, **options: Any) -> None:
         """Begin; standard error takes it, as with tqdm."""
         self._lines = not _terminal(options.get("file") or sys.stderr)
