@@ -124,7 +124,8 @@ def run(command):
     """Run a line of a shell; servers are stopped once they serve."""
     if "--movie" in command and not any(map(shutil.which, ("chromium", "google-chrome"))):
         return None  # films need a browser
-    if command.startswith("jointplay play") and not re.search("--html|--movie", command):
+    serves = command.startswith(("jointplay play", "jointplay live"))
+    if serves and not re.search("--html|--movie", command):
         return serve(command)
     done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=1800)
     assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"

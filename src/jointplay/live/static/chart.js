@@ -62,9 +62,9 @@ class Chart {
         this.caption.textContent = title;
         this.svg.setAttribute("aria-label", `${title}. ${this.words()}`);
         this.key.replaceChildren(...this.series.filter(one => !one.plain).map(one => {
-            const line = element("i");
-            line.style.borderTop = `2px ${one.dash ? "dashed" : "solid"} ${one.colour}`;
-            return element("span", {}, line, one.name);
+            const line = shape("svg", {width: 22, height: 8, "aria-hidden": "true"});
+            line.append(shape("line", {x1: 0, x2: 22, y1: 4, y2: 4, "stroke-width": 2, stroke: one.colour, "stroke-dasharray": one.dash || "none"}));
+            return element("span", {}, line, " ", one.name);
         }));
         this.draw();
     }
