@@ -298,7 +298,7 @@ def focused(tab):
     return tab.evaluate(
         """() => {
             const here = document.activeElement;
-            return here.getAttribute("aria-label") || here.innerText;
+            return here === document.body ? "" : here.getAttribute("aria-label") || here.innerText;
         }"""
     )
 
@@ -326,10 +326,7 @@ def test_the_keyboard_alone_does_everything(tab):
     answered(tab)
     for words in ("play", "time of the picture", "magnification", "shares of", "figures of all"):
         tab_to(tab, words)
-    for _ in range(60):
-        tab.keyboard.press("Shift+Tab")
-        if "Keep as case" in focused(tab):
-            break
+    tab_to(tab, "Keep as case")  # around, from the beginning
     tab.keyboard.press("Enter")
     assert tab.evaluate("() => window.jointplay.kept.length") == 1
 

@@ -120,6 +120,7 @@ WIDE = {
     "commands/run_scenario.py:_stop_workers": "another error came first, and is raised",
     "loads/controller.py:sampler": "a user's controller raises anything: said",
     "loads/controller.py:torques": "a user's controller raises anything: said",
+    "live/workers.py:_answer": "said on the page, with its lines on the standard error",
     "mechanism/meshes.py:_read": "trimesh on damaged bytes: said",
     "motion/rosbag.py:read": "its libraries on damaged bytes: said",
     "result/netcdf.py:_examined": "HDF5 on damaged bytes: said",

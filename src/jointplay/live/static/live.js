@@ -205,7 +205,10 @@ class Live {
         const robot = card("machine", element("h2", {}, "Machine"), pane,
             element("div", {class: "row"}, this.playButton, this.timeSlider, this.timeIs),
             element("div", {class: "row"}, element("label", {}, "deviations \u00d7 ", this.factor), this.factorIs));
-        this.budgetBody = element("div", {});
+        this.budgetWords = element("p", {});
+        this.budgetTable = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "shares of the static error budget"});
+        this.budgetWhere = element("p", {class: "soft"});
+        this.budgetBody = element("div", {}, this.budgetWords, this.budgetTable, this.budgetWhere);
         const budget = card("static error budget", element("h2", {}, "Static error budget"), this.budgetBody);
         const time = {label: "time", unit: "s"};
         this.charts = {
@@ -360,7 +363,12 @@ class Live {
     showBudget() {
         const {budget} = this.answer;
         if (!budget) return;
-        if (budget.error) { this.budgetBody.replaceChildren(element("p", {class: "soft"}, `no budget: ${budget.error}`)); return; }
+        if (budget.error) {
+            this.budgetWords.textContent = "";
+            this.budgetTable.replaceChildren();
+            this.budgetWhere.textContent = `no budget: ${budget.error}`;
+            return;
+        }
         const head = element("tr", {}, ...["joint", "share", "worst [mm]", "RMS [mm]", "turn [mrad]"].map(text => element("th", {scope: "col"}, text)));
         const mm = value => (1e3 * value).toFixed(4);
         const rows = budget.parts.map(part => {
@@ -374,11 +382,9 @@ class Live {
         const words = budget.whole
             ? `At ${budget.where} (${budget.poses}), as jointplay budget gives it for ${budget.tool}.`
             : `At ${budget.where}; all poses follow.`;
-        this.budgetBody.replaceChildren(
-            element("p", {}, element("b", {}, `worst case ${inUnits(budget.worst, "m", 4)}`), `, RMS ${inUnits(budget.rms, "m", 4)}`),
-            element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "shares of the static error budget"},
-                element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows))),
-            element("p", {class: "soft"}, words));
+        this.budgetWords.replaceChildren(element("b", {}, `worst case ${inUnits(budget.worst, "m", 4)}`), `, RMS ${inUnits(budget.rms, "m", 4)}`);
+        this.budgetTable.replaceChildren(element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows)));
+        this.budgetWhere.textContent = words;
     }
 
     showCycle(tracks) {
