@@ -517,6 +517,19 @@ def test_quick_and_exact_answers_agree_within_what_the_page_says():
     assert quick["largest tool error"] == pytest.approx(fine["largest tool error"], rel=0.05)
 
 
+@pytest.mark.parametrize("place", [SLIDER_CRANK, "jointplay:four_bar.toml"])
+def test_quick_runs_of_loops_agree_with_exact_ones(place):
+    chosen = Scenario.load(place)
+    case = next(name for name in chosen.cases if name != "ideal")
+    answering = Machine(state_of(chosen, case))
+    quick, fine = (
+        {row["name"]: row["value"] for head, _ in kind({}) for row in head.get("figures", ())}
+        for kind in (answering.quick, answering.fine)
+    )
+    for name, value in fine.items():
+        assert quick[name] == pytest.approx(value, rel=0.1, abs=1e-12), name
+
+
 def test_a_newer_question_ends_a_run():
     answering = Machine(state_of(scenario()))
     answering.superseded = lambda: True

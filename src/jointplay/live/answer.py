@@ -18,6 +18,7 @@ import numpy as np
 from jointplay.analysis.tool_error import deviation
 from jointplay.analysis.twins import clearance_outline, ideal_simulation
 from jointplay.core.errors import JointplayError
+from jointplay.core.units import readable
 from jointplay.design import poses
 from jointplay.design.static_budget import FOLLOW, Budget, budget
 from jointplay.kernel import Status
@@ -37,14 +38,13 @@ if TYPE_CHECKING:
 Message = tuple[dict[str, Any], bytes]
 """Plain data, and a block of bytes to which it refers."""
 
-QUICK_TOLERANCE = 0.1
-"""Of the steps of a quick run, at least."""
-QUICK_MACRO_S = 1e-3
-"""Macro step of a quick run [s]."""
-QUICK_RECORD_S = 1e-3
-"""Between two records of a quick run, at least [s]."""
+QUICK = (0.1, 1e-3)
+"""Tolerance of the steps of a quick run, and macro step [s]."""
+QUICK_LOOPS = (1e-2, 2e-4)
+"""With closed loops, whose contacts stand against each other: with longer steps journals break out.
+"""
 QUICK_RECORDS = 2000
-"""Records of a quick run, about, if it is long."""
+"""Records of a quick run, about; a macro step is no longer than the time between two."""
 SHOWN = 1500
 """Records that are sent, about; peaks among those that are not are kept."""
 QUICK_MOMENTS, MOMENTS = 120, 600
@@ -137,6 +137,8 @@ class Machine:
             warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
             run.run_to_end()
         self._continue()
+        if quick and run.workspace.status != Status.COMPLETED:
+            return  # its steps were too long for this machine
         result = run.result()
         self._continue()
         twin, reason = None, ""
@@ -145,7 +147,11 @@ class Machine:
         except JointplayError as error:
             reason = f"no ideal twin: {error}"
         self._continue()
-        yield cycle_message(result, twin, moments, quick, reason)
+        steps = ""
+        if quick:
+            macro = readable(float(simulation.macro_step or 0.0), "s")
+            steps = f"tolerance {simulation.tolerance:g}, macro steps of {macro}"
+        yield cycle_message(result, twin, moments, steps, reason)
 
     def _twin(self, simulation: Simulation) -> Result:
         """Where the ideal machine goes, which most changes of a clearance leave as it is."""
@@ -183,15 +189,15 @@ def quick_simulation(simulation: Simulation) -> Simulation | None:
     duration = simulation.duration or (simulation.motion.duration if simulation.motion else None)
     if duration is None:
         return None
-    apart = max(QUICK_RECORD_S, float(duration) / QUICK_RECORDS)
-    every = max(round(apart / simulation.step), simulation.record_every)
+    apart = float(duration) / QUICK_RECORDS
+    tolerance, macro = QUICK_LOOPS if simulation.mechanism.loops else QUICK
     try:
         return replace(
             simulation,
             integrator=DEFAULT,
-            tolerance=max(QUICK_TOLERANCE, simulation.tolerance or 0.0),
-            macro_step=max(QUICK_MACRO_S, simulation.macro_step or 0.0),
-            record_every=every,
+            tolerance=max(tolerance, simulation.tolerance or 0.0),
+            macro_step=max(min(macro, apart), simulation.step),
+            record_every=max(round(apart / simulation.step), simulation.record_every),
         )
     except JointplayError:
         return None
@@ -239,9 +245,16 @@ class Columns:
 
 
 def cycle_message(
-    result: Result, twin: Result | None, moments: int, quick: bool, reason: str = ""
+    result: Result, twin: Result | None, moments: int, steps: str = "", reason: str = ""
 ) -> Message:
-    """A run as the page shows it: figures of all its records, curves of some, and the picture."""
+    """A run as the page shows it: figures of all its records, curves of some, and the picture.
+
+    Args:
+        result, twin: of the run and of its ideal twin, if there is one.
+        moments: of the picture, about.
+        steps: of a quick run, how long they were, in words.
+        reason: why there is no twin.
+    """
     full_error = None
     if twin is not None:
         full_error = np.linalg.norm(deviation(result, twin).values, axis=1)
@@ -290,7 +303,8 @@ def cycle_message(
         picture, packed = shown.contents, shown.block
     head = {
         "kind": "cycle",
-        "quick": quick,
+        "quick": bool(steps),
+        "steps": steps,
         "message": result.message,
         "completed": result.status == Status.COMPLETED,
         "reason": reason,

@@ -290,7 +290,8 @@ class Live {
             if (head.whole) done("wholeBudget");
         } else if (head.kind === "cycle") {
             if (answer.cycle && !answer.cycle.quick && head.quick) return;
-            if (!head.quick && answer.cycle?.quick) this.errorOfQuick = this.difference(answer.cycle, head);
+            head.compared = !head.quick && Boolean(answer.cycle?.quick);
+            if (head.compared) this.errorOfQuick = this.difference(answer.cycle, head);
             answer.cycle = head;
             answer.quick = head.quick;
             this.results.classList.remove("waiting");
@@ -393,8 +394,8 @@ class Live {
         const known = off ? `; on the last question it was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`
             : "; how far it is off shows once the exact run is there";
         const parts = [cycle.message];
-        if (cycle.quick) parts.unshift(`Quick run with long steps (tolerance 0.1, macro steps of 1 ms)${known}.`);
-        else if (off) parts.push(`the quick run was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`);
+        if (cycle.quick) parts.unshift(`Quick run with long steps (${cycle.steps})${known}.`);
+        else if (off && cycle.compared) parts.push(`the quick run was off by at most ${inUnits(100 * off.part, "%", 2)} (${off.name})`);
         if (cycle.reason) parts.push(cycle.reason);
         if (cycle.judged_from) parts.push(`figures from ${inUnits(cycle.judged_from, "s")} on`);
         this.runIs.textContent = parts.join("; ").replace(".;", ".");
