@@ -5,7 +5,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, PrismaticClearance, RevoluteClearance, shipped
-from jointplay.simulation.assemble import massless_motions, require_inertia
+from jointplay.mechanism.massless import massless_motions, require_inertia
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 CHAIN = (

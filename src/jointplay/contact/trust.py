@@ -11,6 +11,7 @@ scenarios in different folders each has its own ``my_laws``. They are not in `sy
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
 import inspect
@@ -19,7 +20,7 @@ import sys
 import textwrap
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -125,25 +126,26 @@ def _during(variable: ContextVar[Any], value: Any) -> Iterator[None]:
         variable.reset(token)
 
 
-def function_or_absent(path: str, source: str | None) -> Function | Absent:
+def function_or_absent(path: str, source: str | None, made: str = "") -> Function | Absent:
     """The function that ``module:function`` names; within `showing`, its text will do.
 
     Raises:
         JointplayError: see `function_at`.
     """
     try:
-        return function_at(path, source)
+        return function_at(path, source, made)
     except JointplayError as error:
         if not _showing.get():
             raise
         return Absent(path, source, str(error))
 
 
-def function_at(path: str, source: str | None = None) -> Function:
+def function_at(path: str, source: str | None = None, made: str = "") -> Function:
     """The function that ``module:function`` names, if it is known or its module trusted.
 
     Of several known ones of that name, in modules of different folders, the one with the text
-    `source`, else the last that was made a law.
+    `source`, else the last that was made a law. One that was typed in a script or a notebook may
+    lie in any trusted module under its name; `made` is how a law is made of it, for errors.
 
     Raises:
         JointplayError: it is neither, or cannot be imported here.
@@ -159,10 +161,7 @@ def function_at(path: str, source: str | None = None) -> Function:
     if known:
         return known[source] if source in known else list(known.values())[-1]
     if module == "__main__":
-        raise JointplayError(
-            f"the law {path!r} was defined in another script or notebook; to run it again, define "
-            "it here and make a law of it"
-        )
+        return _typed(name, source, made)
     ways = {".".join(parts[:size]) for size in range(1, len(parts) + 1)}
     if ways.isdisjoint(_trusted.get()):
         raise JointplayError(
@@ -170,6 +169,34 @@ def function_at(path: str, source: str | None = None) -> Function:
             f"--trust {module}, or trust=[{module!r}] in Python"
         )
     return imported(path)
+
+
+def _typed(name: str, source: str | None, made: str) -> Function:
+    """A function that was typed in another script or notebook, from a trusted module.
+
+    Raises:
+        JointplayError: no trusted module has it; the message says what to define.
+    """
+    reasons = []
+    for module in sorted(_trusted.get() - {"__main__"}):
+        try:
+            return imported(f"{module}:{name}")
+        except JointplayError as error:
+            reasons.append(f"; {error}")
+    raise JointplayError(
+        f"the law {_signature(name, source)!r} was typed in another script or notebook; to run it "
+        f"again, define it here and make {made or 'a law of it'}, or put it into a file, such as "
+        f"laws.py, and trust that: --trust laws, or trust=['laws'] in Python{''.join(reasons)}"
+    )
+
+
+def _signature(name: str, source: str | None) -> str:
+    """A function as it is called, as far as its text says."""
+    with suppress(SyntaxError, ValueError, RecursionError):
+        for node in ast.walk(ast.parse(source or "")):
+            if isinstance(node, ast.FunctionDef) and node.name == name:
+                return f"{name}({ast.unparse(node.args)})"
+    return name
 
 
 def is_beside(folder: Path, module: str) -> bool:
@@ -391,7 +418,9 @@ class OfFunction(Described):
         """
         arguments = dict(fields)
         path, source = arguments.pop("function"), arguments.pop("source", None)
-        function = function_or_absent(path, source)
+        numbers = arguments.get("parameters", ())
+        made = f"{cls.__name__}({str(path).rpartition(':')[2]}, {numbers!r})"
+        function = function_or_absent(path, source, made)
         if source is not None and source_of(function) not in (None, source):
             warnings.warn(
                 f"the function {path!r} here differs from the one in the result; a rerun uses the "

@@ -34,9 +34,6 @@ PREFIX = f"{PACKAGE}:"
 OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
 """Robots whose URDF ships with this package, by name; they hide others of that name."""
 
-_NO_MASS = 1e-12
-"""A joint whose entry on the mass matrix's diagonal is no larger moves nothing [kg m^2 or kg]."""
-
 _FOLDER_SUFFIXES = ("_description", "_data", "_simple")
 
 
@@ -205,6 +202,7 @@ def survey(place: str | Path) -> Survey:
     import numpy as np
     import pinocchio as pin
 
+    from jointplay.mechanism.massless import massless_links, massless_motions
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.urdf import elements, impossible_inertias, leaders
 
@@ -222,14 +220,10 @@ def survey(place: str | Path) -> Survey:
         mechanism = Mechanism(path, allow_unphysical=unphysical)
     except JointplayError as error:
         return Survey(name, path, moving, False, unphysical, mimics, (), str(error), astray)
-    model = mechanism.model
     moving = {n: moving[n] for n in mechanism.coordinates}
-    mass = pin.crba(model, mechanism.data, pin.neutral(model)).reshape(model.nv, model.nv)
-    massless = tuple(
-        joint
-        for joint, m in zip(mechanism.coordinates, np.diag(mass), strict=True)
-        if m <= _NO_MASS
-    )
+    still = pin.neutral(mechanism.model)
+    free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
+    massless = tuple(massless_links(mechanism, still, free).values())
     serial = mechanism.description.serial
     return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
 

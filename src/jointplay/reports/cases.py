@@ -196,6 +196,7 @@ def _follow(case: Case, number: int, say: Say) -> None:
         repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:
         case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
+        say(f"{case.label!r} cannot be repeated: {error}")
         return
     if not repetition.faithful:
         versions = case.result.dataset.attrs.get("versions", "unknown")

@@ -148,7 +148,8 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     from jointplay.contact.resultant import HOLDING
     from jointplay.kernel import WELL_RESOLVED_STEPS
     from jointplay.mechanism.impact import contact_duration, effective_mass
-    from jointplay.simulation.assemble import MIN_CONTACT_STEPS, require_inertia
+    from jointplay.mechanism.massless import require_inertia
+    from jointplay.simulation.assemble import MIN_CONTACT_STEPS
 
     simulation = scenario.simulation()
     mechanism, motion = simulation.mechanism, simulation.motion

@@ -32,13 +32,14 @@ from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.loads.tables import table_nodes, tabulate
 from jointplay.mechanism.impact import tooth_duration
+from jointplay.mechanism.massless import require_inertia
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
 from jointplay.result.variables import Phase
 from jointplay.simulation import checkpoint, initial, limits, step_check
 from jointplay.simulation import loads as acting
-from jointplay.simulation.assemble import check_step, joint_site, require_inertia
+from jointplay.simulation.assemble import check_step, joint_site
 from jointplay.simulation.loads import Events, LoadSchedule
 from jointplay.simulation.loop import (
     LONGEST_ADAPTIVE_MACRO_STEP_S,
