@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import body, joint, tip
 from hypothesis import given, settings
@@ -470,3 +471,67 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
     if not told:
         assert "j friction, which cannot be determined, may hold the journal" in said
         assert "slowly, in both directions" in said
+
+
+@pytest.mark.parametrize(("robot", "name"), [("scara", "joint_b"), ("ur5", "elbow_joint")])
+def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
+    from jointplay.identification import planning
+    from jointplay.mechanism.collisions import SelfCollision
+
+    bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    tool = "suction_cup" if robot == "scara" else "tool0"
+    mechanism = Mechanism(robot, {name: bearing}, tool=tool)
+    plan = plan_measurement(mechanism, count=12)
+    assert len(plan.experiments) == 12
+    apart = planning.distances(mechanism, plan.experiments)
+    assert apart[~np.eye(12, dtype=bool)].min() >= planning.APART
+    ideal, shapes = mechanism.ideal(), SelfCollision(mechanism)
+    assert bool(shapes.notes) == (robot == "scara")
+    assert all(note in str(plan) for note in shapes.notes)
+    for one in plan.experiments:
+        at = dict(zip(plan.joints, one.positions, strict=True))
+        assert not shapes.hits(at)
+        for moved, place in at.items():
+            entry = mechanism.description.joints[moved]
+            assert entry.lower is None or entry.lower < place < entry.upper
+        q = ideal.configuration(at)
+        weight = pin.computeGeneralizedGravity(ideal.model, ideal.data, q)
+        most = [mechanism.description.joints[name].effort or np.inf for name in plan.joints]
+        assert (np.abs(weight) <= most).all()
+    assert (plan.gains >= 1.0).all()
+    for number in range(1, 12):
+        assert f"information x {plan.gains[number]:.3g} (its determinant)" in str(plan)
+    assert f"most about {name}" in plan.reason(0)
+    assert (np.diff(plan.half_width, axis=0) <= 1e-12).all()
+
+
+def test_a_plan_says_when_no_more_experiments_differ(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    poses = np.tile(mechanism.configuration({}), (5, 1))
+    plan = plan_measurement(mechanism, poses=poses, count=9)
+    assert len(plan.experiments) == 7  # passed, or passed or pushed at along each axis
+    assert "9 were asked for, but no more than 7 differ" in str(plan)
+
+
+def test_loads_beyond_the_limits_of_effort_are_not_proposed(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    plan = plan_measurement(mechanism, push=1e5, count=2)
+    assert "their loads exceed a joint's limit of effort" in str(plan)
+    ideal = mechanism.ideal()
+    for one in plan.experiments:
+        q = ideal.configuration(dict(zip(plan.joints, one.positions, strict=True)))
+        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        arms = pin.computeFrameJacobian(ideal.model, ideal.data, q, ideal.tool_frame, frame)
+        torque = arms.reshape(6, -1)[:3].T @ np.array(one.force or (0.0, 0.0, 0.0))
+        assert np.abs(torque).max() <= 1000.0 + 1e-6
+
+
+def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_out():
+    from jointplay.mechanism.collisions import SelfCollision
+
+    arm = SelfCollision(Mechanism("ur5"))
+    assert not arm.hits({})
+    assert any(
+        arm.hits({"shoulder_lift_joint": -1.57, "elbow_joint": angle}) for angle in (2.9, 3.0, 3.14)
+    )
+    assert "for they touch at zero" in SelfCollision(Mechanism("kinova")).notes[0]

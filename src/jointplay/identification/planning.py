@@ -6,6 +6,10 @@ information; the unknown offset of its place is projected out first. What all ex
 nobody knows, how the machine gives way, is estimated with the unknowns; for that each push is made
 with two sizes. Experiments are chosen one after the other, each time the one after which the sum of
 the unknowns' logarithmic variances is least.
+
+Only what can be done is offered: poses, and the ways to them, within the joints' limits and free of
+self-collision, with loads within the limits of effort. No two experiments of a plan are alike:
+where the same is done, some joint or the tool must be `APART` elsewhere (`distances`).
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from scipy.stats import norm
 
 from jointplay.core.errors import JointplayError, require_positive
@@ -33,7 +38,9 @@ from jointplay.identification.parameters import (
     compliances,
 )
 from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.collisions import SelfCollision
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.cartesian import joint_limits
 from jointplay.result.result import AXES
 
 NOISE = {"tool": 20e-6, "link": 1e-4, "torque": 0.1}
@@ -55,7 +62,15 @@ SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 _OVERCOMES, _STRONGEST_N = 2.0, 100.0
 """Weights of the machine with which it is offered to push besides, and the most [N]."""
 _APPROACH = 0.05
-"""Way before a pose that is passed [rad or m]."""
+"""Way before a pose that is passed, where limits leave room for ten times as much [rad or m]."""
+_ROOM = 0.25
+"""Part of a joint's way between its limits that ten times the way before a pose takes at most."""
+_BRISK = 0.9
+"""Part of a joint's largest speed with which it passes at most."""
+_TRIED = 16
+"""Poses that are tried for each that is offered, until enough are free of self-collision."""
+APART = 0.1
+"""Distance below which two experiments that do the same are the same, by the robot's reach."""
 _PRIOR = 1e-4
 """Information that unknowns have before, in their scales: next to none."""
 
@@ -100,10 +115,36 @@ class MeasurementPlan:
     """Of each unknown, those that it cannot be told apart from."""
     signals: tuple[Key, ...]
     noise: Mapping[str, float]
+    gains: np.ndarray
+    """Factor by which each experiment multiplies the determinant of the information about the
+    unknowns that are sought, (experiments,)."""
+    before: np.ndarray
+    """Half widths before any experiment, (unknowns,) [SI]."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the choice, a line each."""
+
+    def reason(self, number: int) -> str:
+        """Why an experiment was chosen: what it adds to the information, and who gains most."""
+        was = self.before if number == 0 else self.half_width[number - 1]
+        now = self.half_width[number]
+        words = "tells most of all by itself"
+        if number:
+            words = f"information x {self.gains[number]:.3g} (its determinant)"
+        scales = LARGEST_SHARE * np.array([one.scale for one in self.unknowns])
+        told = [i for i, one in enumerate(self.unknowns) if one.sought and now[i] <= scales[i]]
+        if not told:
+            return words
+        best = max(told, key=lambda i: was[i] / now[i])
+        unknown = self.unknowns[best]
+        begin = f"+- {unknown.shown(was[best])}" if was[best] <= scales[best] else "unknown"
+        return f"{words}; most about {unknown.label}: {begin} to +- {unknown.shown(now[best])}"
 
     def __str__(self) -> str:
-        """The experiments, then what they would tell together."""
-        lines = [f"{i + 1:>2}. {one.words(self.joints)}" for i, one in enumerate(self.experiments)]
+        """The experiments and why they were chosen, then what they would tell together."""
+        lines = []
+        for i, experiment in enumerate(self.experiments):
+            lines += [f"{i + 1:>2}. {experiment.words(self.joints)}", f"    {self.reason(i)}"]
+        lines += self.notes
         lines.append(f"{'unknown':<34} {'nominal':>12}  expected 95 % interval")
         for one, half, others in zip(
             self.unknowns, self.half_width[-1], self.partners, strict=True
@@ -159,30 +200,127 @@ def plan_measurement(
         seed: of these.
 
     Raises:
-        JointplayError: nothing has play; loops; a signal or number that cannot be.
+        JointplayError: nothing has play; loops; a signal or number that cannot be; no pose is free
+            of self-collision, or no load within the limits of effort.
     """
     if count < 1:
         raise JointplayError(f"at least one experiment is needed, got {count}")
     friction = joint_friction if joint_friction is not None else urdf_friction(mechanism)
     machine = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     keys = all_keys(mechanism, signals)
-    if poses is None:
-        poses = over_workspace(mechanism, POSES, seed)
+    free, notes = _free_poses(mechanism, poses, seed)
     torqued = [name for kind, name in keys if kind == "torque"]
     unknowns = machine.unknowns(torqued, push > 0.0, also, known)
-    options = experiments(mechanism, poses, push, sizes(machine, unknowns))
+    options = experiments(mechanism, free, push, sizes(machine, unknowns))
+    able = _bearable(mechanism, options)
+    if not able:
+        raise JointplayError(
+            "no experiment keeps the joints within their limits of effort; push less, or carry less"
+        )
+    if len(able) < len(options):
+        notes.append(
+            f"{len(options) - len(able)} of {len(options)} experiments were left out: their loads "
+            "exceed a joint's limit of effort"
+        )
     spread = {**NOISE, **(noise or {})}
-    found = informations(machine, unknowns, keys, spread, options)
-    chosen, widths = _greedy(unknowns, found, count)
+    found = informations(machine, unknowns, keys, spread, able)
+    chosen, widths, gains = _greedy(unknowns, found, count, distances(mechanism, able) < APART)
+    if len(chosen) < count:
+        notes.append(f"{count} were asked for, but no more than {len(chosen)} differ")
     return MeasurementPlan(
         tuple(moving(mechanism)),
         unknowns,
-        tuple(options[i] for i in chosen),
+        tuple(able[i] for i in chosen),
         widths,
         _partners(unknowns, found, chosen),
         keys,
         spread,
+        gains,
+        half_widths(unknowns, found.before),
+        tuple(notes),
     )
+
+
+def _ways(mechanism: Mechanism) -> np.ndarray:
+    """How far joints go before and beyond a pose, (joints,) [rad or m]."""
+    low, high = joint_limits(mechanism, moving(mechanism))
+    return np.minimum(10.0 * _APPROACH, _ROOM * np.where(high > low, high - low, np.inf))
+
+
+def _free_poses(
+    mechanism: Mechanism, given: np.ndarray | None, seed: int
+) -> tuple[np.ndarray, list[str]]:
+    """Configurations, and the ways to which, are free of self-collision, (n, nq), and notes.
+
+    Raises:
+        JointplayError: there is none.
+    """
+    shapes, names, ways = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
+    at = [mechanism.coordinate(name) for name in names]
+    poses = over_workspace(mechanism, _TRIED * POSES, seed) if given is None else given
+    if given is None:  # with room for the ways
+        low, high = joint_limits(mechanism, names)
+        ends = np.isfinite(low) & np.isfinite(high) & (high > low)
+        low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
+        shrunk = np.where(ends, 1.0 - 2.0 * ways / np.where(ends, high - low, 1.0), 1.0)
+        middle = 0.5 * (low + high)
+        motors = [mechanism.motor(name) for name in names]
+        poses[:, at] = poses[:, motors] = middle + shrunk * (poses[:, at] - middle)
+    free: list[np.ndarray] = []
+    for row in poses:
+        if given is None and len(free) == POSES:
+            break
+        places = (row[at], row[at] + ways, row[at] - ways)
+        if not any(shapes.hits(dict(zip(names, place, strict=True))) for place in places):
+            free.append(row)
+    if not free:
+        raise JointplayError(
+            f"the robot hits itself at, or on the way to, each of the {len(poses)} poses tried"
+        )
+    return np.array(free), list(shapes.notes)
+
+
+def _bearable(mechanism: Mechanism, options: Sequence[Experiment]) -> list[Experiment]:
+    """Experiments whose loads are within the limits of effort that the URDF knows."""
+    ideal, names = mechanism.ideal(), moving(mechanism)
+    model, data = ideal.model, ideal.data
+    at = [ideal.coordinate(name) for name in names]
+    efforts = [mechanism.description.joints[name].effort for name in names]
+    most = np.array([np.inf if effort is None else effort for effort in efforts])
+    frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    able = []
+    for one in options:
+        q = ideal.configuration(dict(zip(names, one.positions, strict=True)))
+        weight = pin.computeGeneralizedGravity(model, data, q)[at]
+        arms = pin.computeFrameJacobian(model, data, q, ideal.tool_frame, frame)
+        push = np.zeros(3) if one.force is None else np.array(one.force)
+        pushed = arms.reshape(6, model.nv)[:3, at].T @ push
+        if (np.maximum(np.abs(weight + pushed), np.abs(weight - pushed)) <= most).all():
+            able.append(one)
+    return able
+
+
+def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray:
+    """How far k experiments are from each other, (k, k): infinitely, if they do different things.
+
+    Else the longest way between the places that a joint or the tool has in their poses, by the
+    robot's reach: the largest distance between two of these in any pose.
+    """
+    ideal, names = mechanism.ideal(), moving(mechanism)
+    model, data = ideal.model, ideal.data
+    places = []
+    for one in options:
+        pin.framesForwardKinematics(
+            model, data, ideal.configuration(dict(zip(names, one.positions, strict=True)))
+        )
+        joints = [data.oMi[model.getJointId(name)].translation for name in names]  # views
+        places.append(np.array([*joints, data.oMf[ideal.tool_frame].translation]))
+    where = np.array(places)
+    reach = np.linalg.norm(where[:, :, None] - where[:, None], axis=3).max()
+    apart = np.linalg.norm(where[:, None] - where[None], axis=3).max(axis=2)
+    kinds = [(one.force is not None and tuple(map(abs, one.force)), one.passes) for one in options]
+    same = np.array([[a == b for b in kinds] for a in kinds])
+    return np.where(same, apart / max(reach, 1e-9), np.inf)
 
 
 def sizes(machine: Machine, unknowns: Sequence[Parameter]) -> tuple[float, ...]:
@@ -266,7 +404,7 @@ def informations(
     theta: np.ndarray | None = None,
 ) -> Information:
     """Fisher information of each experiment, at `theta` (p,) or the nominal values."""
-    visits = _visits(tuple(moving(machine.mechanism)), options)
+    visits = _visits(machine.mechanism, options)
     model = StaticModel(machine, visits, keys, unknowns)
     tool = tool_positions(machine.mechanism, visits.joints, visits.position)
     n, c = len(visits), len(keys)
@@ -349,8 +487,11 @@ def offers(
     ]
 
 
-def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
+def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
     """Each experiment's visits: passed this way and the other, under each push."""
+    names, ways = tuple(moving(mechanism)), _ways(mechanism)
+    fastest = [mechanism.description.joints[name].speed or np.inf for name in names]
+    rates = np.minimum(SPEED, _BRISK * np.array(fastest))
     path, owner, pushes, near = [], [], [], []
     rows: list[tuple[Any, ...]] = []
     for number, one in enumerate(options):
@@ -359,15 +500,15 @@ def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
         forces = [part * side * given for side in (1.0, -1.0) for part in one.sizes]
         for push in forces[: 1 if one.force is None else None]:
             for way in (1.0, -1.0) if one.passes else (1.0,):
-                away = _APPROACH * way
-                steps = [at + 10.0 * away, at - 10.0 * away, at - away, at]
+                away = way * ways
+                steps = [at + away, at - away, at - 0.1 * away, at]
                 if not one.passes and rows and rows[-1][-1] == number:
                     steps = [at]  # it stands there already
                 path += steps
                 owner += [-1] * (len(steps) - 1) + [len(rows)]
                 near += [len(rows)] * len(steps)  # loads on the way are those at its end
                 pushes += [push] * len(steps)
-                rate = way * SPEED if one.passes else 0.0
+                rate = way * rates if one.passes else 0.0 * rates
                 rows.append((at, rate, way, not one.passes, push, number))
     position, speed, direction, stopped, force, cell = map(np.array, zip(*rows, strict=True))
     still = np.zeros_like(position)
@@ -375,7 +516,7 @@ def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
         names,
         time=np.arange(2.0 * len(rows)).reshape(-1, 2),
         position=position,
-        speed=still + speed[:, None],
+        speed=speed,
         acceleration=still,
         direction=(still + direction[:, None]).astype(int),
         stopped=stopped,
@@ -414,21 +555,30 @@ def _partners(
 
 
 def _greedy(
-    unknowns: Sequence[Parameter], found: Information, count: int
-) -> tuple[list[int], np.ndarray]:
-    """Experiments, each the best after those before, and the half widths after each."""
+    unknowns: Sequence[Parameter], found: Information, count: int, alike: np.ndarray
+) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Experiments, each the best after those before and `alike` (k, k) to none of them.
+
+    Besides the half widths after each, and by what it multiplies the information's determinant.
+    """
     chosen: list[int] = []
-    widths = []
+    widths, gains = [], []
+    left = np.ones(len(found.gains), bool)
     scale = np.array([one.scale for one in unknowns])
     sought = np.array([one.sought for one in unknowns])
     total = found.before
-    for _ in range(min(count, len(found.gains))):
+    for _ in range(count):
+        if not left.any():
+            break
         after = np.array([half_widths(unknowns, total + gain) / scale for gain in found.gains])
         # Beyond what is identified well, more of it counts for little.
         worth = np.log(np.maximum(after[:, sought], 0.02)).sum(axis=1)
-        worth[chosen] += 1e-3
-        best = int(worth.argmin())
+        best = int(np.where(left, worth, np.inf).argmin())
         chosen.append(best)
-        total = total + found.gains[best]
+        left &= ~alike[best]
+        was, total = total, total + found.gains[best]
         widths.append(half_widths(unknowns, total))
-    return chosen, np.array(widths)
+        about = np.flatnonzero(sought)[:, None], np.flatnonzero(sought)
+        unsure = (np.linalg.slogdet(np.linalg.inv(one)[about])[1] for one in (was, total))
+        gains.append(np.exp(next(unsure) - next(unsure)))
+    return chosen, np.array(widths), np.array(gains)
