@@ -18,25 +18,21 @@ from jointplay.core.errors import JointplayError
 from jointplay.live.answer import look
 from jointplay.live.state import State
 from jointplay.live.workers import Workers
-from jointplay.player.pages import as_data, as_script, licences, policy
+from jointplay.player.pages import as_data, as_script, components, licences, policy
 from jointplay.player.server import HOST, PORT, Server, open_browser
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 _OWN = ("chart.js", "robot.js", "live.js")
-_SHARED = ("tracks.js", "stage.js")
-"""Of the player: what is packed, and what is seen of a robot."""
 
 
 @cache
 def scripts() -> tuple[str, str]:
     """Meshcat's viewer, and the front end: a function of it that gives ``mount``."""
     bundle = resources.files("meshcat") / "viewer" / "dist" / "main.min.js"
-    player, own = resources.files("jointplay.player"), resources.files("jointplay.live")
-    parts = [(player / "static" / name).read_text("utf-8") for name in _SHARED]
-    parts += [(own / "static" / name).read_text("utf-8") for name in _OWN]
-    front = "\n".join(parts)
+    own = resources.files("jointplay.live") / "static"
+    front = "\n".join((components(), *((own / name).read_text("utf-8") for name in _OWN)))
     body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{front}\nreturn {{mount, overHttp}};'
     return bundle.read_text("utf-8"), f"function jointplayLive(MeshCat) {{\n{body}\n}}"
 
