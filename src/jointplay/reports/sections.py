@@ -9,6 +9,7 @@ import json
 import math
 import tomllib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -494,9 +495,9 @@ def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
     columns = [_glanced(case, start) for case in cases]
     rows: list[list[Cell]] = [
-        [name, *(column[name] for column in columns)]
-        for name in columns[0]
-        if any(column[name] is not None for column in columns)
+        [name, *(column.get(name) for column in columns)]
+        for name in max(columns, key=len)
+        if any(column.get(name) is not None for column in columns)
     ]
     caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
     made = table(["", *map(dark, cases)], rows, caption=caption, name="glance")
@@ -558,6 +559,13 @@ def _glanced(case: Case, start: float) -> dict[str, Cell]:
             rate = audit.impacts / case.duration
         else:
             rate = audit.judged_impacts / max(case.duration - case.result.judge_from, 1e-12)
+    noise: dict[str, Cell] = {}
+    if case.joints and start == case.result.judge_from:
+        with suppress(JointplayError):  # too few records
+            found = analysis.rattle(case.result, case.ideal)
+            noise["energy lost per impact [mJ]"] = 1e3 * found.energy
+            for band in found.bands:
+                noise[f"tool acceleration, {band.range}, RMS [m/s²]"] = band.rms
     at = f", {strongest}" if len(case.joints) > 1 else ""
     lasted = max(case.duration - case.result.judge_from, 1e-12)
     return {
@@ -568,7 +576,8 @@ def _glanced(case: Case, start: float) -> dict[str, Cell]:
         "force at the joint, peak [N]": _glance_cell(
             case, start, force, f"peak joint force{at}", 1.0
         ),
-        "contacts begun [1/s]": _glance_cell(case, start, rate, "impacts", 1.0 / lasted),
+        "impacts [1/s]": _glance_cell(case, start, rate, "impacts", 1.0 / lasted),
+        **noise,
         "penetration, largest [µm]": penetration,
         "energy residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
         "warnings": len(audit.warnings),
