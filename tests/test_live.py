@@ -436,6 +436,26 @@ def test_what_is_no_question_is_refused_in_words(address, body, words):
     assert words in text.decode()
 
 
+def test_a_question_that_was_overtaken_is_not_computed():
+    """Requests of one page can arrive in another order than they were sent."""
+    from jointplay.live.server import Routes
+
+    class Asked:
+        questions = ()
+
+        def ask(self, values, receive):
+            self.questions += (values,)
+            receive({"kind": "end", "superseded": False}, b"")
+
+    workers = Asked()
+    ask = Routes(state_of(scenario()), workers).posts["ask"]
+    for number in (1, 3, 2, 4):
+        body = {"values": {"payload": float(number)}, "page": "p", "number": number}
+        text = b"".join(ask(json.dumps(body).encode()))
+        assert (b'"superseded":true' in text) == (number == 2)
+    assert [values["payload"] for values in workers.questions] == [1.0, 3.0, 4.0]
+
+
 def test_nothing_is_left_running_after_a_stop():
     program = shutil.which("jointplay")
     if program is None:

@@ -6,6 +6,7 @@ import base64
 import json
 import queue
 import struct
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
@@ -125,24 +126,46 @@ class Routes:
     def __init__(self, state: State, workers: Workers) -> None:
         """Nothing is asked yet."""
         self._state, self._workers = state, workers
+        self._lock = threading.Lock()
+        self._newest = ("", 0)
 
     @property
     def posts(self) -> dict[str, Callable[[bytes], Iterator[bytes]]]:
         """By name, for the server."""
         return {"ask": self._ask, "scenario": self._scenario}
 
-    def _values(self, body: bytes) -> dict[str, float]:
+    def _read(self, body: bytes) -> tuple[dict[str, float], tuple[str, int]]:
+        """Values, and which question of which page it is."""
         try:
-            return values_of(json.loads(body))
+            asked = json.loads(body)
         except (ValueError, RecursionError) as error:
             raise JointplayError(f"the question cannot be read: {error}") from None
+        values = values_of(asked)
+        page, number = asked.get("page", ""), asked.get("number", 0)
+        if not isinstance(page, str) or not isinstance(number, int):
+            raise JointplayError("a question's page is text, and its number a whole one")
+        return values, (page, number)
+
+    def _is_newest(self, question: tuple[str, int]) -> bool:
+        """Whether no later question of the same page came before this one."""
+        page, number = self._newest
+        if question[0] == page and question[1] < number:
+            return False
+        self._newest = question
+        return True
 
     def _ask(self, body: bytes) -> Iterator[bytes]:
-        values = self._values(body)
+        values, question = self._read(body)
         parts: queue.SimpleQueue[tuple[dict[str, Any], bytes]] = queue.SimpleQueue()
 
         def answer() -> Iterator[bytes]:
-            self._workers.ask(values, lambda head, block: parts.put((head, block)))
+            with self._lock:
+                newest = self._is_newest(question)
+                if newest:
+                    self._workers.ask(values, lambda head, block: parts.put((head, block)))
+            if not newest:
+                yield frame({"kind": "end", "superseded": True})
+                return
             while True:
                 head, block = parts.get()
                 yield frame(head, block)
@@ -152,7 +175,7 @@ class Routes:
         return answer()
 
     def _scenario(self, body: bytes) -> Iterator[bytes]:
-        text = self._state.text(self._values(body))
+        text = self._state.text(self._read(body)[0])
         return (part for part in [text.encode()])
 
 

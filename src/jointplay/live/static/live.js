@@ -15,8 +15,11 @@ let mounted = 0;
 
 // Questions over HTTP, to the server that the page comes from.
 function overHttp(root) {
+    const page = Array.from(crypto.getRandomValues(new Uint32Array(2)), one => one.toString(36)).join("");
+    let number = 0;  // requests may overtake each other: the server goes by this
     const post = (name, values, signal) => fetch(`${root}${name}`, {
-        method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify({values}), signal});
+        method: "POST", headers: {"Content-Type": "application/json"},
+        body: JSON.stringify({values, page, number: ++number}), signal});
     return {
         linked: true,
         ask(values, receive) {
