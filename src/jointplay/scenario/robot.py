@@ -11,6 +11,7 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.tables import few
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
@@ -107,7 +108,13 @@ def robot_scenario(
             raise JointplayError(f"--joint {name}: {wrong}")
     settings = _by_the_names_of_its_kind(settings, description, given)
     assumptions = []
-    text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
+    name = place.rpartition(":")[2] if ":" in place else path.name
+    loose = f", play in {few(list(joints))}" if joints and not ideal else ""
+    title = f"{name.removesuffix('.urdf')}{loose}"
+    text: dict[str, Any] = {
+        "title": title,
+        "robot": {"urdf": place if ":" in place else str(path.resolve())},
+    }
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
