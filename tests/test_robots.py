@@ -435,3 +435,32 @@ def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
         "[motion.joints]\nFL_HAA = [0, 0]\n"
     )
     assert said in command(["check", str(tmp_path / "s.toml"), "--no-picture"], capsys)[1]
+
+
+@pytest.mark.parametrize(
+    "words", [["wear", "--joint=a", "--growth=1um"], ["maintenance", "--target=1mm"]]
+)
+def test_a_robot_where_a_scenario_is_needed_is_told_so(words, capsys):
+    status, _, error = command([words[0], "ur5", *words[1:]], capsys)
+    assert status == 2
+    assert "'ur5' is a robot, and a scenario is needed" in error
+    assert error.count("\n") == 1
+
+
+def test_wear_says_what_cannot_be_in_one_line_before_it_begins(tmp_path, capsys):
+    (tmp_path / "s.toml").write_text(
+        '[robot]\nurdf = "example-robot-data:solo12"\n[joints.FL_KFE]\nwear_rate = 1e-15\n'
+        'radial_clearance = "0.1 mm"\naxial_clearance = "0.1 mm"\n'
+        "[motion]\ntimes = [0, 0.1]\n[motion.joints]\nFL_KFE = [0, 0.1]\n"
+    )
+    line = ["wear", str(tmp_path / "s.toml"), "--joint", "FL_KFE", "--growth", "1 um"]
+    status, _, error = command(line, capsys)
+    assert status == 2
+    assert "is too large for the contact stiffness at 'FL_KFE'" in error
+    assert error.count("\n") == 1
+
+
+def test_who_names_no_play_is_told_how(capsys):
+    status, _, error = command(["budget", "panda"], capsys)
+    assert status == 2
+    assert '--clearance "0.1 mm" for all that move the tool, or --joint NAME="0.1 mm"' in error

@@ -32,7 +32,9 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.design.maintenance import maintenance
     from jointplay.scenario import Scenario
 
-    simulation = Scenario.load(options.file, options.trust).simulation(options.case)
+    scenario = Scenario.load(options.file, options.trust)
+    simulation = scenario.simulation(options.case)
+    scenario.ready_run(options.case)  # says what cannot be, before a bar is shown
     out.claim()
     estimate = maintenance(
         simulation, options.target, factor=options.wear_factor, **cycles(options)

@@ -51,7 +51,9 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         files.check_new(options.out)
-    simulation = Scenario.load(options.file, options.trust).simulation(options.case)
+    scenario = Scenario.load(options.file, options.trust)
+    simulation = scenario.simulation(options.case)
+    scenario.ready_run(options.case)  # says what cannot be, before a bar is shown
     life = wear(simulation, options.joint, options.growth, **cycles(options))
     print("  cycles      deepest [um]  mean [um]")
     for number, deepest, mean in zip(life.cycles, life.deepest, life.mean, strict=True):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.contact.trust import trusting
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.core.files import read_text
+from jointplay.core.files import is_file, read_text
 from jointplay.core.schema import check, fields_of, make, unknown_key
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import toml_text
@@ -148,6 +148,15 @@ class Scenario(Overview):
         """
         if str(path).startswith(SHIPPED):
             path = resolve(str(path), Path())
+        elif not is_file(Path(path)):
+            from jointplay.scenario.robot import is_robot
+
+            if is_robot(str(path)):
+                raise JointplayError(
+                    f"{str(path)!r} is a robot, and a scenario is needed: a file (.toml) that says "
+                    "besides which joints have play, and how it moves; jointplay init writes one "
+                    "to start from"
+                )
         return cls(read_text(Path(path), "scenario"), path, trust, settings)
 
     def simulation(
