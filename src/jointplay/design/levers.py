@@ -210,8 +210,8 @@ def sources(
     if not mechanism.clearance and not mechanism.gears:
         raise JointplayError(
             "nothing has play: give joints with clearance, or gears with play (in a "
-            'command: --clearance "0.1 mm" for all that move the tool, or --joint NAME="0.1 mm"); joints: '
-            + ", ".join([*mechanism.joints, *mechanism.loops])
+            'command: --clearance "0.1 mm" for all that move the tool, or --joint '
+            'NAME="0.1 mm"); joints: ' + ", ".join([*mechanism.joints, *mechanism.loops])
         )
     q = configurations(mechanism, poses, driven)
     push = np.array([require_finite("force on the tool", f, "N") for f in force])

@@ -204,8 +204,8 @@ class Machine:
         if not mechanism.clearance and not mechanism.gears:
             raise JointplayError(
                 "nothing has play: give joints with clearance, or gears with play (in a "
-                'command: --clearance "0.1 mm" for all that move the tool, or --joint NAME="0.1 mm"); joints: '
-                + ", ".join(mechanism.joints)
+                'command: --clearance "0.1 mm" for all that move the tool, or --joint '
+                'NAME="0.1 mm"); joints: ' + ", ".join(mechanism.joints)
             )
         found = []
         for joint, bearing in mechanism.clearance.items():
