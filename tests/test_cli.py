@@ -226,7 +226,7 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path):
     command = [JOINTPLAY, "run", "--duration", "300", "--no-figures", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     seen = ""
-    while not re.search(r" \d+\.\d*[1-9]\d*/300.* left", seen):
+    while not re.search(r" \d+\.\d*[1-9]\d*/[\d.]+ s simulated.* left", seen):
         more = process.stderr.read(1)
         assert more, f"it ended: {seen}"
         seen += more

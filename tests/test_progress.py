@@ -75,9 +75,10 @@ def test_nothing_is_shown_unless_asked_for(monkeypatch):
     assert file.getvalue() == ""
 
 
-def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(tmp_path):
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(jobs, tmp_path):
     """In a terminal; into a pipe go the answers and no bar."""
-    command = [JOINTPLAY, "run", "jointplay:scara.toml", "--no-figures", "--jobs", "1"]
+    command = [JOINTPLAY, "run", "jointplay:scara.toml", "--no-figures", "--jobs", jobs]
     short = ["--set", "integration.duration=0.2"]
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 110, 0, 0))
@@ -95,7 +96,8 @@ def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(tmp_path):
     bars = [line for line in re.split(r"[\r\n]", screen) if "%|" in line]
     totals = {re.search(r"/([\d.]+) s simulated", line)[1] for line in bars}
     assert len(totals) == 1  # one bar for all three cases and their further runs
-    assert screen.index("ideal: completed") < screen.index("0.5 mm: Play of 0.5 mm")
+    assert "x real time" in screen
+    assert ("3 of 3 cases done" in screen) == (jobs == "2")
     assert screen.rindex("%|") > screen.index("0.2 mm: Play of 0.2 mm")
     done = subprocess.run(
         [*command, *short, "--out", tmp_path / "b"],

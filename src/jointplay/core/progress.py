@@ -7,6 +7,7 @@ that was killed while it held the lock would never give it back.
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -88,15 +89,19 @@ class Whole:
             "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
         )
         self._bar = ProgressBar(total=total, bar_format=layout, mininterval=0.2, smoothing=0.0)
+        self._words, self._started = "", time.perf_counter()
 
     def add(self, seconds: float) -> None:
         """So much more has been simulated [s]."""
         self._bar.total = max(self._bar.total, self._bar.n + seconds)
+        speed = self._bar.n / max(time.perf_counter() - self._started, 1e-9)
+        words = f"{self._words}, " if self._words else ""
+        self._bar.set_postfix_str(f"{words}{speed:.2f} x real time", refresh=False)
         self._bar.update(max(seconds, 0.0))
 
     def say(self, words: str) -> None:
         """What is being done now."""
-        self._bar.set_postfix_str(words, refresh=False)
+        self._words = words
 
     def close(self) -> None:
         """Leave the bar as it is."""
