@@ -28,6 +28,9 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 for library in ("OPENBLAS", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+# Tests wait for progress: it is to be said often.
+os.environ["JOINTPLAY_PROGRESS_S"] = "0"
+
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
 # minutes.
 settings.register_profile(

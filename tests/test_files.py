@@ -373,6 +373,7 @@ ELSEWHERE = {
     "player/movie.py": {"page_file.write_bytes("},  # in a temporary folder, for the browser
     "plots/figures.py": {"pages.savefig("},  # in memory
     "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
+    "reports/sections.py": {"figure.savefig(drawn, "},  # in memory
     "reports/sweep.py": {"figure.savefig(content, ", "pages.savefig(figure)"},  # in memory
     "result/netcdf.py": {  # in memory, and a file that is open already
         "dataset.to_netcdf(None, ",

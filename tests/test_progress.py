@@ -23,13 +23,14 @@ class Terminal(io.StringIO):
 
 
 def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
+    monkeypatch.delenv("JOINTPLAY_PROGRESS_S")
     file = io.StringIO()
     bar = progress.ProgressBar(total=100, desc="wear", unit="run", file=file)
     for _ in range(100):
         bar.update()
     bar.close()
     assert file.getvalue() == ""  # it took no ten seconds
-    monkeypatch.setattr(progress, "LINE_EVERY_S", 0.0)
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
     bar = progress.ProgressBar(total=4, desc="wear", unit="run", file=file)
     for _ in range(4):
         bar.update()

@@ -30,7 +30,7 @@ __all__ = ["small_disk"]
 
 AXES = """
 mu = { key = "joints.joint_b.friction.mu_d", from = 0.0, to = 0.2, number = 10 }
-cr = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "50 mm"] }
+cr = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "1 nm"] }
 """
 CASES = 30
 PATIENCE_S = 900.0

@@ -6,6 +6,7 @@ that was killed while it held the lock would never give it back.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +16,8 @@ from typing import Any
 from tqdm import tqdm
 
 LINE_EVERY_S = 10.0
-"""Interval at which progress is said where there is no terminal [s]."""
+"""Interval at which progress is said where there is no terminal [s]; `JOINTPLAY_PROGRESS_S` of the
+environment replaces it."""
 
 _LINE = "{desc} {percentage:3.0f} %, {n_fmt}/{total_fmt} {unit}{postfix}, {remaining} left"
 _COUNT = "{desc} {n_fmt} {unit}{postfix}, {elapsed} gone"
@@ -38,8 +40,9 @@ class ProgressBar(tqdm):
                 known = options.get("total") is not None or args
                 layout = _LINE if known else _COUNT
             options["bar_format"] = layout.replace("%|{bar}|", " %,")
-            options |= {"mininterval": LINE_EVERY_S, "maxinterval": LINE_EVERY_S, "miniters": 1}
-            options["delay"] = max(options.get("delay", 0.0), LINE_EVERY_S)
+            every = _interval()
+            options |= {"mininterval": every, "maxinterval": max(every, 0.1), "miniters": 1}
+            options["delay"] = max(options.get("delay", 0.0), every)
         super().__init__(*args, **options)
 
     def close(self) -> None:
@@ -68,6 +71,13 @@ class ProgressBar(tqdm):
                 file.flush()
 
         return write
+
+
+def _interval() -> float:
+    try:
+        return max(float(os.environ.get("JOINTPLAY_PROGRESS_S", LINE_EVERY_S)), 0.0)
+    except ValueError:
+        return LINE_EVERY_S
 
 
 def _terminal(stream: Any) -> bool:
