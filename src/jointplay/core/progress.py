@@ -41,7 +41,7 @@ class ProgressBar(tqdm):
                 layout = _LINE if known else _COUNT
             options["bar_format"] = layout.replace("%|{bar}|", " %,")
             every = _interval()
-            options |= {"mininterval": every, "maxinterval": max(every, 0.1), "miniters": 1}
+            options |= {"mininterval": every, "maxinterval": max(every, 0.1), "miniters": 0}
             options["delay"] = max(options.get("delay", 0.0), every)
         super().__init__(*args, **options)
 
