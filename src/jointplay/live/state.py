@@ -129,18 +129,31 @@ class State:
             JointplayError: not a finite number; `where` is the key.
         """
         made: dict[str, Any] = {}
-        for name, value in values.items():
+        for name, value in {**self._beside(values), **values}.items():
             control = self.controls.get(name)
             if control is None:
                 raise MissingName("control", name, self.controls)
             value = require_finite(control.label, value, control.unit, where=control.keys[0])
-            if value == control.value:
+            if value == control.value and name not in self._beside(values):
                 continue
             for key in control.keys:
                 _put(
                     made, key, self._payloads(value) if key == _PAYLOAD else control.written(value)
                 )
         return made
+
+    def _beside(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The shown clearances of joints of which one changes: none is to follow another."""
+        changed = {
+            control.keys[0][:2]
+            for name, value in values.items()
+            if (control := self.controls.get(name)) is not None and value != control.value
+        }
+        return {
+            name: values.get(name, control.value)
+            for name, control in self.controls.items()
+            if str(control.keys[0][-1]).endswith("_clearance") and control.keys[0][:2] in changed
+        }
 
     def _payloads(self, mass: float) -> list[dict[str, Any]]:
         """The scenario's payloads, the first with this mass; one at the tool if it has none."""
