@@ -40,7 +40,11 @@ def filmable():
 def frames_of(path):
     import imageio.v3 as imageio
 
-    return np.asarray(imageio.imread(path, index=0 if path.suffix == ".png" else None))
+    if path.suffix == ".png":
+        return imageio.imread(path)
+    if path.suffix == ".webp":
+        return np.asarray(list(imageio.imiter(path, plugin="pillow")))
+    return imageio.imread(path, index=None)
 
 
 @given(st.floats(1e-4, 1e3))
@@ -126,12 +130,36 @@ def test_films_move_and_last_as_they_say(suffix, run, filmable, tmp_path):
     assert images.shape[:3] == (11, 240, 320)
     assert np.abs(np.diff(images[..., :3].astype(int), axis=0)).max(axis=(1, 2, 3)).min() > 20
     assert images[..., :3].std() > 10
-    if suffix != ".gif":
+    if suffix in (".mp4", ".webm"):
         import imageio.v3 as imageio
 
         about = imageio.immeta(made.path, plugin="FFMPEG")
         assert about["duration"] == pytest.approx(1.1, abs=0.11)
         assert about["fps"] == pytest.approx(10.0)
+
+
+def test_a_signal_is_drawn_below_the_picture_with_its_value(run, filmable, tmp_path):
+    size = {"size": (640, 400)}
+    plain, drawn = (
+        frames_of(save_movie({"0.2 mm": run}, tmp_path / f"{name}.png", shot).path)[..., :3]
+        for name, shot in (
+            ("plain", Shot(**size)),
+            ("drawn", Shot(signal="tool error", **size)),
+        )
+    )
+    line = (0, 114, 178)  # the first case's colour
+    near = np.abs(drawn[-60:].astype(int) - line).sum(axis=-1) < 120
+    assert near.any(axis=0).mean() > 0.7  # a curve from side to side
+    assert not (np.abs(plain[-60:].astype(int) - line).sum(axis=-1) < 120).any(axis=0).mean() > 0.5
+    assert drawn[:250].std() > 10  # the robot is there still
+
+
+def test_an_unknown_signal_is_refused_with_those_there_are(run, filmable, tmp_path):
+    with pytest.raises(
+        jp.JointplayError, match=r"'tool eror'.*'contact force, joint_b'.*'tool error'"
+    ):
+        save_movie({"a": run}, tmp_path / "a.png", Shot(signal="tool eror", size=(320, 240)))
+    assert not (tmp_path / "a.png").exists()
 
 
 def test_views_differ(run, filmable, tmp_path):
@@ -147,7 +175,7 @@ def test_views_differ(run, filmable, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["--movie", "a.avi"], "one of .png, .gif, .mp4, .webm"),
+        (["--movie", "a.avi"], "one of .png, .gif, .mp4, .webm, .webp"),
         (["--movie", "there.mp4"], "exists"),
         (["--movie", "a.mp4", "--size", "big"], "WIDTHxHEIGHT"),
         (["--movie", "a.mp4", "--html", "a.html"], "one of --html and --movie"),

@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
     add_option(
         parser,
         "--movie FILE",
-        "write a picture (.png) or a film (.gif, .mp4, .webm) instead of serving a page",
+        "write a picture (.png) or a film (.gif, .mp4, .webm, .webp) instead of serving a page",
     )
     add_option(parser, "--joint NAME", "joint of the close-up (default: the first)")
     add_option(
@@ -68,6 +68,12 @@ def add(commands: Any) -> None:
     add_option(film, "--fps X", "frames per second (default 25)")
     add_option(film, "--size WxH", "pixels, even numbers (default 1280x720)")
     add_option(film, "--view VIEW", "both, robot or closeup (default both)")
+    add_option(
+        film,
+        "--signal NAME",
+        "drawn over time below the picture, such as 'tool error' or 'contact force, JOINT' "
+        "(default: nothing)",
+    )
     add_shared(parser, "--quiet", "--trust")
 
 
@@ -126,7 +132,7 @@ def _shot(options: argparse.Namespace) -> Any:
     Raises:
         JointplayError: options of films without one, or numbers that make no sense.
     """
-    chosen = given(options, "speed", "begin", "end", "size", "fps", "view")
+    chosen = given(options, "speed", "begin", "end", "size", "fps", "view", "signal")
     if options.movie is None:
         if chosen:
             raise JointplayError(f"{', '.join(f'--{name}' for name in chosen)} needs --movie FILE")

@@ -104,7 +104,7 @@ def save_movie(
     say: Callable[[str], None] = _silent,
     **options: Any,
 ) -> MovieFile:
-    """Make a picture (.png) or a film (.gif, .mp4, .webm) of results.
+    """Make a picture (.png) or a film (.gif, .mp4, .webm, .webp) of results.
 
     `say` and `options` are as for `save_html`.
 

@@ -12,7 +12,7 @@ import math
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,9 +29,9 @@ from jointplay.core.errors import (
     require_whole,
 )
 
-KINDS = (".png", ".gif", ".mp4", ".webm")
+KINDS = (".png", ".gif", ".mp4", ".webm", ".webp")
 """Files that can be made, by their ending."""
-_CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
+_CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9", ".webp": "libwebp_anim"}
 
 VIEWS = ("both", "robot", "closeup")
 """Robot and close-up, or one of them."""
@@ -70,6 +70,9 @@ class Shot:
     """Width and height [pixels], even."""
     view: str = "both"
     """One of `VIEWS`."""
+    signal: str | None = None
+    """Drawn over time below the picture, by its name in the player: ``tool error``,
+    ``contact force, JOINT`` and so on; None draws nothing."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -203,7 +206,7 @@ def film(
         folder = Path(stack.enter_context(files.temporary("film")))
         take = stack.enter_context(_browser(content, contents, shot, folder))
         bar = ProgressBar(
-            times, unit=" frames", disable=not progress or speed is None, desc="filming"
+            times, unit="frames", disable=not progress or speed is None, desc="filming"
         )
         taken = (take(float(t), span, f"t = {t:.{digits}f} s{how}") for t in bar)
         made = next(taken) if speed is None else _encoded(taken, folder, suffix, shot)
@@ -241,10 +244,13 @@ def _browser(
             tab = room.new_page()
             tab.goto(page_file.as_uri())
             tab.wait_for_selector("body.ready", timeout=_READY_MS)
-            tab.evaluate(
-                "([view, joint]) => window.jointplay.bare(view, joint)",
-                [shot.view, contents["joint"]],
+            signals = tab.evaluate(
+                "(what) => window.jointplay.bare(...what)",
+                [shot.view, contents["joint"], shot.signal],
             )
+            if shot.signal is not None and shot.signal not in signals:
+                names = "; ".join(map(repr, signals))
+                raise JointplayError(f"no signal {shot.signal!r} to draw; available: {names}")
 
             def take(time: float, span: float, caption: str) -> bytes:
                 tab.evaluate(
@@ -299,21 +305,33 @@ def _encoded(frames: Iterator[bytes], folder: Path, suffix: str, shot: Shot) -> 
     import imageio.v2 as imageio
 
     target = folder / f"film{suffix}"
-    options: dict[str, Any]
+    pictures = (imageio.imread(io.BytesIO(frame))[..., :3] for frame in frames)
     if suffix == ".gif":
-        options = {"duration": 1000.0 / shot.frames_per_second, "loop": 0}
+        writer: Any
+        duration = 1000.0 / shot.frames_per_second
+        with imageio.get_writer(target, duration=duration, loop=0) as writer:
+            for picture in pictures:
+                writer.append_data(picture)
     else:
-        # Pixel format and even sizes that every player takes.
-        options = {
-            "fps": shot.frames_per_second,
-            "codec": _CODECS[suffix],
-            "quality": 8,
-            "macro_block_size": 2,
-            "pixelformat": "yuv420p",
-            "output_params": ["-row-mt", "1"] if suffix == ".webm" else [],
+        import imageio_ffmpeg
+
+        output = {
+            ".webm": ["-row-mt", "1"],
+            ".webp": ["-quality", "60", "-compression_level", "5", "-loop", "0"],
         }
-    writer: Any
-    with imageio.get_writer(target, **options) as writer:
-        for frame in frames:
-            writer.append_data(imageio.imread(io.BytesIO(frame))[..., :3])
+        # Pixel format and even sizes that every player takes.
+        encoder = imageio_ffmpeg.write_frames(
+            str(target),
+            shot.size,
+            fps=shot.frames_per_second,
+            codec=_CODECS[suffix],
+            quality=None if suffix == ".webp" else 8,
+            macro_block_size=2,
+            pix_fmt_out="yuv420p",
+            output_params=output.get(suffix, []),
+        )
+        with closing(encoder):
+            encoder.send(None)
+            for picture in pictures:
+                encoder.send(np.ascontiguousarray(picture))
     return target.read_bytes()

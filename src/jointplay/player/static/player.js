@@ -646,14 +646,36 @@ class Player {
         this.setPlaying(true);
     }
 
-    // What is seen and no controls, for who takes frames from outside: movie.py.
-    bare(layout, joint) {
+    // What is seen and no controls, for who takes frames from outside: movie.py. A signal is drawn below
+    // the picture; returns the names of those that can be, without changing anything if this is none of them.
+    async bare(layout, joint, signal) {
+        const names = Object.keys(this.signals);
+        if (signal && !names.includes(signal)) return names;
         document.body.classList.add("bare");
+        document.body.classList.toggle("with-signal", Boolean(signal));
+        if (signal) {
+            $("signal").value = signal;
+            $("signal-now").textContent = this.signalNow();  // now, for it takes a line
+        }
         this.sidebar = false;
         if (joint) this.setJoint(joint);
         if (layout && this.contents.joints.length) this.setLayout(layout);
         this.fit();
+        this.drawTimeline();
         this.cameraPreset("robot");
+        // What observes sizes has been called after two frames of the screen; it empties the canvas.
+        for (let k = 0; k < 2; k++) await new Promise(done => requestAnimationFrame(done));
+        return names;
+    }
+
+    // The value that the timeline's signal has now in each case that has it.
+    signalNow() {
+        const name = $("signal").value, {unit, of} = this.signals[name];
+        const parts = this.cases.filter(c => c.visible && of(c)).map(c => {
+            const value = quantity(of(c)(rowAt(c.time, this.t)), unit);
+            return this.cases.length > 1 ? `${c.label}: ${value}` : value;
+        });
+        return `${name} ${parts.join(", ")}`;
     }
 
     // The frame of time t: drawn when this returns. Forces are the largest of the last `span` seconds.
@@ -661,6 +683,7 @@ class Player {
         this.playing = span > 0;
         this.show(t, Math.max(t - span, this.start));
         $("moment").textContent = caption;
+        if (document.body.classList.contains("with-signal")) $("signal-now").textContent = this.signalNow();
         this.render();
         this.playing = false;
     }
