@@ -74,6 +74,8 @@ def test_at_rest_the_tool_hangs_as_far_down_as_it_can(arm):
     assert light.rest[0, 0, 2] == pytest.approx(2.0 * 1e-4 / joint.lj * REACH, rel=2e-3)
     soft = budget(Mechanism(arm, {"j": bearing(lock_axial=True, stiffness=1e8)}), {})
     assert soft.rest[0, 0, 2] < 1.5 * found.rest[0, 0, 2]
+    assert "at rest they give way under the load, beyond the joint's worst case" in soft.table()
+    assert "give way" not in found.table()
 
 
 def test_the_weight_of_what_hangs_beyond_counts_with_its_lever(urdf):

@@ -25,6 +25,9 @@ from jointplay.mechanism.mechanism import Mechanism
 DIRECTIONS = 180
 """Directions over half a sphere among which the worst one is sought, before it is refined."""
 _REFINEMENTS = 6
+_BEYOND = 0.01
+"""Part of the largest error of one joint by which another's error at rest exceeds its own worst case
+before that is said."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
@@ -211,6 +214,17 @@ class Budget:
             if np.isnan(whole_rest).any()
             else f"at rest without friction, along x, y, z: {place} mm{begins}"
         )
+        beyond = 1e3 * (np.linalg.norm(rests[:, :3], axis=1) - self.alone[at])
+        given = [
+            f"{name} {more:.4f} mm"
+            for name, more in zip(self.joints, beyond, strict=True)
+            if more > _BEYOND * 1e3 * self.alone[at].max()
+        ]
+        if given:
+            lines.append(
+                "the worst case takes contacts as rigid; at rest they give way under the load, "
+                f"beyond the joint's worst case alone: {', '.join(given)}"
+            )
         return "\n".join([*lines, *self._held(at)])
 
     def _held(self, at: int) -> list[str]:

@@ -28,7 +28,7 @@ from jointplay.plots.figures import is_paper
 from jointplay.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
 from jointplay.reports.cases import Case, dark, place_of, since
 from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table, table_of
-from jointplay.result.certificate import COUNTS, CertifiedFigure, plus_minus
+from jointplay.result.certificate import MARKED, CertifiedFigure, plus_minus
 from jointplay.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
@@ -486,8 +486,6 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
     return joined([*parts, paragraph(note), bullets(missing)])
 
 
-UNCERTAIN = 0.1
-"""Relative numerical error from which on a figure is marked where it is first seen."""
 _GLANCE_DIGITS = 4
 
 
@@ -593,19 +591,14 @@ def _error_of(case: Case, start: float, name: str) -> CertifiedFigure | None:
 
 
 def _glance_cell(case: Case, start: float, value: float | None, name: str, scale: float) -> Cell:
-    """A value with its numerical error, marked where that exceeds `UNCERTAIN`."""
+    """A value with its numerical error, marked where `CertifiedFigure.marked`."""
     figure = None if value is None else _error_of(case, start, name)
     if value is None or figure is None:
         return value
     shown = plus_minus(value, scale * figure.error, _GLANCE_DIGITS)
-    if not _uncertain(figure):
+    if not figure.marked:
         return shown
     return markup('{}<br><strong class="warn">uncertain</strong>', shown)
-
-
-def _uncertain(figure: CertifiedFigure) -> bool:
-    counted = figure.name in COUNTS and figure.error <= 1.0
-    return figure.relative > UNCERTAIN and not counted
 
 
 def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
@@ -622,7 +615,7 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
         certificate = case.result.certificate
         assert certificate is not None
         shown = ("peak joint force", "peak tool error", "RMS tool error", "impacts")
-        found = [f.name for f in certificate.headline if f.name.startswith(shown) and _uncertain(f)]
+        found = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
         if start == case.result.judge_from and found and case.joints:
             note = f" ({certificate.note})" if certificate.note else ""
             unsure.append(markup("{}: {}{}", dark(case), ", ".join(found), note))
@@ -630,11 +623,10 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
         points.append(
             markup(
                 '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the '
-                "value. Take the figure for an order of magnitude, and do not compare designs by "
-                "it. A smaller tolerance or step (integration.tolerance, integration.step) helps "
+                "value (of a count, 1). Do not compare designs by differences smaller than it. A smaller tolerance or step (integration.tolerance, integration.step) helps "
                 "where the step is the cause; where the motion itself magnifies small differences, "
                 "only means over perturbed runs can be compared (jointplay sweep, repeats).{}",
-                f"{100.0 * UNCERTAIN:g}",
+                f"{100.0 * MARKED:g}",
                 bullets(unsure),
             )
         )
