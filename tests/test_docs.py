@@ -72,7 +72,11 @@ def parsed(page):
 
         return parser
 
-    sybil = Sybil([keep("python"), keep("sh"), keep("text")], path=str(page.parent), patterns=["*"])
+    sybil = Sybil(
+        [keep("python"), keep("sh"), keep("text"), keep("console")],
+        path=str(page.parent),
+        patterns=["*"],
+    )
     return list(sybil.parse(page).examples())
 
 
@@ -222,6 +226,57 @@ def test_commands_run_as_they_are_written(page, folder):
                 continue
             fresh(plain)
             run(shorter(plain))
+
+
+def same(shown, printed):
+    """Whether lines differ by no more than their numbers do from one processor to another.
+
+    A number behind a plus-minus sign is an estimate of rounding and of steps: any will do.
+    """
+    number = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+    if re.sub(number, "#", shown) != re.sub(number, "#", printed):
+        return False
+    tiny = re.compile(r"± |residual")
+    pairs = zip(re.finditer(number, shown), re.finditer(number, printed), strict=True)
+    return all(
+        float(a[0]) == pytest.approx(float(b[0]), rel=0.02, abs=1e-12)
+        or tiny.search(shown[max(0, a.start() - 30) : a.start()])
+        for a, b in pairs
+    )
+
+
+SHOWN = [
+    (page, block.line, block.parsed.text) for page in PAGES for block in blocks(page, "console")
+]
+
+
+@pytest.mark.parametrize(
+    ("page", "line", "text"), SHOWN, ids=[f"{p.relative_to(ROOT)}:{line}" for p, line, _ in SHOWN]
+)
+def test_answers_are_shown_as_they_are_printed(page, line, text, folder):
+    """In blocks of this kind a command stands behind a dollar sign, and below it what it prints."""
+    for part in text.split("$ ")[1:]:
+        command, *shown = part.splitlines()
+        done = subprocess.run(
+            command, shell=True, capture_output=True, text=True, timeout=1800, check=True
+        )
+        printed = (done.stdout + done.stderr).splitlines()
+        assert shown
+        for one in filter(None, shown):
+            assert any(same(one, other) for other in printed), (one, done.stdout)
+
+
+def test_answers_that_differ_are_found():
+    assert same("peak 71.41 ± 0.13 N", "peak 71.4 ± 0.4 N")
+    assert not same("peak 71.41 ± 0.13 N", "peak 74.41 ± 0.13 N")
+    assert not same("peak 71.41 N", "least 71.41 N")
+
+
+def test_the_first_example_of_the_readme_prints_what_it_says(folder, capsys):
+    source = blocks(ROOT / "README.md", "python")[0].parsed.text
+    exec(compile(source, "README.md", "exec"), {"__name__": "__main__"})
+    said = float(re.search(r"# ([\d.]+) mm", source)[1])
+    assert float(re.search(r"([\d.]+) mm", capsys.readouterr().out)[1]) == pytest.approx(said, 1e-2)
 
 
 @pytest.mark.nightly

@@ -51,6 +51,8 @@ class Rattle:
     """Energy lost normal to the surfaces, which impacts turn into sound and heat [J]."""
     bands: tuple[Band, ...]
     """Vibration of the tool; none if the run has too few records."""
+    against_ideal: bool = False
+    """Whether it is that of the difference from the ideal twin, or that of the whole motion."""
 
     @property
     def rate(self) -> float:
@@ -74,7 +76,10 @@ class Rattle:
             words += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
         if self.bands:
             parts = (f"{one.range} {_three(one.rms)}" for one in self.bands)
-            words += f"; the tool's RMS acceleration [m/s^2]: {', '.join(parts)}"
+            what = (
+                "RMS acceleration against the ideal" if self.against_ideal else "RMS acceleration"
+            )
+            words += f"; the tool's {what} [m/s^2]: {', '.join(parts)}"
         return words
 
 
@@ -105,6 +110,7 @@ def rattle(result: Result, ideal: Result | None = None) -> Rattle:
         result.audit.impacts if impacts is None else impacts,
         float(lost[-1] - lost[0]),
         _bands(result, ideal),
+        ideal is not None,
     )
 
 

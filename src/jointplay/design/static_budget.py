@@ -26,8 +26,7 @@ DIRECTIONS = 180
 """Directions over half a sphere among which the worst one is sought, before it is refined."""
 _REFINEMENTS = 6
 _BEYOND = 0.01
-"""Part of the largest error of one joint by which another's error at rest exceeds its own worst case
-before that is said."""
+"""Part of a joint's largest error by which an error at rest exceeds its bound to be mentioned."""
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
 _PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")

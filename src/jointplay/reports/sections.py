@@ -623,7 +623,8 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
         points.append(
             markup(
                 '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the '
-                "value (of a count, 1). Do not compare designs by differences smaller than it. A smaller tolerance or step (integration.tolerance, integration.step) helps "
+                "value (of a count, 1). Do not compare designs by smaller differences. A smaller "
+                "tolerance or step (integration.tolerance, integration.step) helps "
                 "where the step is the cause; where the motion itself magnifies small differences, "
                 "only means over perturbed runs can be compared (jointplay sweep, repeats).{}",
                 f"{100.0 * MARKED:g}",
