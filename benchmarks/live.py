@@ -42,7 +42,7 @@ def measure(browser, arguments, moves):
         wait(page)
         rows = []
         for k in tqdm(range(moves), file=sys.stderr):
-            page.wait_for_timeout(150)  # what was drawn last is done
+            page.wait_for_timeout(600)  # the last picture is drawn, in software
             page.evaluate(MOVE, [k])
             rows.append(wait(page))
         page.close()

@@ -6,6 +6,7 @@ Each has its own machine, built and compiled once. They end with this process, h
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sys
 import threading
 import time
@@ -132,6 +133,7 @@ class Workers:
 def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
     """What a process does: answer the newest question, until its parent ends."""
     processes.begin()
+    os.nice(5)  # what is computed gives way to what is drawn
     machine = Machine(state)
     with processes.one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
