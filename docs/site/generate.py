@@ -63,26 +63,45 @@ def references():
     write("reference/references.md", script["page"]())
 
 
+def first_line(thing):
+    return (inspect.getdoc(thing) or "").split("\n")[0]
+
+
 def api():
-    homes = {}
+    """A page for each module that offers something, and one that lists them all."""
+    modules = {}
     offered = [getattr(jointplay, name) for name in jointplay.__all__]
     for package in filter(inspect.ismodule, offered):
         offered += [getattr(package, name) for name in package.__all__]
     for thing in offered:
         module = getattr(thing, "__module__", "")
         if module.startswith("jointplay") and (inspect.isclass(thing) or inspect.isfunction(thing)):
-            homes.setdefault(module.split(".")[1], set()).add(f"{module}.{thing.__name__}")
+            modules.setdefault(module, {})[thing.__name__] = thing
     lines = [
         "# Python",
         "",
-        "What `import jointplay as jp` offers, with the packages it shows, by what it is about. "
-        "Units are SI.",
+        "What `import jointplay as jp` offers, with its packages, by module. Units are SI.",
         "",
     ]
-    for group, names in sorted(homes.items()):
-        lines += [f"## {group.capitalize()}", ""]
-        lines += [f"::: {name}\n" for name in sorted(names)]
-    write("reference/api.md", "\n".join(lines))
+    package = ""
+    for module, things in sorted(modules.items()):
+        _, inside, *_ = module.split(".")
+        if inside != package:
+            package = inside
+            lines += [f"## {package}", ""]
+            lines += ["| module | offers |", "| --- | --- |"]
+        page = module.removeprefix("jointplay.")
+        links = (
+            f"[`{name}`](api/{page}.md#{module}.{name}): {first_line(thing)}".replace("|", "\\|")
+            for name, thing in sorted(things.items())
+        )
+        lines.append(f"| [{page}](api/{page}.md) | {'<br>'.join(links)} |")
+        text = [f"# {page}", "", first_line(inspect.getmodule(next(iter(things.values())))), ""]
+        text += [f"::: {module}.{name}\n" for name in sorted(things)]
+        text += ["[All modules](../python.md)", ""]
+        write(f"reference/api/{page}.md", "\n".join(text))
+    # A table ends where the next heading begins.
+    write("reference/python.md", "\n".join(lines).replace("\n## ", "\n\n## "))
 
 
 copies()
