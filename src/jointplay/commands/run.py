@@ -448,25 +448,22 @@ def simulation_of(options: argparse.Namespace) -> Any:
 def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
     """The scenario of a bare robot, of a preset if that is asked for."""
     if options.preset is None:
-        return _stepped(options, target, [], given)
+        return _asked(options, target, [], given)
     chosen, settings = _of_preset(options.preset, target)
-    scenario = _stepped(options, target, settings, given)
+    scenario = _asked(options, target, settings, given)
     scenario.assumptions.append(f"preset {chosen.name}: {chosen.words}")
     scenario.assumptions.extend(f"preset {chosen.name}: {one}" for one in chosen.origins)
     return scenario
 
 
-def _stepped(
+def _asked(
     options: argparse.Namespace,
     target: str | None,
     preset: Sequence[Setting],
     given: Sequence[Setting],
 ) -> Scenario:
-    """The scenario of a bare robot, with steps chosen where none are given."""
-    from jointplay.kernel.integrators import DEFAULT
-    from jointplay.result.settings import Integration, Recording
-    from jointplay.scenario.robot import TOLERANCE, robot_scenario, step_for
-    from jointplay.scenario.settings import Setting
+    """The scenario of a bare robot, with what the options say of it."""
+    from jointplay.scenario.robot import robot_scenario
 
     joints, own = _with_lengths(options.joint)
     joints = joints or ([] if target is not None or options.ideal else ["joint_b"])
@@ -474,29 +471,7 @@ def _stepped(
         if getattr(options, name):
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
     settings = [*preset, *option_settings(options, joints), *own, *given]
-    scenario = robot_scenario(target, joints, settings, options.ideal)
-    data = scenario.data(scenario.cases[0])
-    integration = data.get("integration", {})
-    if target is None or {"step", "tolerance"}.intersection(integration):
-        return scenario
-    if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
-        settings.append(Setting(("integration", "tolerance"), TOLERANCE, "steps chosen"))
-        scenario = robot_scenario(target, joints, settings, options.ideal)
-        scenario.assumptions.append(
-            f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
-        )
-        return scenario
-    choice = step_for(scenario)
-    if choice is None:
-        return scenario
-    step, reason = choice
-    settings.append(Setting(("integration", "step"), step, "step chosen"))
-    if "record_every" not in data.get("output", {}):  # records as far apart as usual
-        every = round(Recording.record_every * Integration.step / step)
-        settings.append(Setting(("output", "record_every"), every, "step chosen"))
-    scenario = robot_scenario(target, joints, settings, options.ideal)
-    scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step selects another)")
-    return scenario
+    return robot_scenario(target, joints, settings, options.ideal)
 
 
 def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:

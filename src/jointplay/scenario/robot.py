@@ -12,8 +12,10 @@ import numpy as np
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.tables import few
+from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.urdf import Description, read
+from jointplay.result.settings import Integration, Recording
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, inline, tree, with_names
 
@@ -88,6 +90,20 @@ def robot_scenario(
     Raises:
         JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
     """
+    scenario = _of_robot(place, joints, settings, ideal)
+    if place is None:
+        return scenario
+    more, words = _steps(scenario)
+    if more:
+        scenario = _of_robot(place, joints, [*settings, *more], ideal)
+        scenario.assumptions.append(words)
+    return scenario
+
+
+def _of_robot(
+    place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool
+) -> Scenario:
+    """See `robot_scenario`; its steps are those of any scenario."""
     scara = place is None
     place = SCARA if place is None else _prefixed(place)
     # The URDF alone: what is wrong elsewhere is said when the scenario is built.
@@ -140,6 +156,28 @@ def robot_scenario(
 TOLERANCE = 1e-3
 """Tolerance of the steps of a robot of which nothing else is said: on random robots as good as
 equal steps of 10 us, at two thirds of their cost (docs/integrators.md)."""
+
+
+def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
+    """Keys that choose the steps of a robot of which none are given, and why, in words."""
+    data = scenario.data(scenario.cases[0])
+    integration = data.get("integration", {})
+    if {"step", "tolerance"}.intersection(integration):
+        return [], ""
+    if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
+        key = Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")
+        return [
+            key
+        ], f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
+    choice = step_for(scenario)
+    if choice is None:
+        return [], ""
+    step, reason = choice
+    keys = [Setting(("integration", "step"), step, "step chosen")]
+    if "record_every" not in data.get("output", {}):  # records as far apart as usual
+        every = round(Recording.record_every * Integration.step / step)
+        keys.append(Setting(("output", "record_every"), every, "step chosen"))
+    return keys, f"step: {step:g} s (chosen: {reason}; --step selects another)"
 
 
 def step_for(scenario: Scenario) -> tuple[float, str] | None:
