@@ -21,7 +21,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -771,6 +771,11 @@ class RollingBearing(WholeLawJoint):
     def scaled(self, factor: float) -> RollingBearing:
         """The bearing with C_r multiplied, as bought; axial and tilt play follow their own law."""
         return replace(self, radial_clearance=factor * self.bought_clearance, clearance_class=None)
+
+    def warmed(self, journal: float, bearing: float) -> Self:
+        """See `Clearance.warmed`: by the rings' difference of temperature."""
+        more = journal - bearing
+        return replace(self, temperature_difference=self.temperature_difference + more)
 
     @property
     def play_words(self) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -74,6 +74,22 @@ class PrismaticClearance(SlidingClearance):
                     f"slider clearance {play:g} m is as large as the slider's side {side:g} m",
                     where=(name,),
                 )
+
+    def warmed(self, journal: float, bearing: float) -> Self:
+        """See `Clearance.warmed`: slider and guide grow freely, by their materials' expansions."""
+        inner, outer = self._growths(journal, bearing)
+        grown: dict[str, Any] = {
+            name: getattr(self, name) * (1.0 + inner) for name in ("length", "width", "height")
+        }
+        for name, play, side in (
+            ("clearance", self.clearance, self.width),
+            ("clearance_y", self.cy, self.height),
+        ):
+            if play:
+                room = 0.5 * ((side + 2.0 * play) * (1.0 + outer) - side * (1.0 + inner))
+                self._require_room(name, play, room)
+                grown[name] = room
+        return replace(self, **grown)
 
     @property
     def cy(self) -> float:

@@ -129,6 +129,7 @@ class Mechanism(Overview, Described):
         clearance: those of them that have clearance.
         description, loops: as given, with the bushes of seats, links ``JOINT_bush``.
         gears: as given.
+        warm: what heat has changed, a line each (`heat.warmed`).
         tool_reason: why this tool, in words, if none was named; else empty.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
             and of what is fixed to it (`mechanism.loop`).
@@ -167,6 +168,7 @@ class Mechanism(Overview, Described):
         for name, joint in self.given_joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)
+        self.warm: tuple[str, ...] = ()
         self.tool_reason = ""
         if tool is None:
             tool, self.tool_reason = choose_tool(

@@ -20,6 +20,7 @@ from jointplay.design.robot_errors import JointErrors, RobotErrors
 from jointplay.joints import JOINT_WORDS, Clearance, Elasticity, GuideElasticity
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
+from jointplay.mechanism.heat import warmed
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
@@ -411,6 +412,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
     notes += [mechanism.held] if mechanism.held else []
+    notes += mechanism.warm
     notes += _of_zero(model, mechanism)
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
@@ -457,16 +459,16 @@ def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
     with within("robot", "urdf"):
         path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
-    inputs = (robot, model.loops, model.joints, model.gears, folder)
+    inputs = (robot, model.loops, model.joints, model.gears, model.heat, folder)
     key = (str(path), description.text, *map(repr, inputs))
-    made = built.pop(key, None) or _built_anew(model, path, description, folder)
+    made = built.pop(key, None) or _built_anew(model, description, folder)
     built[key] = made
     if len(built) > _LAST_BUILT:
         built.popitem(last=False)
     return made
 
 
-def _built_anew(model: Model, path: Path, description: Description, folder: Path) -> Mechanism:
+def _built_anew(model: Model, description: Description, folder: Path) -> Mechanism:
     robot = model.robot
     loops = {}
     for name, ends in model.loops.items():
@@ -491,6 +493,10 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
     for name, draft in drafts(model.gears).items():
         with within("gears", name):
             gears[name] = draft.make()
+    with within("heat"):
+        curve = model.heat.curve
+        heat = model.heat.at_its_time(None if curve is None else resolve(curve, folder))
+        description, joints, loops, warm = warmed(description, joints, loops, heat)
     # One tool for cases with and without play in the same joints.
     tool, reason = robot.tool, ""
     if tool is None:
@@ -498,7 +504,7 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
     places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical")}
     with _relocated({**places, "clearance": ("joints",)}):
         mechanism = Mechanism(
-            path,
+            description,
             joints,
             loops=loops,
             gears=gears,
@@ -507,6 +513,7 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
             allow_unphysical=robot.allow_unphysical,
         )
     mechanism.tool_reason = reason
+    mechanism.warm = tuple(warm)
     return mechanism
 
 

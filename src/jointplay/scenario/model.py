@@ -14,6 +14,7 @@ from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.gear import Gearing
+from jointplay.mechanism.heat import Heat
 from jointplay.mechanism.payload import Payload, Vector
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.motion.reference import INTERPOLATIONS
@@ -149,6 +150,8 @@ class Model:
     """Joints with clearance, by the name of a joint of the URDF or of a loop."""
     gears: dict[str, Gearing] = field(default_factory=dict)
     """Gears between motors and joints, by joint."""
+    heat: Heat = field(default_factory=Heat)
+    """How warm links and joints are."""
     drive: Drive | None = None
     """Drive of all joints of the motion; if not given, ``computed-torque``."""
     drives: dict[str, Drive] = field(default_factory=dict)
