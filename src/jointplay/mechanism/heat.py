@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,8 +21,10 @@ from jointplay.core.schema import quantity
 from jointplay.core.tables import few
 from jointplay.joints.base import Clearance
 from jointplay.joints.materials import material
-from jointplay.mechanism.loop import Loop
 from jointplay.mechanism.urdf import Description, parse
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.loop import Loop
 
 JOURNAL, BEARING = "journal", "bearing"
 
