@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 HISTORIES = (
     *("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak"),
-    *("q", "cage_angle", "normal_dissipation"),
+    *("q", "v", "cage_angle", "normal_dissipation"),
 )
 """What `headline` looks at, in the run and in the ideal mechanism's."""
 
@@ -60,7 +60,7 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []
     if ideal is not None and has_play(result):
-        lines += _tool(result, deviation(result, ideal), start, since)
+        lines += _tool(result, ideal, deviation(result, ideal), start, since)
     if result.joints:
         lines += [_force(result, joint, start, since) for joint in result.joints]
         lines += _bearings(result, since)
@@ -73,7 +73,9 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     return lines
 
 
-def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list[str]:
+def _tool(
+    result: Result, ideal: Result, error: xr.DataArray, start: float, since: str
+) -> list[str]:
     judged = error.sel(time=error["time"] >= start)
     last = float(error["time"][-1])
     # Records of another step may end a little earlier.
@@ -89,7 +91,20 @@ def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list
         f"{_cause(result)} puts the tool {tool!r} up to {_peak(result, sizes.max())} off{since} "
         f"(at t = {at:.4g} s), RMS {_mm(rms)}, against the ideal mechanism{ended}"
     )
-    return [answer, *_at_stops(result, error, start)]
+    return [answer, *_from_base(result, ideal, since), *_at_stops(result, error, start)]
+
+
+def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
+    """The error that is seen from a free base, which play moves too."""
+    mechanism = result.simulation.mechanism
+    if mechanism.free_base is None:
+        return []
+    base = mechanism.description.root
+    found = accuracy(deviation(result, ideal, relative_to=base))
+    return [
+        f"seen from the free base {base!r}, whose own motion differs as well: up to "
+        f"{_mm(found.peak[-1])} off{since}, RMS {_mm(found.rms[-1])}"
+    ]
 
 
 def _peak(result: Result, size: float) -> str:

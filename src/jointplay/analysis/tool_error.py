@@ -15,6 +15,8 @@ import xarray as xr
 
 from jointplay.analysis.twins import has_play, is_twin
 from jointplay.core.errors import JointplayError, MissingName, require_finite
+from jointplay.mechanism.mechanism import frame_index
+from jointplay.mechanism.tree import BodyMotion, Tree
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
 
@@ -28,7 +30,9 @@ COMPONENTS = (*AXES, "total")
 """Columns of accuracies and spectra: x, y, z, and all three together."""
 
 
-def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
+def deviation(
+    result: Result, ideal: Result, of: str = "tool_position", relative_to: str | None = None
+) -> xr.DataArray:
     """Difference of the tool's motion from the ideal robot's at the same time.
 
     Where the two were not recorded at the same times, the ideal motion is interpolated: by cubics
@@ -41,12 +45,15 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
         of: ``tool_position`` [m], ``tool_velocity`` [m/s], ``tool_orientation`` (the rotation
             vector that turns the ideal tool into the tool, world axes [rad]) or
             ``tool_angular_velocity`` [rad/s].
+        relative_to: link or frame, whose motion does not count then: the tool's motion is that
+            which is seen from it, in its axes, in each of the two runs. None: the world.
 
     Returns:
         (time, axis), for the time that both runs cover.
 
     Raises:
         JointplayError: `ideal` is not the result's twin.
+        MissingName: no such link or frame.
     """
     if not is_twin(result, ideal):
         reason = (
@@ -60,7 +67,46 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
             f"the reference {reason}; take an ideal run of the same robot, motion, drive and "
             "gravity, such as analysis.twin(result)"
         )
-    return difference(result, ideal, of)
+    if relative_to is None:
+        return difference(result, ideal, of)
+    error = difference(seen_from(result, relative_to), seen_from(ideal, relative_to), of)
+    error.attrs["long_name"] = f"{of.replace('_', ' ')} - reference, axes of {relative_to}"
+    return error
+
+
+def seen_from(result: Result, body: str) -> Result:
+    """The same run with the tool's motion as it is seen from a body, in that body's axes.
+
+    Args:
+        result: with `q` and `v`.
+        body: link or frame.
+
+    Raises:
+        MissingName: no such link or frame.
+    """
+    mechanism = result.simulation.mechanism
+    at = frame_index(mechanism.model, body, "body")
+    motions = []
+    for index in (at, mechanism.tool_frame):
+        frame = mechanism.model.frames[index]
+        motion = BodyMotion.of(len(result.time), 0)
+        q, v = (np.ascontiguousarray(one, float) for one in (result.q, result.v))
+        carrier = int(frame.parentJoint), frame.placement
+        Tree(mechanism.model).move(motion, 0, len(q), q, v, carrier, [])
+        motions.append(motion)
+    own, tool = motions
+    if not len(result.time):
+        return result
+    turn = rotations(own.orientation).inv()
+    arm = tool.tool[:, :3] - own.tool[:, :3]
+    speed = tool.tool[:, 3:] - own.tool[:, 3:] - np.cross(own.spin, arm)
+    orientation = (turn * rotations(tool.orientation)).as_quat()[:, [3, 0, 1, 2]]
+    values = (turn.apply(arm), turn.apply(speed), orientation, turn.apply(tool.spin - own.spin))
+    dataset = result.dataset
+    for name, found in zip(TOOL_MOTIONS, values, strict=True):
+        if name in dataset:
+            dataset = dataset.assign({name: dataset[name].copy(data=found)})
+    return Result(dataset, result.trust)
 
 
 def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:

@@ -11,6 +11,7 @@ import numpy as np
 from jointplay.core.errors import MissingName
 from jointplay.joints import JOINT_KINDS, VIRTUAL_LINK, RollingBearing, SlidingClearance, class_of
 from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.mechanism.free_base import BASE, FREE
 from jointplay.result.result import Result
 from jointplay.result.stored import stored_coordinates
 
@@ -109,7 +110,8 @@ def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
     state: dict[str, list[float | None]] = {}
     for name, at in given["state"].items():
         coordinate = known.get(name)
-        if coordinate is not None:
+        free_base = given["mechanism"].get("base") == FREE
+        if coordinate is not None and not (free_base and coordinate.joint == BASE):
             joint, part = coordinate.joint, coordinate.part
             kind = class_of(mechanism["clearance"][joint]) if part in VIRTUAL_LINK else None
             if kind is None or joint in (mechanism.get("loops") or {}):
@@ -146,7 +148,7 @@ def twin(result: Result, progress: bool = False) -> Result:
 
 
 def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
-    """A run of which only the tool's motion is kept.
+    """A run of which only the tool's motion is kept, and that of all bodies if the base is free.
 
     Neither the forces in its joints are found, nor how far it is off because of its step.
 
@@ -157,7 +159,9 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
 
     run = Run(simulation, progress)
     status = run.run_to_end(progress)
-    return run.result(status, reactions=False, only=("tool_position", "tool_velocity"))
+    wanted = ["tool_position", "tool_velocity"]
+    wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []  # seen from the base
+    return run.result(status, reactions=False, only=wanted)
 
 
 def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, float | None]]:

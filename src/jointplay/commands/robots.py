@@ -38,7 +38,14 @@ def run(options: argparse.Namespace) -> int:
     arms = [robot for robot in surveys if robot.serial]
     others = [robot for robot in surveys if not robot.serial]
     print("\n".join(["ARMS (revolute joints on one path)", *map(_entry, arms)]))
-    print("\n".join(["OTHERS (the base is held fast)", *map(_entry, others)]))
+    print(
+        "\n".join(
+            [
+                "OTHERS (the base is held fast, unless it is run with --base free)",
+                *map(_entry, others),
+            ]
+        )
+    )
     return 0
 
 
@@ -67,7 +74,7 @@ def _detail(survey: Survey) -> str:
         lines += _joints(survey, survey.mechanism.description) + _frames(survey.mechanism)
     remarks = list(survey.remarks)
     if survey.mechanism is not None and (held := survey.mechanism.description.held):
-        remarks.insert(0, held)
+        remarks.insert(0, f"{held}; --base free lets go of it")
     if survey.bare:
         remarks.append(
             f"links without mass: {', '.join(survey.bare)}; their joints cannot have clearance "

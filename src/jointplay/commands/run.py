@@ -39,7 +39,11 @@ def as_local_path(text: str) -> str:
 
 
 _OPTIONS = {
-    "robot": {"--tool FRAME": "robot.tool", "--gravity G": "robot.gravity"},
+    "robot": {
+        "--tool FRAME": "robot.tool",
+        "--gravity G": "robot.gravity",
+        "--base WORD": "robot.base",
+    },
     "clearance joint": {
         "--radial X": "joints.JOINT.radial_clearance",
         "--axial X": "joints.JOINT.axial_clearance",

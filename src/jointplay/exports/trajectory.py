@@ -18,6 +18,7 @@ from jointplay import exports
 from jointplay.analysis.twins import inputs
 from jointplay.core.errors import JointplayError
 from jointplay.joints import MOTOR, Coordinate, class_of
+from jointplay.mechanism.free_base import BASE, FREE
 from jointplay.result.result import Result
 from jointplay.result.stored import stored_coordinates
 
@@ -45,12 +46,12 @@ class Trajectory:
 def encoders(result: Result) -> dict[str, int]:
     """Joints that have a single coordinate, each with its index in q; ball joints have none."""
     given = inputs(result)["mechanism"]
-    known = stored_coordinates(given)
+    known, free_base = stored_coordinates(given), given.get("base") == FREE
     at: dict[str, int] = {}
     for index, name in enumerate(result["coordinate"].values.tolist()):
         coordinate = known.get(name, Coordinate(name))
         joint, part = coordinate.joint, coordinate.part
-        if part == MOTOR:
+        if part == MOTOR or (free_base and joint == BASE):
             continue
         kind = class_of(given["clearance"][joint]) if part else None
         if kind is None or kind.ideal_freedoms == (part,):

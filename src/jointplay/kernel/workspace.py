@@ -391,6 +391,18 @@ class Workspace(PointerRecord):
                 joint[f"{part}_placement"] = place
         self._set(nb=len(bodies), through_frames=0)
 
+    def turn_body(self, coordinate: int, turn: np.ndarray) -> None:
+        """Let the body that a coordinate turns have this orientation in its parent at zero.
+
+        Args:
+            coordinate: index in q.
+            turn: rotation, shape (3, 3).
+        """
+        bodies = self._arrays.get("bodies")
+        if bodies is not None:
+            moved = np.flatnonzero(bodies["coordinate"] == coordinate)
+            bodies["turn"][moved[moved > 0]] = turn.ravel()
+
     def set_held_pairs(self, holds: np.ndarray) -> None:
         """Have the kernels close the loops without clearance; after `place`.
 

@@ -145,6 +145,7 @@ def tabulate(
     progress: bool = False,
     bounds: Mapping[str, float] | None = None,
     ahead: float = 0.0,
+    speed: np.ndarray | None = None,
 ) -> tuple[CoordinateTables, dict[int, float], Reference]:
     """Tabulate all drives.
 
@@ -158,6 +159,8 @@ def tabulate(
         progress: show a bar on standard error if it takes long.
         bounds: efforts to which the drives are cut, by joint; prescribed motion is not.
         ahead: how far beyond the present the table must always reach [s].
+        speed: velocities at the start, of which a free base's count, shape (nv,); None: it is at
+            rest.
 
     Returns:
         The tables as they are at the start, the armature that the model needs, by coordinate
@@ -170,7 +173,7 @@ def tabulate(
     if any(isinstance(drives[name], ComputedTorque) for name in follows):
         assert motion is not None
         end = (nodes - 1) * REFERENCE_NODE_S
-        ideal = IdealMotion(mechanism, motion, follows, end, start)
+        ideal = IdealMotion(mechanism, motion, follows, end, start, speed)
     columns: list[Any] = []
     efforts: dict[int, Efforts] = {}
     rows, servos, rubs = [], [], []

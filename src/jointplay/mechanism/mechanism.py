@@ -20,7 +20,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, Where, require_finite, within
 from jointplay.core.imports import load_object
-from jointplay.core.schema import Described, plain, quantity
+from jointplay.core.schema import Described, choice, plain, quantity
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
 from jointplay.joints import (
@@ -33,6 +33,7 @@ from jointplay.joints import (
     parts_of_seat,
 )
 from jointplay.mechanism import urdf
+from jointplay.mechanism.free_base import BASE, BASES, HELD
 from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import Frame, build, parse
@@ -103,6 +104,7 @@ class WrittenMechanism:
     allow_unphysical: tuple[str, ...]
     loops: dict[str, Loop] = field(default_factory=dict)
     gears: dict[str, Gearing] = field(default_factory=dict)
+    base: str = choice("base", BASES, default=HELD)
 
 
 class Mechanism(Overview, Described):
@@ -120,6 +122,9 @@ class Mechanism(Overview, Described):
         tool: name of the frame whose motion is reported; None takes the end of the chain of moving
             joints that has most of those with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it.
+        base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
+            or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
+            ``.roll`` [rad] come first; they are zero where the URDF has it.
 
     Attributes:
         model, data: the Pinocchio model and data that the simulation uses.
@@ -128,8 +133,9 @@ class Mechanism(Overview, Described):
             One with a seat stands here without it, and its mount ``JOINT_seat`` beside it.
         clearance: those of them that have clearance.
         description, loops: as given, with the bushes of seats, links ``JOINT_bush``.
-        gears: as given.
         warm: what heat has changed, a line each (`heat.warmed`).
+        gears, base: as given.
+        free_base: name of the free base's coordinates; None if the base is held.
         tool_reason: why this tool, in words, if none was named; else empty.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
             and of what is fixed to it (`mechanism.loop`).
@@ -151,6 +157,7 @@ class Mechanism(Overview, Described):
         gravity: Sequence[float] | str = STANDARD_GRAVITY,
         tool: str | None = None,
         allow_unphysical: Collection[str] = (),
+        base: str = HELD,
     ) -> None:
         """Read the URDF and build the model."""
         if not isinstance(path, urdf.Description):
@@ -161,6 +168,8 @@ class Mechanism(Overview, Described):
         self.loops = dict(loops or {})
         self.gears = dict(gears or {})
         self.allow_unphysical = tuple(allow_unphysical)
+        self.base = base
+        self.free_base = self._name_of_free_base()
         self.gravity = _gravity(gravity)
         for name in self.loops:
             with within("loops", name):
@@ -179,6 +188,8 @@ class Mechanism(Overview, Described):
         fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
         source = parse(self.description, tuple(sorted(fixed.intersection(self.clearance))))
         self._make(source, {})
+        if self.free_base is not None:
+            self._check_free_base()
         if not isinstance(tool, str):
             raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool
@@ -221,6 +232,42 @@ class Mechanism(Overview, Described):
             self.given_joints[name] = parts.joint
             self.given_joints[f"{name}{SEAT}"] = parts.mount
 
+    def _name_of_free_base(self) -> str | None:
+        """Name of the base's coordinates; None if it is held."""
+        if self.base not in BASES:
+            raise MissingName("base", self.base, BASES, where=("base",))
+        if self.base == HELD:
+            return None
+        if self.loops:
+            raise JointplayError(
+                "a mechanism with loops cannot have a free base yet: the base must be held; loops: "
+                f"{', '.join(self.loops)}",
+                where=("base",),
+            )
+        if BASE in self.description.joints:
+            raise JointplayError(
+                f"the URDF has a joint called {BASE!r}, as the coordinates of a free base are; "
+                "give it another name, or hold the base",
+                where=("base",),
+            )
+        return BASE
+
+    def _check_free_base(self) -> None:
+        """Refuse a free base that nothing but forces without inertia would move."""
+        body = self.model.inertias[self.base_joint]
+        if not body.mass > 0.0 or not np.linalg.eigvalsh(body.inertia).min() > 0.0:
+            root = self.description.root
+            raise JointplayError(
+                f"a free base needs mass and moments of inertia, and {root!r} with what is fixed "
+                f"to it has {body.mass:g} kg: give it an <inertial> in the URDF, or hold the base",
+                where=("base",),
+            )
+
+    @property
+    def base_joint(self) -> int:
+        """Pinocchio joint that carries the base: 0, the ground, if it is held."""
+        return 0 if self.free_base is None else int(self.model.getJointId(self.free_base))
+
     def _check_gear(self, name: str, gear: Gearing) -> None:
         if not isinstance(gear, Gearing):
             raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
@@ -240,7 +287,9 @@ class Mechanism(Overview, Described):
 
     def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
         """Build the model, with what `locks` need."""
-        self.model, self.coordinates = build(source, self.given_joints, self.gears, locks)
+        self.model, self.coordinates = build(
+            source, self.given_joints, self.gears, locks, self.free_base
+        )
         self.model.gravity.linear = np.array(self.gravity)
         self.locks = {}
         for name, lock in locks.items():
@@ -287,7 +336,8 @@ class Mechanism(Overview, Described):
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
         names = dict.fromkeys(coordinate.joint for coordinate in self.coordinates)
-        return tuple(name for name in names if name not in self.loops and name not in self.mounts)
+        others = {*self.loops, *self.mounts, self.free_base}
+        return tuple(name for name in names if name not in others)
 
     @property
     def mounts(self) -> tuple[str, ...]:
@@ -347,7 +397,12 @@ class Mechanism(Overview, Described):
     @property
     def held(self) -> str:
         """That the base is held, in words; see `Description.held`. That of a linkage always is."""
-        return "" if self.loops else self.description.held
+        return "" if self.loops or self.free_base else self.description.held
+
+    @property
+    def base_words(self) -> str:
+        """Whether the base is free or held, in words; empty if nobody would ask."""
+        return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears, always the same one.
@@ -381,6 +436,7 @@ class Mechanism(Overview, Described):
             gravity=self.gravity,
             tool=self.tool,
             allow_unphysical=self.allow_unphysical,
+            base=self.base,
         )
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
@@ -406,6 +462,7 @@ class Mechanism(Overview, Described):
             "gravity": list(self.gravity),
             "tool": self.tool,
             "allow_unphysical": list(self.allow_unphysical),
+            "base": self.base,
         }
 
     @classmethod
@@ -429,8 +486,8 @@ class Mechanism(Overview, Described):
         """File and number of moving joints; where there is play, and what else is not usual."""
         moving = list(self.joints)
         facts = {"moving joints": few(moving)}
-        if self.held:
-            facts["base"] = self.held.removeprefix("the base ")
+        if self.base_words:
+            facts["base"] = self.base_words.removeprefix("the base ")
         for name, joint in self.clearance.items():
             play = f"{joint.kind} with clearance, play {joint.play_words}"
             facts[f"joint {name}"] = play if joint.springs is None else joint.words

@@ -81,6 +81,7 @@ def build(
     joints: Mapping[str, Clearance],
     gears: Mapping[str, Gearing],
     locks: Mapping[str, Lock],
+    base: str | None = None,
 ) -> tuple[pin.Model, tuple[Coordinate, ...]]:
     """Copy `source` joint by joint, those with clearance as virtual links; append the motors.
 
@@ -88,7 +89,8 @@ def build(
     beyond are turned back, so that at zero yaw everything stands where it stood.
     Continuous joints become ordinary revolute ones: one coordinate, which may exceed a turn.
     Carriages of `locks` come straight after the body that carries them: Pinocchio needs the joints
-    of a branch side by side.
+    of a branch side by side. A `base` of this name comes first, if it is given: six coordinates
+    that nothing holds, which carry all that is fixed to the URDF's root.
 
     Returns:
         The model, and the names of its coordinates.
@@ -111,6 +113,10 @@ def build(
                 _virtual_link(model, carrier, lock.placement, loop, lock.freedoms)
                 coordinates.extend(Coordinate(loop, freedom) for freedom in lock.freedoms)
 
+    if base is not None:
+        moved[0] = _virtual_link(model, 0, pin.SE3.Identity(), base, VIRTUAL_LINK)
+        coordinates.extend(Coordinate(base, part) for part in VIRTUAL_LINK)
+        model.appendBodyToJoint(moved[0], source.inertias[0], pin.SE3.Identity())
     carriages(0)
     for old in range(1, source.njoints):
         name = source.names[old]

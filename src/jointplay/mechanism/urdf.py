@@ -284,14 +284,24 @@ class Description:
         return bool(paths) and max(paths, key=len).issuperset(self.revolute)
 
     @property
+    def root(self) -> str:
+        """The link from which all joints begin: the base."""
+        children = {joint.child for joint in self.joints.values()}
+        return next(link for link in self.links if link not in children)
+
+    def free_base(self, gravity: Sequence[float]) -> str:
+        """That the base is free, in words, and what it then does under `gravity`."""
+        falls = ", and it falls unless loads carry it" if any(gravity) else ""
+        return f"the base {self.root!r} is free: nothing holds it{falls}"
+
+    @property
     def held(self) -> str:
         """That the base of what is no arm is held, in words; empty if nobody would expect else.
 
         A URDF does not say whether its base is free, as that of what walks, drives or flies. What
         has no mass, though, is the ground.
         """
-        children = {joint.child for joint in self.joints.values()}
-        base = next(link for link in self.links if link not in children)
+        base = self.root
         fixed: set[str] = set()
         found = {base}
         while found - fixed:

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.progress import ProgressBar
+from jointplay.mechanism.free_base import ANGLES, rotation
 from jointplay.mechanism.loop import assemble, closing_rows, follow
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -25,6 +26,9 @@ _BLOCKS_BEHIND = 3
 
 _PORTION = 20_000
 """Times at which a tree's motion is held in memory at once."""
+
+_BASE = slice(0, 6)
+"""The coordinates of a free base."""
 
 _KEPT = 2
 _RECENT: dict[tuple[object, ...], tuple[pin.Model, np.ndarray]] = {}
@@ -42,15 +46,22 @@ class IdealMotion:
     constraint forces do no work, and tau_driven = G^T rnea(q, q', q''); Nikravesh, Computer-Aided
     Analysis of Mechanical Systems, 1988, calls it the joint coordinate method.
 
+    A free base moves as the momentum of the whole demands, which nothing but gravity changes here:
+    from q'' of the joints its six equations give its acceleration, and that the efforts, by partial
+    feedback linearisation (M. W. Spong, IROS 1994, 314-321). Wrenches on it are unknown to the
+    drives, as all loads are.
+
     Args:
         mechanism: with its clearance, which is left out.
         motion: reference of the driven joints.
         driven: names of the joints that follow it.
         end: last time that will be asked for [s].
         start: configuration of `mechanism` at the start, shape (nq,).
+        speed: velocities of `mechanism` at the start, shape (nv,); None: a free base is at rest.
 
     Attributes:
-        inertia: what each driven joint carries at the start, shape (driven,) [kg m^2 or kg].
+        inertia: what each driven joint carries at the start, shape (driven,) [kg m^2 or kg]; with a
+            free base, what is left of it where the base gives way.
 
     Raises:
         JointplayError: loops that cannot be closed at the start, or a configuration in which the
@@ -64,6 +75,7 @@ class IdealMotion:
         driven: Sequence[str],
         end: float,
         start: np.ndarray,
+        speed: np.ndarray | None = None,
     ) -> None:
         """Assemble the ideal mechanism at the start of the motion."""
         self._ideal = ideal = mechanism.ideal()
@@ -85,6 +97,25 @@ class IdealMotion:
             mass = np.triu(mass) + np.triu(mass, 1).T
             first = driven_map(ideal, q, self._at)
             self.inertia = np.einsum("vd,vw,wd->d", first, mass, first)
+        self._momentum = np.zeros(3)
+        """Angular momentum about the centre of mass, axes of the base at the start [kg m^2/s]."""
+        if ideal.free_base is not None:
+            first = (
+                np.zeros_like(q) if speed is None else _ideal_configuration(mechanism, ideal, speed)
+            )
+            self._free_base(q, mass, first)
+
+    def _free_base(self, q: np.ndarray, mass: np.ndarray, speed: np.ndarray) -> None:
+        """Take what a base that gives way leaves of inertias, and the momentum at the start."""
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        moved = mass[_BASE, self._at]
+        self.inertia = self.inertia - np.einsum(
+            "bd,bd->d", moved, np.linalg.solve(mass[_BASE, _BASE], moved)
+        )
+        data = self._ideal.data
+        pin.ccrba(self._ideal.model, data, q, speed)
+        self._momentum = rotation(q[ANGLES]).T @ data.hg.angular
+        self._base[_BASE] = 0.0
 
     def efforts(self, times: np.ndarray, progress: bool = False) -> np.ndarray:
         """Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N].
@@ -105,9 +136,19 @@ class IdealMotion:
             *(self._motion.joints, self._motion.times.tobytes(), self._motion.positions.tobytes()),
             *(self._motion.interpolation, tuple(self._at), tuple(self._order)),
             *(self._base.tobytes(), times[0], times[-1], len(times)),
+            self._momentum.tobytes(),
         )
         if key in _RECENT and _RECENT[key][0] == self._ideal.model:
             return _RECENT[key][1].copy()
+        free = self._ideal.free_base is not None
+        effort = (self._with_free_base if free else self._of_tree)(times, progress)
+        while len(_RECENT) >= _KEPT:
+            _RECENT.pop(next(iter(_RECENT)), None)
+        _RECENT[key] = self._ideal.model, effort.copy()
+        return effort
+
+    def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By inverse dynamics at each of the times."""
         model, data, at = self._ideal.model, self._ideal.data, self._at
         effort = np.empty((len(times), len(at)))
         for first in _shown(range(0, len(times), _PORTION), progress):
@@ -119,9 +160,6 @@ class IdealMotion:
             )
             for i, state in enumerate(zip(q, v, a, strict=True), first):
                 effort[i] = pin.rnea(model, data, *state)[at]
-        while len(_RECENT) >= _KEPT:
-            _RECENT.pop(next(iter(_RECENT)), None)
-        _RECENT[key] = model, effort.copy()
         return effort
 
     def memory(self) -> dict[str, list[float]]:
@@ -131,6 +169,60 @@ class IdealMotion:
     def recall(self, memory: Mapping[str, Sequence[float]]) -> None:
         """Go on as the one that had this memory."""
         self._closed = {int(node): np.array(q, float) for node, q in memory.items()}
+
+    def _with_free_base(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By the motion of the base that keeps the angular momentum of the whole.
+
+        Efforts within do not depend on where the base is, how it is turned, or how fast all moves
+        along and falls together: at each instant the base stands at its origin, and only turns.
+        """
+        model, data, at = self._ideal.model, self._ideal.data, self._at
+        effort = np.empty((len(times), len(at)))
+        turn = self._turned_until(times)
+        for i in _shown(range(len(times)), progress):
+            q, v, a = self._free_state(times[i], turn)
+            lacking = pin.rnea(model, data, q, v, a)[_BASE].copy()
+            mass = pin.crba(model, data, q).reshape(model.nv, model.nv)[_BASE, _BASE]
+            a[_BASE] = -np.linalg.solve(np.triu(mass) + np.triu(mass, 1).T, lacking)
+            effort[i] = pin.rnea(model, data, q, v, a)[at]
+            turn = self._turned(times[i], times[1] - times[0], turn)
+        return effort
+
+    def _turned_until(self, times: np.ndarray) -> np.ndarray:
+        """Orientation of the base at the first of the times, from where it began, (3, 3)."""
+        turn, span = np.eye(3), times[1] - times[0]
+        if self._momentum.any():
+            for i in range(round(times[0] / span)):
+                turn = self._turned(i * span, span, turn)
+        return turn
+
+    def _turned(self, time: float, span: float, turn: np.ndarray) -> np.ndarray:
+        """Orientation of the base `span` after a time, by Heun's method."""
+        if not self._momentum.any():
+            return turn
+        now = self._free_state(time, turn)[1][ANGLES][::-1]
+        later = self._free_state(time + span, turn @ pin.exp3(span * now))[1][ANGLES][::-1]
+        turned: np.ndarray = turn @ pin.exp3(0.5 * span * (now + later))
+        return turned
+
+    def _free_state(
+        self, time: float, turn: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Configuration, velocities, and the joints' accelerations; the base at its origin."""
+        q, v, a = self._base.copy(), np.zeros(len(self._base)), np.zeros(len(self._base))
+        q[self._at], v[self._at], a[self._at] = (
+            values[0, self._order] for values in self._motion(np.array([time]))
+        )
+        v[_BASE] = self._base_speed(q, v, turn)
+        return q, v, a
+
+    def _base_speed(self, q: np.ndarray, v: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Velocity of a base at its origin with which the whole has its momentum, shape (6,)."""
+        model, data = self._ideal.model, self._ideal.data
+        pin.ccrba(model, data, q, v)
+        lacking = np.concatenate([-data.hg.linear, turn.T @ self._momentum - data.hg.angular])
+        speed: np.ndarray = np.linalg.solve(data.Ag[:, _BASE], lacking)
+        return speed
 
     def _with_loops(self, times: np.ndarray, progress: bool) -> np.ndarray:
         """By splines through nodes at which the loops are closed.

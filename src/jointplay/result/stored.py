@@ -19,6 +19,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.hdf5 import damaged
 from jointplay.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.kernel import Status
+from jointplay.mechanism.free_base import BASE, FREE
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Audit
 from jointplay.result.certificate import Certificate
@@ -61,11 +62,12 @@ _AT_ONCE = 1 << 16
 
 
 def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
-    """Coordinates of virtual links, carriages and motors that a described mechanism can have.
+    """Coordinates of virtual links, carriages, motors and a free base of a described mechanism.
 
     By their names in results; what is not among them is a joint's own.
     """
-    links = [(joint, part) for joint in mechanism["clearance"] for part in VIRTUAL_LINK]
+    loose = [*mechanism["clearance"], *([BASE] if mechanism.get("base") == FREE else [])]
+    links = [(joint, part) for joint in loose for part in VIRTUAL_LINK]
     motors = [(joint, MOTOR) for joint in mechanism.get("gears") or {}]
     named = [Coordinate(joint, part) for joint, part in (*links, *motors)]
     return {str(one): one for one in named}

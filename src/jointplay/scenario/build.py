@@ -411,8 +411,8 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    notes += [mechanism.held] if mechanism.held else []
     notes += mechanism.warm
+    notes += [mechanism.base_words] if mechanism.base_words else []
     notes += _of_zero(model, mechanism)
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
@@ -501,7 +501,7 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
     tool, reason = robot.tool, ""
     if tool is None:
         tool, reason = choose_tool(description, {*model.joints, *model.gears})
-    places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical")}
+    places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical", "base")}
     with _relocated({**places, "clearance": ("joints",)}):
         mechanism = Mechanism(
             description,
@@ -511,6 +511,7 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
             gravity=robot.gravity,
             tool=tool,
             allow_unphysical=robot.allow_unphysical,
+            base=robot.base,
         )
     mechanism.tool_reason = reason
     mechanism.warm = tuple(warm)

@@ -13,6 +13,7 @@ from jointplay.design.robot_errors import RobotErrors
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.free_base import BASES, HELD
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.heat import Heat
 from jointplay.mechanism.payload import Payload, Vector
@@ -49,6 +50,9 @@ class Robot(Limited):
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (zero), or three components in world axes."""
     allow_unphysical: tuple[str, ...] = ()
     """Links whose inertias are accepted although they are physically impossible."""
+    base: str = choice("base", BASES, default=HELD)
+    """``held``: bolted to the ground; or ``free``: held by nothing, so that it moves with what its
+    joints and loads do, and falls under gravity."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -288,7 +288,11 @@ class Events:
                 ideal = set(self._mechanism.loops) - set(self._mechanism.clearance)
                 rows = closing_rows(self._mechanism, w.q, ideal)
                 w.v[:] = velocity_after_pick(driven, self._model, w.q, speed, rows)
-            brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
+            before, now = last.model.copy(), bodies.copy()
+            base = self._mechanism.base_joint
+            for one in (before, now):  # the chart of a free base is that of the run
+                one.jointPlacements[base] = self._model.jointPlacements[base]
+            brought += _energy(now, w.q, w.v) - _energy(before, w.q, speed)
         row = -(-w.steps // self._every)
         self.phases.append(Phase(row, bodies, brought))
 

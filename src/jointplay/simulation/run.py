@@ -37,9 +37,10 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
 from jointplay.result.variables import Phase
-from jointplay.simulation import checkpoint, initial, limits, step_check
+from jointplay.simulation import base_chart, checkpoint, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, joint_site
+from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.loads import Events, LoadSchedule
 from jointplay.simulation.loop import (
     LONGEST_ADAPTIVE_MACRO_STEP_S,
@@ -205,7 +206,11 @@ class Moment:
 
 
 def moment_of(
-    workspace: Workspace, loop: TimeLoop, mechanism: Mechanism, single_rate: bool
+    workspace: Workspace,
+    loop: TimeLoop,
+    mechanism: Mechanism,
+    single_rate: bool,
+    chart: BaseChart,
 ) -> Moment:
     """The present instant of a run, which goes on as if nobody had looked."""
     kept = [array.copy() for array in workspace.state()]
@@ -216,8 +221,7 @@ def moment_of(
     moment = Moment(
         workspace.time,
         workspace.steps,
-        workspace.q.copy(),
-        workspace.v.copy(),
+        *chart.state(workspace.q, workspace.v),
         mechanism,
         workspace.joints["pose"].copy(),
         workspace.joints["wrench"].copy(),
@@ -273,6 +277,7 @@ class Run:
         followed = [name for name, drive in drives.items() if drive.follows]
         bounds = limits.effort_bounds(simulation, followed)
         start = initial.initial_state(simulation, mechanism, followed)
+        base_chart.check_start(mechanism, start.q)
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.starts_at_rest:
             start.perturb(simulation.seed, at_rest=False)
@@ -288,6 +293,7 @@ class Run:
             progress,
             bounds,
             ahead=2.0 * (CHUNK * step + macro),
+            speed=start.v,
         )
         start.move()
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -309,6 +315,9 @@ class Run:
         )
         self.on_disk = None if records is None else self._spool_records(records, macro)
         """Where records go that memory has no room for."""
+        self._chart = BaseChart(mechanism, self.model, w, step)
+        if self.on_disk is not None:
+            self.on_disk.before_writing = self._chart.convert_records
         self._watch = LoadSchedule(simulation.loads, sites, mechanism, self.model, w, step)
         w.q[:], w.v[:] = start.q, start.v
         self._set_implicit_drives()
@@ -494,6 +503,7 @@ class Run:
         if status is None:
             failed = self.workspace.status != Status.COMPLETED
             status = self.workspace.status if self._finished or failed else Status.INTERRUPTED
+        self._chart.convert_records()
         return histories(
             self.mechanism,
             self.simulation.describe(),
@@ -609,7 +619,9 @@ class Run:
 
     def moment(self) -> Moment:
         """The present instant, to be read; the run must have begun."""
-        return moment_of(self.workspace, self._loop, self.mechanism, self.method.single_rate)
+        return moment_of(
+            self.workspace, self._loop, self.mechanism, self.method.single_rate, self._chart
+        )
 
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
@@ -655,6 +667,7 @@ class Run:
             "loop": self._loop.memory(),
             "unjudged": self._unjudged,
             "watch": self._watch.memory(),
+            "chart": self._chart.memory(),
         }
 
     def recall(self, memory: Mapping[str, Any]) -> None:
@@ -671,6 +684,7 @@ class Run:
         self._set_reference_block()
         self._unjudged = memory["unjudged"]
         self._watch.recall(memory["watch"])
+        self._chart.recall(memory["chart"])
 
     def _advance_stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
         """Do some steps, then what is due; returns whether all is well.
@@ -692,9 +706,10 @@ class Run:
         if due is not None:
             steps = min(steps, due - w.steps)
         judged = round(self.judged_from / self.simulation.step)
-        watched = self._watch.steps_until_next(w.steps)
-        if watched is not None:
-            steps = min(steps, watched)
+        for watch in (self._watch, self._chart):
+            watched = watch.steps_until_next(w.steps)
+            if watched is not None:
+                steps = min(steps, watched)
         if w.steps < judged:
             pause = min(pause, judged)
         if not self._loop.stretch(steps, pause):
@@ -707,6 +722,8 @@ class Run:
             self._watch.start(self._loop)
         elif self._watch.is_due(w.steps):
             self._watch.look(self._loop, last=w.steps >= self.total_steps)
+        if self._chart.replace_if_due(self._loop):
+            self._watch.start(self._loop)
         return True
 
     def _set_reference_block(self) -> None:

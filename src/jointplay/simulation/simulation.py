@@ -53,6 +53,12 @@ class Simulation(Overview, Inputs):
     def __post_init__(self) -> None:
         """Read what is written as in files; complete the motion."""
         check_fields(self)
+        if self.start == "rest" and self.mechanism.free_base is not None:
+            raise JointplayError(
+                "start 'rest' is for a base that is held: a free one stands nowhere; start "
+                "'centred', or hold the base",
+                where=("start",),
+            )
         state = {name: position_and_speed(name, value) for name, value in self.state.items()}
         object.__setattr__(self, "state", state)
         object.__setattr__(self, "payloads", tuple(one for one in self.payloads if one.mass > 0.0))
@@ -88,6 +94,8 @@ class Simulation(Overview, Inputs):
         """Whether journals shall begin where they rest under load."""
         if self.start is not None:
             return self.start == "rest"
+        if self.mechanism.free_base is not None:
+            return False
         joints = self.mechanism.clearance.values()
         if any(joint.film is not None and not joint.film[0].hybrid for joint in joints):
             return False  # such a film carries in motion only, and its journal must not touch

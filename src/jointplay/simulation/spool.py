@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -151,6 +151,8 @@ class DiskRecords:
         self._spool: Spool | None = None
         size = workspace.record.strides[0]
         room = max(RECORD_BYTES // size, 2 * most)
+        self.before_writing: Callable[[], None] | None = None
+        """Called before records go to disk."""
         self.needed = records * size > MOST_BYTES and records > room
         """Whether the run makes more than memory is to hold."""
         workspace.reserve_records(room if self.needed else records)
@@ -171,6 +173,8 @@ class DiskRecords:
         if self._spool is None:
             self._spool = Spool(self.path, w.record.shape[1], w.kept_elsewhere, self.name)
         if w.rows > w.kept_elsewhere:
+            if self.before_writing is not None:
+                self.before_writing()
             self._spool.append(w.record[: w.rows - w.kept_elsewhere])
             w.release_records()
         if sync:

@@ -1,0 +1,143 @@
+"""The chart of a free base while a run is under way: from which rotation its angles are counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.core.errors import JointplayError
+from jointplay.kernel.workspace import Workspace
+from jointplay.mechanism.free_base import (
+    ANGLES,
+    STEEPEST_START,
+    angles_of,
+    chart_for,
+    rates,
+    rotation,
+    turning,
+)
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.simulation.loop import TimeLoop
+
+LOOK_S = 1e-3
+"""Time between two looks at the pitch of a free base [s]."""
+
+LARGEST_PITCH = 1.0
+"""Pitch beyond which a base gets another chart [rad]: it would have to turn by more than half a
+radian between two looks to come near a right angle."""
+
+
+def check_start(mechanism: Mechanism, q: np.ndarray) -> None:
+    """Refuse a pitch of a right angle at the start.
+
+    Raises:
+        JointplayError: it is one, so that yaw and roll turn the base about the same axis.
+    """
+    if mechanism.free_base is not None and abs(np.cos(q[ANGLES][1])) < STEEPEST_START:
+        raise JointplayError(
+            f"{mechanism.free_base}.pitch = {q[ANGLES][1]:.6g} rad is a right angle, where yaw and "
+            "roll turn the base about the same axis; give yaw, pitch and roll of nearly the same "
+            "pose, a thousandth of a radian away",
+            where=("state", f"{mechanism.free_base}.pitch"),
+        )
+
+
+class BaseChart:
+    """From which rotation the angles of a free base are counted; of a held base, nothing.
+
+    The run's own model has it as the placement of the base's turning joint; records, and all who
+    read the state, have angles counted from the pose of the URDF.
+
+    Args:
+        mechanism: what is run.
+        model: the run's own.
+        workspace: holds the state.
+        step: time step [s].
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, model: pin.Model, workspace: Workspace, step: float
+    ) -> None:
+        """Begin with the chart of the mechanism."""
+        self._joint, self._model, self._workspace = mechanism.base_joint, model, workspace
+        self._every = max(round(LOOK_S / step), 1)
+        self._chart = np.eye(3)
+        self._moved = False
+        """Whether the chart has ever been replaced."""
+        self._last: np.ndarray | None = None
+        """Angles of the last record, from the pose of the URDF."""
+        self._converted = 0
+        """Records whose angles are counted from the pose of the URDF."""
+
+    def __bool__(self) -> bool:
+        """Whether the base is free."""
+        return self._joint > 0
+
+    def steps_until_next(self, step: int) -> int | None:
+        """Steps from `step` until the next look; None if there is none."""
+        return self._every - step % self._every if self else None
+
+    def replace_if_due(self, loop: TimeLoop) -> bool:
+        """Replace the chart where the pitch has gone far; the loop must then begin again."""
+        w = self._workspace
+        if not self or w.steps % self._every or abs(w.q[ANGLES][1]) < LARGEST_PITCH:
+            return False
+        loop.synchronize()
+        self.convert_records()
+        angles = w.q[ANGLES].copy()
+        spin = turning(angles, w.v[ANGLES])
+        turn = self._chart @ rotation(angles)
+        self._set(chart_for(turn, spin))
+        w.q[ANGLES] = angles_of((self._chart.T @ turn)[None])[0]
+        w.v[ANGLES] = rates(w.q[ANGLES], spin)
+        return True
+
+    def _set(self, chart: np.ndarray) -> None:
+        """Let the model, and the kernels if they know the base, count from `chart`."""
+        self._chart, self._moved = chart, True
+        self._model.jointPlacements[self._joint] = pin.SE3(chart, np.zeros(3))
+        self._workspace.turn_body(ANGLES.start, chart)
+
+    def convert_records(self) -> None:
+        """Let all records so far count angles from the pose of the URDF."""
+        if not self:
+            return
+        w = self._workspace
+        kept = w.kept_elsewhere
+        first = max(self._converted, kept) - kept
+        angles, speeds = (w.recorded(name)[first:, ANGLES] for name in ("q", "v"))
+        if len(angles):
+            if self._moved:
+                given = np.ascontiguousarray(angles)
+                spin = turning(given, speeds)
+                found = angles_of(self._chart @ rotation(given), self._last)
+                angles[:], speeds[:] = found, rates(found, spin)
+            self._last = angles[-1].copy()
+        self._converted = w.rows
+
+    def state(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A state of the run, its angles counted from the pose of the URDF."""
+        q, v = q.copy(), v.copy()
+        if self._moved:
+            self.convert_records()
+            spin = turning(q[ANGLES], v[ANGLES])
+            q[ANGLES] = angles_of((self._chart @ rotation(q[ANGLES]))[None], self._last)[0]
+            v[ANGLES] = rates(q[ANGLES], spin)
+        return q, v
+
+    def memory(self) -> dict[str, Any] | None:
+        """What a checkpoint holds."""
+        if not self._moved:
+            return None
+        last = None if self._last is None else self._last.tolist()
+        return {"chart": self._chart.tolist(), "last": last, "converted": self._converted}
+
+    def recall(self, memory: Mapping[str, Any] | None) -> None:
+        """Go on with the chart that had this memory."""
+        if memory is not None:
+            self._set(np.array(memory["chart"], float))
+            self._last = None if memory["last"] is None else np.array(memory["last"], float)
+            self._converted = int(memory["converted"])
