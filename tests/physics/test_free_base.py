@@ -5,13 +5,27 @@ import pinocchio as pin
 import pytest
 from conftest import body, joint
 
-from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, analysis
+from jointplay import (
+    JointplayError,
+    Mechanism,
+    Motion,
+    Result,
+    RevoluteClearance,
+    Simulation,
+    analysis,
+    nonlinear,
+)
+from jointplay.cli import main
 from jointplay.core.errors import MissingName
+from jointplay.design.levers import displaced_configuration, tool_place
+from jointplay.design.static_budget import budget
+from jointplay.exports.trajectory import joint_trajectory
 from jointplay.loads import Wrench
 from jointplay.loads.drive import Prescribed, Torque
 from jointplay.mechanism import free_base
 from jointplay.mechanism.loop import Loop
 from jointplay.mechanism.payload import Payload
+from jointplay.nonlinear.lyapunov import stretching
 from jointplay.simulation import Run
 
 BASE = body("base", 2.0, "0.01 0.02 -0.01", 2e-2)
@@ -292,3 +306,94 @@ def test_joint_that_is_called_base_is_refused(urdf):
 def test_start_that_a_free_base_cannot_have_is_refused(walker, given, words):
     with pytest.raises(JointplayError, match=words):
         Run(Simulation(walker(LOOSE), swing(), **given))
+
+
+def test_budget_seen_from_a_body_is_that_of_the_joints_between(walker):
+    """Twists of the journals, by the kinematics of Pinocchio, at a pose that is nothing special."""
+    loose = RevoluteClearance(radial_clearance=1e-4)
+    mechanism = walker(dict.fromkeys(("hip", "knee", "wag"), loose), base="held", tool="shank")
+    q = mechanism.configuration({"hip": 0.4, "knee": -0.7, "wag": 0.9})
+    random = np.random.default_rng(1)
+    for seat, still in (("tail", []), ("thigh", ["hip", "wag"]), ("base", ["wag"])):
+        found = budget(mechanism, q, relative_to=seat)
+        sources = found.sources
+        assert [n for n, m in zip(sources.names, sources.move, strict=True) if not m.any()] == still
+        twists = 1e-7 * random.uniform(-1.0, 1.0, (3, 6))
+        aside = dict(zip(sources.names, twists, strict=True))
+        moved = displaced_configuration(mechanism, q, aside)
+        before, after = (tool_place(mechanism, one, seat) for one in (q, moved))
+        linear = np.einsum("jik,jk->i", sources.move[:, 0], twists)
+        assert after.translation - before.translation == pytest.approx(linear[:3], abs=1e-12)
+        assert found.positions[0] == pytest.approx(before.translation)
+        assert found.relative_to == seat
+    world, root = budget(mechanism, q), budget(mechanism, q, relative_to="base")
+    assert root.worst == pytest.approx(world.worst)
+    assert root.rest_tool == pytest.approx(world.rest_tool)
+    with pytest.raises(MissingName, match="no body 'leg'"):
+        budget(mechanism, q, relative_to="leg")
+    with pytest.raises(JointplayError, match="'shank' is the tool itself"):
+        budget(mechanism, q, relative_to="shank")
+    with pytest.raises(JointplayError, match="of a base that is held"):
+        budget(walker(LOOSE), {})
+
+
+def test_budget_command_names_the_body(walker, tmp_path, capsys):
+    path = str(walker().description.path)
+    line = ["budget", path, "--clearance", "0.1 mm", "--tool", "shank", "--relative-to"]
+    out = tmp_path / "out"
+    assert main([*line, "tail", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "seen from 'tail', in its axes" in said
+    assert all(name in said for name in ("hip", "knee", "wag"))
+    assert sorted(file.name for file in out.iterdir()) == ["bars.png", "budget.csv"]
+    assert main([*line, "thigh"]) == 0
+    assert "play: knee (" in capsys.readouterr().out
+    assert main([*line, "leg"]) == 2
+    assert "no body 'leg'" in capsys.readouterr().err
+    assert main([*line, "thigh", "--whole", "printed"]) == 2
+    assert "leave one of the two out" in capsys.readouterr().err
+
+
+def test_run_command_frees_the_base_and_says_so(walker, tmp_path, capsys):
+    path = str(walker().description.path)
+    line = ["run", path, "--joint", "hip", "--duration", "0.02", "--no-figures", "--base"]
+    out = tmp_path / "out"
+    assert main([*line, "free", "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "the base 'base' is free: nothing holds it, and it falls unless" in said.err
+    assert "seen from the free base 'base'" in said.out
+    result = Result.load(out / "result.nc")
+    assert result.simulation.mechanism.base == "free"
+    assert result["coordinate"].values.tolist()[:2] == ["base.x", "base.y"]
+    assert result["coordinate_unit"].values.tolist()[:6] == ["m"] * 3 + ["rad"] * 3
+    assert np.isclose(result.q[-1, 2], -0.5 * 9.81 * 0.02**2, rtol=0.2)
+    assert joint_trajectory(result).joints == ("hip", "knee", "wag")
+    assert main([*line, "loose", "--out", str(tmp_path / "other")]) == 2
+    assert 'no base "loose"; available: held, free' in capsys.readouterr().err
+    assert main(["robots", path]) == 0
+    assert "is held fast, as if bolted to the ground; --base free" in capsys.readouterr().out
+
+
+def test_player_moves_the_free_base(walker):
+    result = run(walker(LOOSE, gravity="loaded"), swing(), state=TUMBLING)
+    at = [0, 900, 2000]
+    mechanism = result.simulation.mechanism
+    shown = mechanism.visualizer()
+    for row in at:
+        shown.display(result.q[row])
+        pin.forwardKinematics(mechanism.model, mechanism.data, result.q[row])
+        base = mechanism.data.oMi[mechanism.base_joint]
+        turn = free_base.rotation(result.q[row, 3:6])
+        assert base.rotation == pytest.approx(turn)
+        names = [one.name for one in shown.visual_model.geometryObjects]
+        own = next(i for i, name in enumerate(names) if name.startswith("base"))
+        parent = shown.visual_model.geometryObjects[own].parentJoint
+        assert parent == mechanism.base_joint
+
+
+def test_free_base_repeats_nothing(walker):
+    simulation = Simulation(walker(LOOSE), swing(), step=1e-5)
+    with pytest.raises(JointplayError, match="a free base drifts away"):
+        nonlinear.Turning.of(simulation, 0, 1)
+    with pytest.raises(JointplayError, match="a free base drifts away"):
+        stretching(simulation, 1e-3)

@@ -31,7 +31,13 @@ def add(commands: Any) -> None:
         "explains the numbers.",
         epilog='Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda',
     )
-    add_robot(parser)
+    robot = add_robot(parser)
+    add_option(
+        robot,
+        "--relative-to BODY",
+        "link or frame from which the error is seen, in its axes, such as the palm of a hand or "
+        "the trunk of what walks: what moves both does not count (default: the world)",
+    )
     add_poses(parser)
     add_load(parser)
     add_option(
@@ -61,12 +67,19 @@ def run(options: argparse.Namespace) -> int:
             f"--causes {','.join(options.causes)} selects causes of the whole error: give --whole "
             "CLASS, too"
         )
+    if options.relative_to is not None and options.whole is not None:
+        raise JointplayError(
+            f"--relative-to {options.relative_to}: the whole error (--whole) is known in the world "
+            "only; leave one of the two out"
+        )
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
     if options.whole is not None:
         return _whole(options, work, force, out)
-    out.names += ["bars.png", "robot.png", "reach.png"]
-    out.names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
+    seen = options.relative_to is not None  # figures of the robot are in the world
+    out.names += ["bars.png", *([] if seen else ["robot.png", "reach.png"])]
+    of_kind = {"motion": ["course.png"], "workspace": [] if seen else ["map.png"]}
+    out.names += of_kind.get(work.kind, [])
     out.claim()
     own = None if work.simulation is None else work.simulation.drive
     errors = budget(
@@ -76,8 +89,11 @@ def run(options: argparse.Namespace) -> int:
         driven=work.driven,
         friction=options.friction,
         drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
+        relative_to=options.relative_to,
     )
     print("\n".join([*work.notes, f"at: {work.poses}"]))
+    if errors.relative_to is not None:
+        print(f"seen from {errors.relative_to!r}, in its axes")
     if work.names:
         print(errors.by_pose(work.names))
     if len(errors.worst) > 1:
@@ -101,15 +117,16 @@ def run(options: argparse.Namespace) -> int:
     contents = {
         "budget.csv": errors.csv(),
         "bars.png": plots.bars(errors),
-        "robot.png": plots.robot(work.mechanism, errors, work.q),
-        "reach.png": plots.reachable(errors),
     }
+    if not seen:
+        contents["robot.png"] = plots.robot(work.mechanism, errors, work.q)
+        contents["reach.png"] = plots.reachable(errors)
     if work.kind == "motion":
         from jointplay.design.poses import times_along
 
         assert work.motion is not None
         contents["course.png"] = plots.course(errors, times_along(work.motion))
-    if work.kind == "workspace":
+    if work.kind == "workspace" and not seen:
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
     return 0

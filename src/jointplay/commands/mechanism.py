@@ -57,8 +57,8 @@ class Task:
     """Besides play, of the scenario."""
 
 
-def add_robot(parser: Any) -> None:
-    """Add the options that say which robot has which play."""
+def add_robot(parser: Any) -> Any:
+    """Add the options that say which robot has which play; returns their last group."""
     parser.add_argument(
         "robot",
         metavar="ROBOT",
@@ -90,6 +90,7 @@ def add_robot(parser: Any) -> None:
     group = parser.add_argument_group("robot")
     add_option(group, "--tool FRAME", "frame whose error is computed")
     add_shared(group, "--allow-unphysical")
+    return group
 
 
 def add_poses(parser: Any) -> None:
@@ -289,6 +290,11 @@ def _mechanism(
         description = simulation.mechanism.description
         allowed = simulation.mechanism.allow_unphysical
         plain = simulation.mechanism.ideal()
+        if plain.free_base is not None:
+            notes.append(
+                f"the base {description.root!r} is free in the scenario; here it is held, as if "
+                "bolted to the ground"
+            )
     elif options.case is not None:
         raise JointplayError("--case needs a scenario (.toml)")
     else:
@@ -354,8 +360,12 @@ def _clearance(
 
     entries = plain.description.joints
     able = {"revolute", "continuous", "prismatic", "floating"}
-    frame = plain.model.frames[frame_index(plain.model, tool)]
-    chain = [plain.model.names[i] for i in plain.model.supports[frame.parentJoint] if i > 0]
+    ends = [plain.model.frames[frame_index(plain.model, tool)]]
+    if (body := getattr(options, "relative_to", None)) is not None:
+        ends.append(plain.model.frames[frame_index(plain.model, body, "body")])
+    ways = [{*plain.model.supports[frame.parentJoint]} for frame in ends]
+    between = ways[0].symmetric_difference(*ways[1:]) if ways[1:] else ways[0]
+    chain = [plain.model.names[i] for i in sorted(between) if i > 0]
     chain = [name for name in chain if name in entries and entries[name].kind in able]
     if plain.loops:
         chain = [name for name, entry in entries.items() if entry.kind in able] + [*plain.loops]
@@ -368,7 +378,10 @@ def _clearance(
                 f"no joint {name!r} that can have play; available: {', '.join(choices) or 'none'}"
             )
         if name not in chain:
-            notes.append(f"note: {name} does not move {tool!r}, so it adds nothing to the error")
+            seen = "" if body is None else f" as seen from {body!r}"
+            notes.append(
+                f"note: {name} does not move {tool!r}{seen}, so it adds nothing to the error"
+            )
         own[name] = length
     if not own and options.clearance is not None:
         own = dict.fromkeys(chain)

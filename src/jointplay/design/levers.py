@@ -39,7 +39,7 @@ from jointplay.design import loop_play
 from jointplay.design.loops import ClosedLoops, is_closed, opening, own_opening
 from jointplay.joints import Coordinate
 from jointplay.joints.play import Cone, Cones, JournalPlay, Play, Support
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.model import z_to
 
 GEAR = " (gear)"
@@ -197,11 +197,14 @@ def sources(
     second_order: bool = True,
     driven: Sequence[str] | None = None,
     loops: bool = False,
+    relative_to: str | None = None,
 ) -> PlaySources:
     """Every source of play, and how it moves the tool at each pose; arguments are `budget`'s.
 
     With `loops` mechanisms with loops are taken, too, whose plays may be tied to each other.
     """
+    if relative_to is not None:
+        _check_body(mechanism, relative_to)
     if mechanism.loops and not loops:
         raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: this works only for robots without closed "
@@ -232,7 +235,9 @@ def sources(
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
         for j, name in enumerate(joints):
             if name not in mechanism.loops:
-                moves[j, i], loads[j, i] = lever(mechanism, name, tool.translation, push)
+                moves[j, i], loads[j, i] = lever(
+                    mechanism, name, tool.translation, push, relative_to
+                )
         if closing is not None:
             ties.append(_follow(closing, q, i, joints, push, moves, loads))
     most = max((one.shape[1] for one in ties), default=0)
@@ -247,6 +252,22 @@ def sources(
     if not any(holds):
         tie = tie[:, :, :0]
     return PlaySources((*mechanism.clearance, *gears), tuple(plays), moves, loads, tie)
+
+
+def _check_body(mechanism: Mechanism, body: str) -> None:
+    """Refuse a body from which the tool's motion cannot be seen."""
+    frame_index(mechanism.model, body, "body", where=("relative_to",))
+    if mechanism.loops:
+        raise JointplayError(
+            f"relative_to {body!r}: a budget relative to a body works only for robots without "
+            "closed loops",
+            where=("relative_to",),
+        )
+    if body == mechanism.tool:
+        raise JointplayError(
+            f"relative_to {body!r} is the tool itself: name another body, or another tool",
+            where=("relative_to",),
+        )
 
 
 def configurations(
@@ -264,6 +285,11 @@ def configurations(
         JointplayError: a wrong shape; a loop that cannot be closed.
         MissingName: no such joint.
     """
+    if mechanism.free_base is not None:
+        raise JointplayError(
+            "static budgets are of a base that is held, and this one is free: take the mechanism "
+            'with base = "held"; relative_to then names the body whose motion does not count'
+        )
     if isinstance(poses, Mapping):
         q = mechanism.configuration(poses)[None]
     else:
@@ -332,18 +358,27 @@ def _follow(
     return ties
 
 
-def tool_place(mechanism: Mechanism, q: np.ndarray) -> pin.SE3:
-    """Where the tool is in configuration q (nq,)."""
+def tool_place(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> pin.SE3:
+    """Where the tool is in configuration q (nq,), in the world or in a body's axes."""
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    return mechanism.data.oMf[mechanism.tool_frame].copy()
+    tool = mechanism.data.oMf[mechanism.tool_frame].copy()
+    if relative_to is None:
+        return tool
+    return mechanism.data.oMf[frame_index(mechanism.model, relative_to)].actInv(tool)
 
 
 def lever(
-    mechanism: Mechanism, name: str, tool: np.ndarray, push: np.ndarray
+    mechanism: Mechanism,
+    name: str,
+    tool: np.ndarray,
+    push: np.ndarray,
+    relative_to: str | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tool's displacement per displacement of the child at a joint (6, 6), and the joint's load.
 
     The play is the same both ways, so it does not matter which of the two bodies is the bearing.
+    Relative to a body, in its axes: what moves both does not count, and what moves only the body
+    moves the tool the other way.
     """
     model, data = mechanism.model, mechanism.data
     index, axes = place(mechanism, name)
@@ -353,9 +388,18 @@ def lever(
     if data.mass[index] > 0.0:  # what has no mass has no centre of mass
         weight = data.mass[index] * np.array(mechanism.gravity)
         forces.append((weight, data.oMi[index].act(data.com[index])))
-    if index in model.supports[model.frames[mechanism.tool_frame].parentJoint]:
-        move[:3, :3] = move[3:, 3:] = turn
-        move[:3, 3:] = np.cross(turn.T, tool - centre).T  # columns: axis x arm
+    moved = index in model.supports[model.frames[mechanism.tool_frame].parentJoint]
+    sign = float(moved)
+    if relative_to is not None:
+        body = frame_index(model, relative_to)
+        sign -= float(index in model.supports[model.frames[body].parentJoint])
+    if sign:
+        move[:3, :3] = move[3:, 3:] = sign * turn
+        move[:3, 3:] = sign * np.cross(turn.T, tool - centre).T  # columns: axis x arm
+    if relative_to is not None:
+        back = data.oMf[body].rotation.T
+        move = np.concatenate([back @ move[:3], back @ move[3:]])
+    if moved:
         forces.append((push, tool))
     for force, at in forces:
         load[:3] += turn.T @ force

@@ -78,6 +78,8 @@ class Standing:
     """Of all joints that stand."""
     second_order: np.ndarray
     """By how much the tool may be elsewhere than the levers say, shape (n,) [m]."""
+    relative_to: str | None = None
+    """Body from which the tool is seen; None: the world."""
 
     _rests: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, init=False)
     _intervals: dict[int, np.ndarray] = field(default_factory=dict, init=False)
@@ -174,7 +176,7 @@ class Standing:
             found = balance.settle()
         if not found.solved:
             return np.full((len(self.sources.names), 6), np.nan), np.full(6, np.nan)
-        ideal, there = tool_place(mechanism, q), tool_place(mechanism, found.q)
+        ideal, there = (tool_place(mechanism, one, self.relative_to) for one in (q, found.q))
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         whole = np.concatenate([there.translation - ideal.translation, turn])
         points = np.array([self._displacement(name, pose, found.q) for name in self.sources.names])

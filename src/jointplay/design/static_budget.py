@@ -20,7 +20,7 @@ from jointplay.design.levers import PlaySources, configurations, displaced, sour
 from jointplay.design.loops import ClosedLoops
 from jointplay.design.rest import AGREES_M, Standing
 from jointplay.loads.drive import ComputedTorque, Drive
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 
 DIRECTIONS = 180
 """Directions over half a sphere among which the worst one is sought, before it is refined."""
@@ -73,6 +73,11 @@ class Budget:
     def tool(self) -> str:
         """Frame whose error this is."""
         return self.standing.mechanism.tool
+
+    @property
+    def relative_to(self) -> str | None:
+        """Body from which it is seen; None: the world."""
+        return self.standing.relative_to
 
     @property
     def sources(self) -> PlaySources:
@@ -329,6 +334,7 @@ def budget(
     driven: Sequence[str] | None = None,
     friction: float | None = None,
     drive: Drive = FOLLOW,
+    relative_to: str | None = None,
 ) -> Budget:
     """How far the play of all joints and gears lets the tool be off, without dynamics.
 
@@ -347,13 +353,16 @@ def budget(
             None: the largest that the law of each joint has.
         drive: of all joints that stand, as in a run: where they rest, drives of finite stiffness
             give way a little, unless a force acts on the tool. `Prescribed` does not.
+        relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
+            errors, directions and positions are those seen from it, in its axes. The base stays
+            held, for loads. None: the world.
 
     Raises:
         JointplayError: a friction coefficient that is negative or not finite; nothing has play; a
             pose of the wrong shape; a force that is no vector; an axis without limit that the tool
             feels; loops that cannot be closed, or near a singular position, where the first order
             does not hold.
-        MissingName: no such joint.
+        MissingName: no such joint or body.
     """
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
@@ -366,9 +375,17 @@ def budget(
         exact = {name: gear.without_error() for name, gear in mechanism.gears.items()}
         mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
     q = configurations(mechanism, poses, driven)
-    plays = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)
+    plays = sources(
+        mechanism,
+        q,
+        force=force,
+        second_order=second_order,
+        driven=driven,
+        loops=True,
+        relative_to=relative_to,
+    )
     n = len(q)
-    positions = np.array([tool_place(mechanism, row).translation for row in q])
+    positions = np.array([tool_place(mechanism, row, relative_to).translation for row in q])
     axes = np.broadcast_to(np.eye(3), (n, 3, 3))
     both = [plays.along(axes, turn).value for turn in (False, True)]
     worst, direction, worst_parts, errors = _farthest(plays, turn=False)
@@ -381,10 +398,10 @@ def budget(
     if mechanism.loops:
         more = _second_order_of_loops(mechanism, q, plays, direction, driven)
     else:
-        more = _second_order(plays)
+        more = _second_order(plays, relative_to is None or _carries(mechanism, relative_to))
     push = np.array(force, float)
     return Budget(
-        Standing(mechanism, q, plays, push, driven, friction, drive, more),
+        Standing(mechanism, q, plays, push, driven, friction, drive, more, relative_to),
         positions,
         np.concatenate(both, axis=2).transpose(1, 0, 2),
         worst,
@@ -428,12 +445,24 @@ def _farthest(
     return shares.sum(axis=1), d, shares, found.error[..., 3:] if turn else found.error[..., :3]
 
 
-def _second_order(plays: PlaySources) -> np.ndarray:
+def _carries(mechanism: Mechanism, body: str) -> bool:
+    """Whether a body is on the way from the base to the tool, so that all lead from it outwards."""
+    model = mechanism.model
+    at, tool = (
+        {*model.supports[model.frames[index].parentJoint]}
+        for index in (frame_index(model, body), mechanism.tool_frame)
+    )
+    return at <= tool
+
+
+def _second_order(plays: PlaySources, outwards: bool) -> np.ndarray:
     """What products of small rotations can add to the tool's displacement, at most, (n,) [m].
 
     A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part; one
-    nearer to the base turns what the others have displaced.
+    nearer to the base turns what the others have displaced. Unless the sources come from the base
+    `outwards`, any may turn what any other has displaced.
     """
+    whole = 0.0 if outwards else sum(play.reach[1] for play in plays.plays)
     total = np.zeros(plays.move.shape[1])
     turned = np.zeros_like(total)
     for play, move in zip(plays.plays, plays.move, strict=True):
@@ -441,7 +470,8 @@ def _second_order(plays: PlaySources) -> np.ndarray:
         arms = np.linalg.norm(move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
         felt = np.abs(move).max(axis=(1, 2)) > 0.0
         moved = np.where(felt, aside + angle * arms, 0.0)
-        total += np.where(felt, 0.5 * angle**2 * arms, 0.0) + turned * moved
+        total += np.where(felt, 0.5 * angle**2 * arms, 0.0)
+        total += turned * moved if outwards else (whole - angle) * moved
         turned += np.where(felt, angle, 0.0)
     return total
 

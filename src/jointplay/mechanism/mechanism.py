@@ -255,11 +255,13 @@ class Mechanism(Overview, Described):
     def _check_free_base(self) -> None:
         """Refuse a free base that nothing but forces without inertia would move."""
         body = self.model.inertias[self.base_joint]
-        if not body.mass > 0.0 or not np.linalg.eigvalsh(body.inertia).min() > 0.0:
+        least = float(np.linalg.eigvalsh(body.inertia).min())
+        if not body.mass > 0.0 or not least > 0.0:
             root = self.description.root
             raise JointplayError(
                 f"a free base needs mass and moments of inertia, and {root!r} with what is fixed "
-                f"to it has {body.mass:g} kg: give it an <inertial> in the URDF, or hold the base",
+                f"to it has {body.mass:g} kg and a least principal moment of {least:.4g} kg m2: "
+                "give it an <inertial> in the URDF, or hold the base",
                 where=("base",),
             )
 

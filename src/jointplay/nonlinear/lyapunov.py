@@ -17,6 +17,7 @@ from jointplay.core.errors import JointplayError, require_positive, require_shar
 from jointplay.kernel import Command
 from jointplay.loads.drive import Prescribed
 from jointplay.mechanism.loop import closing_rows
+from jointplay.nonlinear.steady_motion import check_base
 from jointplay.result.variables import unit_of
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
@@ -138,8 +139,9 @@ def stretching(
         place: changes the state of each run before it begins.
 
     Raises:
-        JointplayError: a run failed.
+        JointplayError: a run failed, or the base is free.
     """
+    check_base(simulation.mechanism)
     runs = [Run(simulation) for _ in range(2)]
     for run in runs:
         if place is not None:

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_whole
+from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.nonlinear.observables import observe
 from jointplay.result.result import Result
@@ -67,6 +68,19 @@ def check_turns(settle: int, keep: int, records: int) -> None:
         require_whole(word, value, least)
 
 
+def check_base(mechanism: Mechanism) -> None:
+    """Refuse a free base.
+
+    Raises:
+        JointplayError: the base is free, so that no motion repeats itself.
+    """
+    if mechanism.free_base is not None:
+        raise JointplayError(
+            "nonlinear dynamics are those of motions that may repeat themselves, and a free base "
+            'drifts away: take the mechanism with base = "held"'
+        )
+
+
 @dataclass(frozen=True)
 class Turning:
     """A simulation over a number of turns, in which a turn has a whole number of records."""
@@ -89,6 +103,7 @@ class Turning:
             JointplayError: see `turn`; or numbers of turns or records that make no sense.
         """
         check_turns(settle, keep, records)
+        check_base(simulation.mechanism)
         period = turn(simulation.motion)
         turns = settle + keep
         every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
