@@ -370,6 +370,10 @@ def test_run_command_frees_the_base_and_says_so(walker, tmp_path, capsys):
     assert joint_trajectory(result).joints == ("hip", "knee", "wag")
     assert main([*line, "loose", "--out", str(tmp_path / "other")]) == 2
     assert 'no base "loose"; available: held, free' in capsys.readouterr().err
+    page = tmp_path / "report.html"
+    assert main(["report", str(out / "result.nc"), "--out", str(page)]) == 0
+    assert "free: nothing holds it" in page.read_text(encoding="utf-8")
+    capsys.readouterr()
     assert main(["robots", path]) == 0
     assert "is held fast, as if bolted to the ground; --base free" in capsys.readouterr().out
 

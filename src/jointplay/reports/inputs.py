@@ -10,6 +10,7 @@ from typing import Any
 from jointplay import analysis
 from jointplay.core.errors import JointplayError
 from jointplay.joints import RollingBearing
+from jointplay.mechanism.free_base import FREE
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.urdf import parse
 from jointplay.reports.cases import Case, dark
@@ -103,6 +104,8 @@ def _parameters(result: Result) -> dict[str, Cell]:
         "tool (frame)": robot.get("tool"),
         "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
     }
+    if robot.get("base") == FREE:
+        cells["base"] = "free: nothing holds it"
     if robot.get("allow_unphysical"):
         cells["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
     if robot.get("loops"):
