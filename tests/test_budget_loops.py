@@ -20,11 +20,12 @@ from jointplay import (
     Scenario,
 )
 from jointplay.cli import main
-from jointplay.design import loop_play, loops, poses
+from jointplay.design import loop_play, poses
 from jointplay.design.allocation import allocate
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget
 from jointplay.joints.play import BallPlay, BlockPlay, JournalPlay
+from jointplay.mechanism.closed_loops import ClosedLoops, is_closed
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.urdf import shipped
 
@@ -260,7 +261,7 @@ def test_a_slider_leans_about_its_own_middle_wherever_it_is(urdf):
 def test_the_first_joints_that_determine_the_others_stand():
     mechanism = slider_crank({"piston_pin": pin_joint()})
     (q,) = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
-    assert loops.ClosedLoops(mechanism, q).driven == ("crank_pin",)
+    assert ClosedLoops(mechanism, q).driven == ("crank_pin",)
     moved = budget(mechanism, q, driven=["guide"])
     assert moved.worst[0] == pytest.approx(0.0, abs=1e-12)  # the tool itself stands
 
@@ -277,7 +278,7 @@ def test_poses_are_closed_on_the_branch_they_begin_on():
     assert q[:, mechanism.coordinate("guide")] == pytest.approx(wanted, abs=1e-8)
     spread = poses.over_workspace(mechanism, 16, near=START)
     assert (spread[:, mechanism.coordinate("guide")] > 0.05).all()
-    assert all(loops.is_closed(mechanism, row) for row in spread)
+    assert all(is_closed(mechanism, row) for row in spread)
 
 
 def test_a_position_where_the_loop_is_nearly_stretched_is_refused_with_the_pose():

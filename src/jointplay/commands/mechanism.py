@@ -267,9 +267,10 @@ def _words_of_pose(
 
 def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
     """Which joints of the loops stand and which follow, a line."""
-    from jointplay.design import loops, poses
+    from jointplay.design import poses
+    from jointplay.mechanism.closed_loops import ClosedLoops
 
-    passive = loops.ClosedLoops(mechanism, mechanism.configuration({}), driven).passive
+    passive = ClosedLoops(mechanism, mechanism.configuration({}), driven).passive
     follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
     return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
 

@@ -36,7 +36,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, require_finite
 from jointplay.design import loop_play
-from jointplay.design.loops import ClosedLoops, is_closed, opening, own_opening
+from jointplay.mechanism.closed_loops import ClosedLoops, is_closed, opening, own_opening
 from jointplay.joints import Coordinate
 from jointplay.joints.play import Cone, Cones, JournalPlay, Play, Support
 from jointplay.mechanism.mechanism import Mechanism, frame_index

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
-from jointplay.design.loops import ClosedLoops
+from jointplay.mechanism.closed_loops import ClosedLoops
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import joint_limits
 from jointplay.motion.reference import Motion

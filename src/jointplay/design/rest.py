@@ -26,7 +26,7 @@ import pinocchio as pin
 
 from jointplay.design import loop_play
 from jointplay.design.levers import GEAR, PlaySources, displaced_configuration, tool_place
-from jointplay.design.loops import ClosedLoops
+from jointplay.mechanism.closed_loops import ClosedLoops
 from jointplay.joints import RELATIVE, Clearance
 from jointplay.joints.play import Play, Pressed
 from jointplay.loads.drive import Drive, Prescribed, assign

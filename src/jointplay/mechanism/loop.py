@@ -8,7 +8,7 @@ Pinocchio enforces.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -196,28 +196,43 @@ def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarr
     moved = q.copy()
     for _ in range(_NEWTON_STEPS):
         rows = closing_rows(mechanism, moved)
-        left = _open(mechanism, moved)
+        left = openings(mechanism, moved)
         change = np.linalg.lstsq(rows[:, rest], -left, rcond=1e-10)[0]
         if not np.abs(change).max(initial=0.0) < _NEWTON_REACH:
             break
         moved[rest] += change
         if np.abs(change).max(initial=0.0) < _NEWTON_CHANGE:
-            if np.abs(_open(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
+            if np.abs(openings(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
                 return moved
             break
     return assemble(mechanism, q, held)
 
 
-def _open(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """By how much loops without clearance are open, in the order of `closing_rows`."""
+def openings(
+    mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, pin.SE3] | None = None
+) -> np.ndarray:
+    """By how much loops and locks are open, in the order of `closing_rows` [m, rad].
+
+    Args:
+        mechanism: with loops.
+        q: shape (nq,).
+        aside: poses that journals of loops have in their bearings; centred if not given.
+    """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
-    gaps = []
+    parts = [np.zeros(0)]
     for name in mechanism.loops:
         pose = mechanism.journal_pose(name)
-        gaps.append(pose.translation)
-        if mechanism.loop_class(name).holds_axis():  # no ideal slider closes a loop
-            gaps.append(np.array([-pose.rotation[1, 2], pose.rotation[0, 2]]))
-    return np.concatenate(gaps)
+        if aside and name in aside:
+            pose = aside[name].actInv(pose)
+        kind, turn = mechanism.loop_class(name), pose.rotation
+        angles = pin.log3(turn)
+        if "yaw" in kind.ideal_freedoms:
+            angles = np.array([-turn[1, 2], turn[0, 2], 0.0])
+        parts.append(np.concatenate([pose.translation, angles])[kind.held()])
+    for name in mechanism.locks:
+        pose = mechanism.lock_pose(name)
+        parts.append(np.concatenate([pose.translation, pin.log3(pose.rotation)]))
+    return np.concatenate(parts)
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:

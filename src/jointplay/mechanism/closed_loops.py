@@ -20,7 +20,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
 from jointplay.joints import VIRTUAL_LINK
-from jointplay.mechanism.loop import ANGLE_ARM_M, ASSEMBLY_TOLERANCE_M, closing_rows
+from jointplay.mechanism.loop import ANGLE_ARM_M, ASSEMBLY_TOLERANCE_M, closing_rows, openings
 from jointplay.mechanism.mechanism import Mechanism
 
 _SINGULAR = 1e-9
@@ -51,7 +51,8 @@ class ClosedLoops:
     Args:
         mechanism: with loops.
         q: a configuration, shape (nq,).
-        driven: joints that stand; None: the first of the loops that determine the others at `q`.
+        driven: joints that stand; None: those of the loops nearest to the base that determine the
+            others at `q`: there machines have their motors.
 
     Attributes:
         driven: joints that stand.
@@ -76,12 +77,12 @@ class ClosedLoops:
         self._standing = np.setdiff1d(np.arange(mechanism.model.nq), self.passive)
 
     def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:
-        """The first joints with which the other coordinates inside the loops are determined."""
+        """The joints nearest to the base that determine the other coordinates inside the loops."""
         rows = self._rows(q)
         rank = _rank(rows[:, inside])
         chosen: list[str] = []
         left = list(inside)
-        for name in self.mechanism.joints:
+        for name in from_the_base(self.mechanism):
             if len(left) == rank:
                 break
             at = self.mechanism.coordinate(name)
@@ -184,7 +185,7 @@ class ClosedLoops:
         """
         q = start.copy()
         for _ in range(_STEPS):
-            left = self._weight * _open(self.mechanism, q, aside or {})
+            left = self._weight * openings(self.mechanism, q, aside)
             rows = self._rows(q)[:, self.passive]
             change = np.linalg.lstsq(rows, -left, rcond=_SINGULAR)[0]
             size = float(np.abs(change).max(initial=0.0))
@@ -202,7 +203,7 @@ class ClosedLoops:
         def left(values: np.ndarray) -> np.ndarray:
             q = start.copy()
             q[self.passive] = values
-            return _open(self.mechanism, q, {})
+            return openings(self.mechanism, q)
 
         near = start.copy()
         if len(self.passive):
@@ -256,27 +257,31 @@ def _apart(
 
 def is_closed(mechanism: Mechanism, q: np.ndarray) -> bool:
     """Whether all loops are closed, journals centred; angles count on an arm."""
-    gaps = np.abs(_weights(mechanism) * _open(mechanism, q, {}))
+    gaps = np.abs(_weights(mechanism) * openings(mechanism, q))
     return bool(gaps.max(initial=0.0) <= ASSEMBLY_TOLERANCE_M)
 
 
-def _open(mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, pin.SE3]) -> np.ndarray:
-    """Openings in the order of `closing_rows`, of loops whose journals are `aside` [m, rad]."""
-    pin.forwardKinematics(mechanism.model, mechanism.data, q)
-    parts = [np.zeros(0)]
-    for name in mechanism.loops:
-        pose = mechanism.journal_pose(name)
-        if name in aside:
-            pose = aside[name].actInv(pose)
-        kind, turn = mechanism.loop_class(name), pose.rotation
-        angles = pin.log3(turn)
-        if "yaw" in kind.ideal_freedoms:
-            angles = np.array([-turn[1, 2], turn[0, 2], 0.0])
-        parts.append(np.concatenate([pose.translation, angles])[kind.held()])
-    for name in mechanism.locks:
-        pose = mechanism.lock_pose(name)
-        parts.append(np.concatenate([pose.translation, pin.log3(pose.rotation)]))
-    return np.concatenate(parts)
+def from_the_base(mechanism: Mechanism) -> list[str]:
+    """Joints with one coordinate without clearance, those on the base first.
+
+    Equally far ones stay in the order of the mechanism.
+    """
+    single = [
+        name
+        for name in mechanism.joints
+        if name not in mechanism.given_joints or not mechanism.given_joints[name].compound()
+    ]
+    parents = {entry.child: name for name, entry in mechanism.description.joints.items()}
+    moving = set(mechanism.joints)
+
+    def depth(name: str) -> int:
+        count, link = 0, mechanism.description.joints[name].parent
+        while (above := parents.get(link)) is not None:
+            count += above in moving
+            link = mechanism.description.joints[above].parent
+        return count
+
+    return sorted(single, key=depth)
 
 
 def _own(mechanism: Mechanism) -> list[int]:
