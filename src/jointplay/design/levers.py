@@ -36,9 +36,9 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, require_finite
 from jointplay.design import loop_play
-from jointplay.mechanism.closed_loops import ClosedLoops, is_closed, opening, own_opening
 from jointplay.joints import Coordinate
 from jointplay.joints.play import Cone, Cones, JournalPlay, Play, Support
+from jointplay.mechanism.closed_loops import ClosedLoops, is_closed, opening, own_opening
 from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.model import z_to
 

@@ -26,12 +26,12 @@ import pinocchio as pin
 
 from jointplay.design import loop_play
 from jointplay.design.levers import GEAR, PlaySources, displaced_configuration, tool_place
-from jointplay.mechanism.closed_loops import ClosedLoops
 from jointplay.joints import RELATIVE, Clearance
 from jointplay.joints.play import Play, Pressed
 from jointplay.loads.drive import Drive, Prescribed, assign
 from jointplay.loads.tables import tabulate
 from jointplay.loads.wrench import Wrench
+from jointplay.mechanism.closed_loops import ClosedLoops
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.loads import load_site

@@ -17,9 +17,9 @@ import numpy as np
 from jointplay.core.errors import JointplayError, require_finite, require_whole
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import PlaySources, configurations, displaced, sources, tool_place
-from jointplay.mechanism.closed_loops import ClosedLoops
 from jointplay.design.rest import AGREES_M, Standing
 from jointplay.loads.drive import ComputedTorque, Drive
+from jointplay.mechanism.closed_loops import ClosedLoops
 from jointplay.mechanism.mechanism import Mechanism, frame_index
 
 DIRECTIONS = 180

@@ -12,16 +12,22 @@ plane linkage the pins can only lean as far as they allow each other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
-from jointplay.joints import VIRTUAL_LINK
-from jointplay.mechanism.loop import ANGLE_ARM_M, ASSEMBLY_TOLERANCE_M, closing_rows, openings
+from jointplay.mechanism.loop import (
+    ANGLE_ARM_M,
+    ASSEMBLY_TOLERANCE_M,
+    closing_rows,
+    openings,
+    own_coordinates,
+)
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.urdf import Mimic
 
 _SINGULAR = 1e-9
 """Part of the largest singular value that is none."""
@@ -70,7 +76,7 @@ class ClosedLoops:
         self._weight = _weights(mechanism)
         somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))
         felt = np.max([np.abs(closing_rows(mechanism, at)).max(axis=0) for at in somewhere], axis=0)
-        inside = [i for i in _own(mechanism) if felt[i] > 1e-9]
+        inside = [i for i in own_coordinates(mechanism) if felt[i] > 1e-9]
         self.driven = self._determining(q, inside) if driven is None else tuple(driven)
         held = {mechanism.coordinate(name) for name in self.driven}
         self.passive = np.array([i for i in inside if i not in held], int)
@@ -126,7 +132,9 @@ class ClosedLoops:
             )
         return found
 
-    def close_all(self, q: np.ndarray, *, apart: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    def close_all(
+        self, q: np.ndarray, *, apart: bool = False, begin: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Configurations with their loops closed, journals centred: (n, nq), and which could be.
 
         From one to the next the driven joints go in small steps, so that the mechanism stays on its
@@ -136,15 +144,16 @@ class ClosedLoops:
             q: configurations whose driven coordinates count, (n, nq).
             apart: they are not in the order of a motion: each is reached from the nearest one that
                 is closed.
+            begin: a closed configuration, (nq,), from which the first is reached.
         """
         closed, good = q.copy(), np.zeros(len(q), bool)
         for i, row in enumerate(q):
             (done,) = np.nonzero(good[:i])
-            begin = None
+            last = begin
             if len(done):
                 away = np.abs(closed[done][:, self._standing] - row[self._standing]).max(axis=1)
-                begin = closed[done[away.argmin()] if apart else done[-1]]
-            found = self._reach(begin, row)
+                last = closed[done[away.argmin()] if apart else done[-1]]
+            found = self._reach(last, row)
             if found is not None:
                 closed[i], good[i] = found, True
                 for name in self.mechanism.gears:  # unstrained
@@ -284,16 +293,48 @@ def from_the_base(mechanism: Mechanism) -> list[str]:
     return sorted(single, key=depth)
 
 
-def _own(mechanism: Mechanism) -> list[int]:
-    """Coordinates that the ideal mechanism has too, carriages of locks among them."""
-    own = []
-    for index, coordinate in enumerate(mechanism.coordinates):
-        name, part = coordinate.joint, coordinate.part
-        joint = mechanism.clearance.get(name)
-        plain = joint is None or name in mechanism.loops or part not in VIRTUAL_LINK
-        if plain or (joint is not None and part in joint.ideal_freedoms):
-            own.append(index)
-    return own
+def followed_mimics(
+    mechanism: Mechanism, q: np.ndarray, alone: Collection[str] = ()
+) -> dict[str, Mimic]:
+    """Joints that mimic others, and what each follows: those that no loop determines.
+
+    In the URDF of a gripper or a lift, `<mimic>` often stands for a loop that a URDF cannot have.
+    Where the loop is there, it is the loop that joints follow: a mimic that would hold its leader,
+    or that follows from the loops anyway, is left out.
+
+    Args:
+        mechanism: without clearance.
+        q: a configuration in which loops are closed, shape (nq,).
+        alone: joints that follow nothing.
+    """
+    rows = closing_rows(mechanism, q) if mechanism.loops else np.zeros((0, mechanism.model.nv))
+    rank = _rank(rows) if len(rows) else 0
+    found: dict[str, Mimic] = {}
+    for name in mechanism.joints:
+        mimic = mechanism.description.joints[name].mimic
+        if mimic is None or name in alone or name not in mechanism.coordinates:
+            continue
+        more = np.concatenate([rows, mimic_row(mechanism, name, mimic)[None]])
+        if mechanism.loops:
+            held = _rank(more)
+            if held == rank:
+                continue
+            if mimic.leader in mechanism.coordinates:
+                leads = np.eye(mechanism.model.nv)[[mechanism.coordinate(mimic.leader)]]
+                if _rank(np.concatenate([more, leads])) == held:
+                    continue
+            rank = held
+        found[name], rows = mimic, more
+    return found
+
+
+def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
+    """What is zero times each velocity with which the joint `name` follows, shape (nv,)."""
+    row = np.zeros(mechanism.model.nv)
+    row[mechanism.coordinate(name)] = 1.0
+    if mimic.leader in mechanism.coordinates:
+        row[mechanism.coordinate(mimic.leader)] -= mimic.multiplier
+    return row
 
 
 def _weights(mechanism: Mechanism) -> np.ndarray:

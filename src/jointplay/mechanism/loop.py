@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import Described, check_fields, quantity
+from jointplay.joints import VIRTUAL_LINK
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -238,11 +239,20 @@ def openings(
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
     """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
     unless all of them are wanted."""
-    own = {mechanism.coordinate(name) for name in mechanism.joints if name in mechanism.clearance}
-    for name in mechanism.locks:
-        own.update(mechanism.carriage(name))
-    every = (i for i in range(mechanism.model.nv) if journals or i in own or not mechanism.plays(i))
+    every = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
     return np.array([i for i in every if i not in held], int)
+
+
+def own_coordinates(mechanism: Mechanism) -> list[int]:
+    """Coordinates that the ideal mechanism has too, carriages of locks among them."""
+    own = []
+    for index, coordinate in enumerate(mechanism.coordinates):
+        name, part = coordinate.joint, coordinate.part
+        joint = mechanism.clearance.get(name)
+        plain = joint is None or name in mechanism.loops or part not in VIRTUAL_LINK
+        if plain or (joint is not None and part in joint.ideal_freedoms):
+            own.append(index)
+    return own
 
 
 def _closed(

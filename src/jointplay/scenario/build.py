@@ -27,7 +27,7 @@ from jointplay.mechanism.payload import Payload
 from jointplay.mechanism.robots import resolve
 from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import Description, read
-from jointplay.motion.cartesian import cartesian_motion
+from jointplay.motion.cartesian import cartesian_path
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
 from jointplay.result.settings import Integration, Limited, Recording
@@ -342,19 +342,23 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
                 where=("motion", key),
             )
     keys = {"positions": ("tool_position",), "orientations": ("tool_rpy",)}
+    ideal = mechanism.ideal()
+    begin = {name: value for name, value in start.items() if name in ideal.coordinates}
     with within("motion"), _relocated(keys):
-        motion: Motion = cartesian_motion(
-            mechanism.ideal(),
+        found = cartesian_path(
+            ideal,
             np.array(table.times),
             np.array(table.tool_position).reshape(-1, 3),
             None if table.tool_rpy is None else np.array(table.tool_rpy).reshape(-1, 3),
             frame=table.frame,
             path=table.path or PATHS[0],
-            start=dict(start) or None,
+            start=begin if ideal.loops else dict(start),
+            driven=table.driven,
         )
-    for name in motion.joints:
-        start.pop(name, None)
-    return motion
+    for name in begin if ideal.loops else found.motion.joints:
+        start.pop(name, None)  # it has said on which branch
+    start.update(found.start)
+    return found.motion
 
 
 # What becomes of the joints that a scenario's motion does not name.

@@ -28,7 +28,7 @@ MOTION_SOURCES = {
     "file": ("interpolation", "faster"),
     "joints": ("times", "interpolation", "faster"),
     "speeds": (),
-    "tool_position": ("times", "tool_rpy", "frame", "path", "faster"),
+    "tool_position": ("times", "tool_rpy", "frame", "path", "driven", "faster"),
 }
 """Keys of [motion] of which there is one, and those that go with it."""
 
@@ -104,6 +104,9 @@ class MotionTable:
     path: str | None = choice("path", PATHS, default=None)
     """Between Cartesian waypoints: ``joint`` moves all joints in step, ``line`` moves the frame on
     a straight line."""
+    driven: list[str] | None = None
+    """In closed loops, joints whose drives lead the frame; if not given, those nearest to the base
+    that determine the others."""
 
     def given(self) -> dict[str, Any]:
         """Values of those keys that the file has."""
