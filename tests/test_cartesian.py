@@ -7,7 +7,6 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay.joints import SphericalClearance
-from jointplay.mechanism.loop import Loop
 from jointplay.motion.cartesian import JUMP, SINGULAR_M, cartesian_motion
 
 TIMES = [0.0, 0.4, 1.0]
@@ -306,12 +305,6 @@ def test_wrong_arguments_are_named(scara, arguments, options, text):
 
 
 def test_robots_that_cannot_be_led_are_refused(urdf):
-    crank = jp.Mechanism(
-        jp.shipped("slider_crank.urdf"),
-        loops={"piston_pin": Loop("rod", "slider", bearing_xyz=(0.12, 0, 0))},
-    )
-    message = refused(crank, [0, 1], [HERE, HERE])
-    assert "without loops, this one has piston_pin" in message
     ball = joint("ball", "base", "arm", "floating")
     path = urdf(body("arm"), ball, body("end"), joint("hinge", "arm", "end"))
     robot = jp.Mechanism(path, {"ball": SphericalClearance(radial_clearance=1e-4)})

@@ -22,6 +22,7 @@ from jointplay.core.errors import (
     require_numbers,
     within,
 )
+from jointplay.core.progress import ProgressBar
 from jointplay.mechanism.closed_loops import (
     ClosedLoops,
     followed_mimics,
@@ -65,11 +66,14 @@ _SAMPLES = 5
 _SAME = 1e-6
 """Within which two configurations are the same [rad or m]."""
 
-_LEAST_SHARE = 1e-3
+_NEAR = 30
+"""Steps of a search for what is near."""
+
+_LEAST_SHARE = 1.0 / 256.0
 """Of the way to a target, the least step in which it is approached."""
 
-_LOOP_WEIGHT = 1e3
-"""Of the loops beside the tool, where the tool cannot be led where it shall be."""
+_BOND_WEIGHT = 1e3
+"""Of what the joints must keep to, beside the tool that cannot be led where it shall be."""
 
 HALF_RANGE = math.pi
 """Range of restarts about zero, for joints without limits [rad or m]."""
@@ -96,11 +100,8 @@ class Found:
     error: np.ndarray
     """Distance in world axes [m], the rotation vector that is left times `ANGLE_ARM_M`, and what
     is left of what the joints must keep to (`Arm.bonds`)."""
-
-    @property
-    def reached(self) -> bool:
-        """Whether the frame is there, and all loops are closed."""
-        return float(np.linalg.norm(self.error)) < REACHED_M
+    reached: bool
+    """Whether the frame is there, and all loops are closed."""
 
 
 class Arm:
@@ -147,7 +148,8 @@ class Arm:
         at = [ideal.coordinate(name) for name in single]
         self.low[at], self.high[at] = joint_limits(mechanism, single)
         self.mimics: dict[str, Mimic] = {}
-        self.loop_weight = 1.0
+        self._weight = 1.0
+        self._within = REACHED_M
         self.seed = self._seed(start)
         if not ideal.loops and driven is not None:
             raise JointplayError(
@@ -155,7 +157,7 @@ class Arm:
                 "its joints are driven",
                 where=("driven",),
             )
-        self.mimics = followed_mimics(ideal, self.seed, start)
+        self.mimics = followed_mimics(ideal, self.seed, () if ideal.loops else start)
         if ideal.loops or self.mimics:
             self.seed = self.search(self.seed, None).q
         self.mobility = len(self.names)
@@ -254,22 +256,20 @@ class Arm:
 
     def _open(self, q: np.ndarray) -> np.ndarray:
         """What is left of the bonds, the sign as in `error`."""
-        parts = [np.zeros(0)]
-        if self.ideal.loops:
-            parts.append(-self.loop_weight * openings(self.ideal, q))
+        parts = [-openings(self.ideal, q) if self.ideal.loops else np.zeros(0)]
         for name, mimic in self.mimics.items():
             lead = q[self.names.index(mimic.leader)] if mimic.leader in self.names else 0.0
             off = mimic.multiplier * lead + mimic.offset - q[self.names.index(name)]
             parts.append(np.array([ANGLE_ARM_M * off]))
-        return np.concatenate(parts)
+        return self._weight * np.concatenate(parts)
 
     def bonds(self, q: np.ndarray) -> np.ndarray:
         """Rows that are zero times each velocity with which loops stay closed and mimics follow."""
         rows = [np.zeros((0, self.model.nv))]
         if self.ideal.loops:
-            rows.append(self.loop_weight * closing_rows(self.ideal, q))
+            rows.append(closing_rows(self.ideal, q))
         rows += [ANGLE_ARM_M * mimic_row(self.ideal, *one)[None] for one in self.mimics.items()]
-        return np.concatenate(rows)
+        return self._weight * np.concatenate(rows)
 
     def freedoms(self, q: np.ndarray) -> np.ndarray:
         """Motions of all coordinates that the bonds allow, orthonormal, shape (nv, mobility)."""
@@ -294,10 +294,15 @@ class Arm:
         return self.jacobian(q, turning) @ self.freedoms(q)
 
     def find_rank(self, turning: bool, random: np.random.Generator) -> None:
-        """How many directions the tool can be led in at all, somewhere."""
+        """How many directions the tool can be led in at all, somewhere.
+
+        If they are fewer than asked for, the others need to fit only as exactly as numbers in a
+        URDF do.
+        """
         for _ in range(20):
             values = np.linalg.svd(self.led(self.anywhere(random), turning), compute_uv=False)
             self.rank = max(self.rank, int(np.sum(values > 10.0 * SINGULAR_M)))
+        self._within = NEARLY_M if self.rank < (6 if turning else 3) else REACHED_M
 
     def anywhere(self, random: np.random.Generator, reach: float | None = None) -> np.ndarray:
         """A random configuration within the limits, its loops closed.
@@ -349,12 +354,12 @@ class Arm:
         place = self.pose(self.seed)
         words = [f"the tool can be led along {', '.join(able) or 'no axis'}"]
         words += [
-            f"its {axis} stays {value:.6g} m"
+            f"its {axis} stays {round(value, 9) + 0.0:.6g} m"
             for axis, value in zip("xyz", place.translation, strict=True)
             if axis not in able
         ]
         if turning and not turns:
-            roll, pitch, yaw = pin.rpy.matrixToRpy(place.rotation)
+            roll, pitch, yaw = np.round(pin.rpy.matrixToRpy(place.rotation), 6) + 0.0
             words.append(f"it does not turn (rpy stays {roll:.4g}, {pitch:.4g}, {yaw:.4g} rad)")
         elif turning and ranks[1] == ranks[0]:
             words.append("its orientation follows from its position: leave the orientation out")
@@ -369,6 +374,7 @@ class Arm:
         seed: np.ndarray,
         target: Target | None,
         bounds: tuple[np.ndarray, np.ndarray] | None = None,
+        iterations: int = _ITERATIONS,
     ) -> Found:
         """Levenberg-Marquardt from `seed`; joints that come to their limits stay there.
 
@@ -378,7 +384,7 @@ class Arm:
         low, high = (self.low, self.high) if bounds is None else bounds
         q, damping = np.clip(seed, low, high), _DAMPING[1]
         error = self.error(q, target)
-        for _ in range(_ITERATIONS):
+        for _ in range(iterations):
             if np.linalg.norm(error) < 1e-3 * REACHED_M:
                 break
             jacobian = self._all_rows(q, target)
@@ -401,7 +407,10 @@ class Arm:
                 damping *= 4.0
             else:
                 break
-        return Found(q, error)
+        return self._found(q, error)
+
+    def _found(self, q: np.ndarray, error: np.ndarray) -> Found:
+        return Found(q, error, float(np.linalg.norm(error)) < self._within)
 
     def _all_rows(self, q: np.ndarray, target: Target | None) -> np.ndarray:
         """Jacobian of `error` without its sign."""
@@ -414,8 +423,8 @@ class Arm:
         """The configuration that leads to `target` from q, where the loops are closed.
 
         In loops the tool goes there in a straight line, in steps from which the next one is found
-        without a jump: far from q, loops close in several ways. Where the line leaves the
-        workspace, and in open chains, by one search.
+        without a jump: far from q, loops close in several ways. It ends where the line leaves the
+        workspace. In open chains by one search.
         """
         if not self.ideal.loops:
             return self.search(q, target)
@@ -423,25 +432,25 @@ class Arm:
         origin, turn = pose.translation.copy(), pose.rotation.copy()
         way = target.position - origin
         axis = np.zeros(3) if target.turn is None else pin.log3(turn.T @ target.turn)
-        part, share, found = 0.0, 0.25, Found(q, self.error(q, target))
+        part, share, found = 0.0, 1.0, self._found(q, self.error(q, target))
         while part < 1.0 and share > _LEAST_SHARE:
             ahead = min(part + share, 1.0)
             rotation = None if target.turn is None else turn @ pin.exp3(ahead * axis)
             goal = target if ahead == 1.0 else Target(origin + ahead * way, rotation)
-            trial = self.search(found.q, goal)
+            trial = self.search(found.q, goal, iterations=_NEAR)
             if trial.reached and np.abs(trial.q - found.q).max() < JUMP:
                 found, part, share = trial, ahead, 2.0 * share
             else:
                 share *= 0.5
-        return found if part == 1.0 else self.search(q, target)
+        return self._found(found.q, self.error(found.q, target))
 
     def short(self, found: Found, target: Target) -> Found:
         """From where a search ended short of `target`, with the loops practically closed."""
-        self.loop_weight = _LOOP_WEIGHT
+        self._weight = _BOND_WEIGHT
         try:
             return self.search(found.q, target)
         finally:
-            self.loop_weight = 1.0
+            self._weight = 1.0
 
     def nearest(self, solution: Found, seed: np.ndarray, target: Target) -> Found:
         """The solution nearest to `seed` that can be reached from `solution` without losing it."""
@@ -594,6 +603,48 @@ def cartesian_path(
     return CartesianPath(motion, _followers_at(arm, solved[0][1]))
 
 
+def reachable(
+    mechanism: Mechanism,
+    positions: Sequence[Sequence[float]] | np.ndarray,
+    orientations: Sequence[Sequence[float]] | np.ndarray | None = None,
+    *,
+    frame: str | None = None,
+    start: Mapping[str, float] | None = None,
+    driven: Sequence[str] | None = None,
+    progress: bool = False,
+) -> np.ndarray:
+    """Which poses the ideal mechanism's tool can have: its workspace, point by point.
+
+    Within the joint limits of the URDF, and without a singular configuration. Each pose is sought
+    from the nearest one before that was reached, so that a mechanism with loops keeps its way of
+    being assembled; give them in an order in which neighbours follow each other. The arguments are
+    those of `cartesian_path`; `progress` shows a bar.
+
+    Returns:
+        For each pose, whether it can be reached, shape (n,).
+
+    Raises:
+        JointplayError: wrong shapes or numbers; a mechanism whose tool cannot be led at all.
+    """
+    _, targets = _waypoints(np.arange(len(positions), dtype=float), positions, orientations)
+    arm = Arm(mechanism, frame, start or {}, driven)
+    random = np.random.default_rng(0)
+    arm.find_rank(orientations is not None, random)
+    able = np.zeros(len(targets), bool)
+    seeds, places = [arm.seed], [arm.pose(arm.seed).translation.copy()]
+    shown = ProgressBar(targets, "poses", delay=1.0, leave=False) if progress else targets
+    for i, target in enumerate(shown):
+        away = np.linalg.norm(np.array(places) - target.position, axis=1)
+        with suppress(JointplayError):
+            found = arm.approach(seeds[int(away.argmin())], target)
+            if found.reached:
+                _require_regular(arm, found.q, target, "")
+                able[i] = True
+                seeds.append(found.q)
+                places.append(target.position)
+    return able
+
+
 def _followers_at(arm: Arm, q: np.ndarray) -> dict[str, float]:
     """Positions of the joints that are not driven, unless the driven ones lead to them anyway."""
     if not arm.ideal.loops:
@@ -666,6 +717,8 @@ def _solve(
 ) -> np.ndarray:
     """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
     solution = arm.approach(seed, target)
+    if not solution.reached and arm.ideal.loops:
+        solution = arm.search(seed, target)
     if not solution.reached:
         solution = _otherwise(arm, solution, seed, target, what, random, first)
     if arm.mobility > arm.rank:
