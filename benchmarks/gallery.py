@@ -20,13 +20,15 @@ from jointplay import analysis
 from jointplay.mechanism.picture import picture
 
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
-SHIPPED = ("scara", "slider_crank", "four_bar")
+SHIPPED = ("scara", "slider_crank", "four_bar", "delta", "three_rrr")
 """Scenarios that lie in the package; the others are in the gallery's own folder."""
 VIEWS = {
     "oil_pendulum": (-65.0, 18.0),
     "spline": (-60.0, 22.0),
     "ball_pendulum": (-60.0, 15.0),
     "jansen": (-90.0, 80.0),
+    "delta": (-70.0, 12.0),
+    "three_rrr": (-90.0, 80.0),
 }
 """Directions from which some are drawn: azimuth and elevation [deg]."""
 FIELDS = (

@@ -1,7 +1,6 @@
 """Cartesian motions of closed loops: against closed forms, along the way, and where they cannot."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,19 +13,18 @@ from jointplay.motion.cartesian import cartesian_motion, cartesian_path, reachab
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.ideal import driven_map
 
-GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 ARMS = ("arm_1", "arm_2", "arm_3")
 MOTORS = ("motor_1", "motor_2", "motor_3")
 
 
 @pytest.fixture(scope="module")
 def delta():
-    return jp.Scenario.load(GALLERY / "delta.toml").simulation("ideal").mechanism.ideal()
+    return jp.Scenario.load("jointplay:delta.toml").simulation("ideal").mechanism.ideal()
 
 
 @pytest.fixture(scope="module")
 def three_rrr():
-    return jp.Scenario.load(GALLERY / "three_rrr.toml").simulation("ideal").mechanism.ideal()
+    return jp.Scenario.load("jointplay:three_rrr.toml").simulation("ideal").mechanism.ideal()
 
 
 CRANK, ROD, BASE = 0.2, 0.3, 0.15
@@ -397,7 +395,7 @@ def test_a_mimic_that_stands_for_a_loop_leaves_it_to_the_loop(urdf):
 
 def test_platform_on_a_ball_joint_with_play_is_assembled():
     """The ball that carries the platform turns about all axes, play or not."""
-    mechanism = jp.Scenario.load(GALLERY / "delta.toml").simulation("0.1 mm").mechanism
+    mechanism = jp.Scenario.load("jointplay:delta.toml").simulation("0.1 mm").mechanism
     q = mechanism.configuration({name: 0.3 for name in ARMS})
     at = [mechanism.coordinate(name) for name in ARMS]
     closed = assemble(mechanism, q, at)
@@ -406,9 +404,9 @@ def test_platform_on_a_ball_joint_with_play_is_assembled():
 
 def test_scenarios_name_the_place_of_what_is_wrong(tmp_path):
     text = (
-        (GALLERY / "three_rrr.toml")
+        jp.shipped("three_rrr.toml")
         .read_text()
-        .replace('urdf = "three_rrr.urdf"', f'urdf = "{GALLERY / "three_rrr.urdf"}"')
+        .replace('urdf = "three_rrr.urdf"', f'urdf = "{jp.shipped("three_rrr.urdf")}"')
     )
     place = tmp_path / "wrong.toml"
     place.write_text(text.replace('"motor_3"]', '"motor_9"]'))
