@@ -21,6 +21,7 @@ from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.gear import Gearing
+from jointplay.mechanism.heat import Heat, JointHeat, LinkHeat
 from jointplay.scenario.model import (
     HeldPayload,
     IntegrationTable,
@@ -38,6 +39,7 @@ KINDS = {
     **{"Robot": Robot, "LoopEnds": LoopEnds, "Clearance": Clearance, "MotionTable": MotionTable},
     **{"NormalForceLaw": NormalForceLaw, "FrictionLaw": FrictionLaw, "FilmLaw": FilmLaw},
     **{"Drive": Drive, "JointFriction": JointFriction, "Gearing": Gearing, "Load": Load},
+    **{"Heat": Heat, "JointHeat": JointHeat, "LinkHeat": LinkHeat},
     **{"RobotErrors": RobotErrors, "JointErrors": JointErrors},
     **{"HeldPayload": HeldPayload, "IntegrationTable": IntegrationTable, "Output": Output},
 }

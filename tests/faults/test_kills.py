@@ -163,7 +163,8 @@ def test_workers_of_the_study_end_with_a_parent_that_is_killed(tmp_path):
     process.kill()
     end(process)
     gone(pids)
-    assert [result.status for result in kept(tmp_path / "o")] == [Status.COMPLETED]
+    # How many cases were done by then depends on the machine.
+    assert {result.status for result in kept(tmp_path / "o")} == {Status.COMPLETED}
 
 
 SLOW = """

@@ -44,7 +44,7 @@ class LinkHeat:
     """By how much a link, and what is fixed to it, is warmer than when it was measured."""
 
     warmer: float = quantity("K", default=0.0)
-    """[K]."""
+    """By how much [K]."""
     material: str | None = None
     """What it is made of, by name; if not given, that of [heat]."""
 
