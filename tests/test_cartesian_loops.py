@@ -7,6 +7,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
+from jointplay.design.iso9283 import cube_motion
 from jointplay.mechanism.closed_loops import ClosedLoops, followed_mimics
 from jointplay.mechanism.loop import Loop, assemble, closing_rows, openings
 from jointplay.motion.cartesian import cartesian_motion, cartesian_path, reachable
@@ -274,6 +275,21 @@ def test_what_nothing_determines_is_named(five_bar, urdf, delta):
     assert "all its joints are driven" in refused(open_arm, [[0.4, 0, 0]] * 2, driven=["joint_a"])
 
 
+def test_a_wrist_beside_the_loops_is_named_or_driven(urdf):
+    """No loop leads it: inverse kinematics drives it, and a drive that needs it says so."""
+    wrist = body("hand") + joint("wrist", "left_rod", "hand", "continuous", at=f"{ROD} 0 0")
+    path = urdf(*five_bar_parts(), wrist)
+    robot = jp.Mechanism(path, loops=END, tool="tool", gravity=(0, 0, 0))
+    places = [(*HOME, 0), (0.1, 0.4, 0)]
+    found = cartesian_path(robot, [0, 0.2], places, start=legs(*HOME))
+    assert found.motion.joints == ("left", "right", "wrist")
+    message = refused(robot, places, start=legs(*HOME), driven=["left", "right"])
+    assert "nothing determines 'wrist'" in message
+    two = jp.Motion(["left", "right"], [0, 0.2], found.motion.positions[:, :2])
+    with pytest.raises(jp.JointplayError, match="nothing determines 'wrist': no loop leads it"):
+        jp.simulate(robot, two, state=found.start, step=1e-4)
+
+
 def test_limits_hold_in_loops_too(delta):
     """The arms of the delta end at 80 degrees: straight down it comes no lower."""
     upper, rod = 0.524, 1.244
@@ -415,3 +431,61 @@ def test_scenarios_name_the_place_of_what_is_wrong(tmp_path):
     place.write_text(text.replace('["30 mm", "-30 mm", 0]', '["900 mm", "-30 mm", 0]'))
     with pytest.raises(jp.JointplayError, match=r"tool_position.*waypoint 4"):
         jp.Scenario.load(place).simulation("ideal")
+
+
+def test_iso_cube_of_a_delta_and_its_mirror_image(delta):
+    """Its platform may hang below the arms or stand above: the drives alone lead to the first."""
+    motion = cube_motion(delta, (0.0, 0.0, -1.1), 0.2)
+    assert motion.joints == ARMS
+    corner = np.array([0.0, 0.0, -1.1]) + 0.08 * np.array([-1, -1, -1])  # P5
+    assert motion.positions[2] == pytest.approx(arms_of_the_delta(corner), abs=1e-7)
+    above = {f"knee_{leg}{side}": 2.053 for leg in (1, 2, 3) for side in "ab"}
+    with pytest.raises(jp.JointplayError, match="can be assembled in several ways"):
+        cube_motion(delta, (0.0, 0.0, 1.06), 0.1, start=above)
+
+
+@pytest.mark.parametrize("sides", [(1, -1), (1, 1), (-1, 1)])
+@pytest.mark.parametrize("case", ["ideal", "0.1 mm"])
+def test_start_of_a_scenario_selects_how_loops_are_assembled(urdf, tmp_path, sides, case):
+    """Nearly where the joints stand is enough; with play, too, the tool begins where it shall."""
+    near = {name: round(angle + 0.05, 2) for name, angle in legs(*HOME, *sides).items()}
+    path = urdf(*five_bar_parts())
+    place = tmp_path / "five_bar.toml"
+    place.write_text(
+        f"""[robot]
+urdf = "{path}"
+tool = "tool"
+gravity = "balanced"
+[loops.end]
+bearing = {{ link = "left_rod", xyz = [{ROD}, 0, 0] }}
+journal = {{ link = "right_rod", xyz = [{ROD}, 0, 0] }}
+[joints.end]
+kind = "planar"
+bearing_radius = "5 mm"
+bearing_length = "10 mm"
+restitution = 0.8
+[joints.left_elbow]
+kind = "planar"
+bearing_radius = "5 mm"
+bearing_length = "10 mm"
+restitution = 0.8
+[start]
+{chr(10).join(f"{name} = {angle}" for name, angle in near.items())}
+[motion]
+times = [0, 0.5]
+tool_position = [[{HOME[0]}, {HOME[1]}, 0], [0.05, 0.38, 0]]
+[integration]
+duration = "0.02 s"
+[cases.ideal]
+joints.end.ideal = true
+joints.left_elbow.ideal = true
+[cases."0.1 mm"]
+joints.end.radial_clearance = "0.1 mm"
+joints.left_elbow.radial_clearance = "0.1 mm"
+"""
+    )
+    simulation = jp.Scenario.load(place).simulation(case)
+    assert simulation.motion.joints == ("left", "right")
+    result = simulation.run(check_step=False, estimate=False)
+    away = result["tool_position"].values[0] - [*HOME, 0.0]
+    assert np.linalg.norm(away) < (1e-8 if case == "ideal" else 3e-4)

@@ -55,7 +55,7 @@ from jointplay.core.errors import JointplayError, require_positive
 from jointplay.core.tables import csv_text
 from jointplay.design.wear import all_wearing, first_profile, with_worn, worn_depths
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.cartesian import cartesian_motion
+from jointplay.motion.cartesian import cartesian_path
 from jointplay.motion.reference import GOES_ON, Motion
 from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.run import Run
@@ -684,18 +684,27 @@ def cube_motion(
     Every way is a quintic in the joints; the fastest of them reaches the limit of its speed.
 
     Args:
-        mechanism: a robot without loops; its tool is led, its orientation left free.
+        mechanism: its tool is led, its orientation left free; in loops, the joints nearest to the
+            base are driven.
         centre, edge: see `cube_poses`.
         dwell: rest at each pose [s].
         start: see `cartesian_motion`.
 
     Raises:
-        JointplayError: a pose out of reach, a joint that moves and has no limit of speed.
+        JointplayError: a pose out of reach, a joint that moves and has no limit of speed; loops
+            that the driven joints alone would assemble otherwise.
     """
     require_positive("dwell", dwell, "s")
     order = [0, 4, 3, 2, 1, 0]
     places = cube_poses(centre, edge)[order]
-    found = cartesian_motion(mechanism, np.arange(len(order), dtype=float), places, start=start)
+    path = cartesian_path(mechanism, np.arange(len(order), dtype=float), places, start=start)
+    if path.start:
+        raise JointplayError(
+            "the loops can be assembled in several ways, and the driven joints "
+            f"({', '.join(path.motion.joints)}) begin in another than the cube needs: give a "
+            "scenario with [start] and a motion instead of a cube"
+        )
+    found = path.motion
     q = np.array(found.positions)
     q[-1] = q[0]  # the same pose in the same configuration
     most = np.zeros(len(found.joints))

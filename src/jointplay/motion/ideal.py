@@ -310,6 +310,15 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
             ", ".join(dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in some))
             for some in (rest[sizes > 1e-6], at)
         )
+        outside = dict.fromkeys(
+            repr(mechanism.coordinates[i].joint) for i in rest if np.abs(rows[:, i]).max() < 1e-9
+        )
+        if outside:
+            raise JointplayError(
+                f"nothing determines {', '.join(outside)}: no loop leads it, and the motion of "
+                f"{driven or 'no joint'} does not name it; name it there, or choose another drive "
+                "than computed-torque"
+            )
         raise JointplayError(
             f"the driven joints ({driven or 'none'}) do not determine these of the loops' other "
             f"joints: {names} (too few driven joints, or a singular configuration); drive one of "
