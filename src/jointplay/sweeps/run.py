@@ -189,6 +189,11 @@ def run_plan(
     Returns:
         The plan as it was run: with `until` it may have more samples than it began with.
     """
+    if "://" in str(path):
+        raise JointplayError(
+            f"a sweep is written to a folder of this machine, got {str(path)!r}; copy the finished "
+            "store to an object store (docs/scale.md)"
+        )
     number = number_of(jobs)
     first = probe(made, progress)
     if made.count > MANY and not yes:
