@@ -237,6 +237,7 @@ def test_components_that_cannot_be_led_are_named(five_bar, delta):
     assert "its orientation follows from its position: leave the orientation out" in message
     message = refused(delta, [[0, 0, -1.0], [0, 0, -1.1]], [[0, 0, 0.1], [0, 0, 0.1]])
     assert "waypoint 1" in message
+    assert "0.1 rad remain; turn it less: " in message
     assert "it does not turn (rpy stays 0, 0, 0 rad)" in message
     level = cartesian_motion(delta, [0, 1], [[0, 0, -1.0], [0, 0, -1.1]], np.zeros((2, 3)))
     assert level.positions[0] == pytest.approx(arms_of_the_delta([0, 0, -1.0]), abs=1e-6)

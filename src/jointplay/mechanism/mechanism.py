@@ -289,6 +289,7 @@ class Mechanism(Overview, Described):
 
     def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
         """Build the model, with what `locks` need."""
+        self._known_signs: dict[tuple[int, int], np.ndarray] = {}
         self.model, self.coordinates = build(
             source, self.given_joints, self.gears, locks, self.free_base
         )
@@ -587,7 +588,16 @@ class Mechanism(Overview, Described):
     def signs(self, joint: str) -> np.ndarray:
         """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
         (i, _), (j, _) = self._frames(joint)
-        return signs_between(self.model, i, j)
+        return self._signs(i, j)
+
+    def _signs(self, first: int, second: int) -> np.ndarray:
+        """`signs_between` of two joints, found once."""
+        key = (first, second)
+        if key not in self._known_signs:
+            signs = signs_between(self.model, first, second)
+            signs.flags.writeable = False
+            self._known_signs[key] = signs
+        return self._known_signs[key]
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
         """Motion of the journal relative to the bearing, shape (6, nv).
@@ -607,8 +617,8 @@ class Mechanism(Overview, Described):
         (i, bearing), (j, journal) = first, second
         turn = (self.data.oMi[i] * bearing).rotation
         centre = (self.data.oMi[j] * journal).translation
-        columns = self.data.J.reshape(6, self.model.nv) * signs_between(self.model, i, j)
-        linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
+        columns = self.data.J.reshape(6, self.model.nv) * self._signs(i, j)
+        linear = columns[:3] - pin.skew(centre) @ columns[3:]
         return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
 
     def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:

@@ -7,7 +7,7 @@ far the real tool misses it is what a simulation with clearance shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -488,6 +488,9 @@ SAMPLE_M = 2e-3
 JUMP = 0.1
 """A joint that moves farther than this while the tool moves by `SAMPLE_M` jumps [rad or m]."""
 
+_PATIENCE_S = 2.0
+"""What takes longer has a bar [s]."""
+
 _RESTARTS = 40
 
 
@@ -587,7 +590,10 @@ def cartesian_path(
     with within("positions", 0):
         q = _solve(arm, arm.seed, targets[0], "waypoint 1", random, first=True)
     solved = [(float(moments[0]), q)]
-    for i in range(1, len(moments)):
+    ways: Iterable[int] = ProgressBar(
+        range(1, len(moments)), "inverse kinematics", delay=_PATIENCE_S, leave=False
+    )
+    for i in ways:
         with within("positions", i):
             if path == "line":
                 solved += _line(arm, q, moments[i - 1 :], targets[i - 1 :], i + 1, random)
@@ -789,7 +795,7 @@ def _otherwise(
     able = f": {arm.attainable(turning)}" if arm.rank < (6 if turning else 3) else ""
     raise JointplayError(
         f"{what} at {target} is out of reach: {distance:.4g} m and {angle:.4g} rad remain; "
-        f"move it closer{able}"
+        f"{'move it closer' if distance > NEARLY_M else 'turn it less'}{able}"
     )
 
 
