@@ -20,6 +20,7 @@ from jointplay.design.robot_errors import JointErrors, RobotErrors
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.beams import FlexibleLink
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.heat import Heat, JointHeat, LinkHeat
 from jointplay.scenario.model import (
@@ -40,6 +41,7 @@ KINDS = {
     **{"NormalForceLaw": NormalForceLaw, "FrictionLaw": FrictionLaw, "FilmLaw": FilmLaw},
     **{"Drive": Drive, "JointFriction": JointFriction, "Gearing": Gearing, "Load": Load},
     **{"Heat": Heat, "JointHeat": JointHeat, "LinkHeat": LinkHeat},
+    **{"FlexibleLink": FlexibleLink},
     **{"RobotErrors": RobotErrors, "JointErrors": JointErrors},
     **{"HeldPayload": HeldPayload, "IntegrationTable": IntegrationTable, "Output": Output},
 }

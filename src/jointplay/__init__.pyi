@@ -45,6 +45,7 @@ from .joints.materials import material as material
 from .joints.materials import oil as oil
 from .kernel import Status as Status
 from .mechanism import Mechanism as Mechanism
+from .mechanism.beams import FlexibleLink as FlexibleLink
 from .mechanism.export import to_urdf as to_urdf
 from .mechanism.gear import CycloidalGear as CycloidalGear
 from .mechanism.gear import Gear as Gear

@@ -351,6 +351,8 @@ def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
     """The headline figures of a run, and what its stretches contribute to them."""
     found: dict[str, Measured] = {}
     judged = result.time >= result.judge_from
+    # Hinges of flexible links hold their bodies by more than the force of their springs.
+    hinges = {name for its in result.simulation.mechanism.hinges.values() for name in its}
     if result.joints:
         forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
         names: Sequence[str] = result.joints
@@ -360,7 +362,9 @@ def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
     for how, force in forces.items():
         sizes = np.linalg.norm(force.values, axis=2)
         for k, name in enumerate(names):
-            at = "" if len(names) == 1 else f", {name}"
+            if name in hinges:
+                continue
+            at = "" if len(names) - len(hinges) == 1 else f", {name}"
             found[f"{how} joint force{at}"] = _history(how, sizes[judged, k], "N")
     if ideal is not None:
         away = analysis.deviation(result, ideal)

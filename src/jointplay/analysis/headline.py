@@ -62,7 +62,10 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     if ideal is not None and has_play(result):
         lines += _tool(result, ideal, deviation(result, ideal), start, since)
     if result.joints:
-        lines += [_force(result, joint, start, since) for joint in result.joints]
+        hinges = _hinges(result)
+        lines += [
+            _force(result, joint, start, since) for joint in result.joints if joint not in hinges
+        ]
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
             lines.append(f"{rattle(result, ideal)}{since}")
@@ -120,13 +123,23 @@ def _cause(result: Result) -> str:
     """What parts a mechanism from the ideal one, and where."""
     mechanism = result.simulation.mechanism
     joints, gears = mechanism.clearance, mechanism.gears
-    if not gears and all(joint.springs is not None for joint in joints.values()):
-        return f"Elasticity of {few(list(joints))}"
-    sizes = {name: joint.play_words for name, joint in joints.items()}
+    hinges = _hinges(result)
+    soft = [name for name, joint in joints.items() if joint.springs and name not in hinges]
+    soft += [f"link {name}" for name in mechanism.hinges]
+    elasticity = f"lasticity of {few(soft)}" if soft else ""
+    sizes = {name: joint.play_words for name, joint in joints.items() if not joint.springs}
     sizes |= {name: readable(gear.play, "rad") for name, gear in gears.items()}
+    if not sizes:
+        return f"E{elasticity}"
+    more = f", and e{elasticity}," if soft else ""
     if len(set(sizes.values())) == 1:
-        return f"Play of {next(iter(sizes.values()))} in {few(list(sizes))}"
-    return f"Play in {few([f'{name} ({size})' for name, size in sizes.items()])}"
+        return f"Play of {next(iter(sizes.values()))} in {few(list(sizes))}{more}"
+    return f"Play in {few([f'{name} ({size})' for name, size in sizes.items()])}{more}"
+
+
+def _hinges(result: Result) -> set[str]:
+    """Hinges of flexible links: they hold bodies by more than the force of their springs."""
+    return {name for its in result.simulation.mechanism.hinges.values() for name in its}
 
 
 def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:

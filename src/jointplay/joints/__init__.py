@@ -24,6 +24,7 @@ from jointplay.joints.compliance import (
     CompliantMount,
     CompliantSlider,
     SeatParts,
+    hinge_of_beam,
     parts_of_seat,
 )
 from jointplay.joints.cylindrical import CylindricalClearance
@@ -96,6 +97,7 @@ __all__ = [
     "SlidingClearance",
     "SphericalClearance",
     "class_of",
+    "hinge_of_beam",
     "parts_of_seat",
     "replacing",
 ]

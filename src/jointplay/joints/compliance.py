@@ -18,7 +18,15 @@ import numpy as np
 
 from jointplay.contact import resultant
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.joints.base import Clearance, Outline, SlidingClearance, WholeLawJoint
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.joints.base import (
+    RELATIVE,
+    VIRTUAL_LINK,
+    Clearance,
+    Outline,
+    SlidingClearance,
+    WholeLawJoint,
+)
 from jointplay.joints.elasticity import Elasticity, GuideElasticity, MountElasticity
 from jointplay.joints.element_play import NO_PLAY
 from jointplay.joints.play import Play
@@ -170,15 +178,18 @@ class CompliantSlider(_Held):
         return np.eye(6)[:2]
 
 
+_WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
+
+
 @dataclass(frozen=True, kw_only=True)
 class CompliantMount(_Held):
     """A fixed joint that gives way in all six directions: a soft table, a suspension, a flange.
 
-    Its six coordinates are free, and springs hold all of them; no drive acts on it. Its axes are
-    those of the URDF's joint.
+    Its coordinates are free but for those that are `locked`, and springs hold all of them; no drive
+    acts on it. Its axes are those of the URDF's joint.
 
     Raises:
-        JointplayError: see `Elasticity`.
+        JointplayError: see `Elasticity`; a direction to lock that there is not, or nothing left.
     """
 
     kind: ClassVar[str] = "compliant-mount"
@@ -188,6 +199,36 @@ class CompliantMount(_Held):
 
     elasticity: MountElasticity
     """How stiff it is."""
+    locked: tuple[str, ...] = ()
+    """Directions in which it does not give way: of ``x``, ``y``, ``z``, ``yaw`` (about z),
+    ``pitch`` (about y), ``roll`` (about x). Their stiffness has no effect."""
+
+    def __post_init__(self) -> None:
+        """Check what is locked."""
+        super().__post_init__()
+        object.__setattr__(self, "locked", tuple(self.locked))
+        for one in self.locked:
+            if one not in VIRTUAL_LINK:
+                raise MissingName("direction to lock", one, VIRTUAL_LINK, where=("locked",))
+        if not self.freedoms:
+            raise JointplayError("a mount must give way in some direction", where=("locked",))
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """Those that are not locked."""
+        return tuple(one for one in VIRTUAL_LINK if one not in self.locked)
+
+    @property
+    def words(self) -> str:
+        """Stiffness, for a line of text."""
+        if not self.locked:
+            return super().words
+        diagonal = np.diag(self.elasticity.stiffness)
+        free = [RELATIVE.index(one) for one in self.freedoms]
+        parts = [
+            f"{_WAYS[row]} {diagonal[row]:.3g} {'N/m' if row < 3 else 'N m/rad'}" for row in free
+        ]
+        return f"compliant, {', '.join(parts)}, rigid otherwise"
 
     @property
     def outline(self) -> Outline:
@@ -196,9 +237,33 @@ class CompliantMount(_Held):
         radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
         return Outline("cylinder", (radius, radius, 0.25 * radius), (0.0, 0.0, 0.0), walls=True)
 
+    @property
+    def search_room(self) -> float:
+        """What 1 N displaces across, or, where that is locked, a point of the rim it bends [m]."""
+        if not {"x", "y"} <= set(self.locked):
+            return super().search_room
+        return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())
+
     def directions(self) -> np.ndarray:
-        """See `Clearance.directions`: across and along."""
-        return np.eye(6)[:3]
+        """See `Clearance.directions`: across and along; if these are locked, couples at the rim."""
+        free = [RELATIVE.index(one) for one in self.freedoms]
+        forces = [row for row in free if row < 3]
+        arm = self.outline.size[0]
+        return np.eye(6)[forces] if forces else arm * np.eye(6)[free]
+
+
+def hinge_of_beam(
+    stiffness: np.ndarray, damping_time: float, locked: tuple[str, ...]
+) -> CompliantMount:
+    """What holds two pieces of a flexible link together, z along the beam.
+
+    Args:
+        stiffness: along x, y, z [N/m] and about them [N m/rad], shape (6,).
+        damping_time: damping over stiffness [s].
+        locked: see `CompliantMount`.
+    """
+    springs = MountElasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
+    return CompliantMount(elasticity=springs, locked=locked)
 
 
 # The bush of a joint in a seat. A contact needs a body to push against: the time loop knows no

@@ -33,6 +33,8 @@ from jointplay.joints import (
     parts_of_seat,
 )
 from jointplay.mechanism import urdf
+from jointplay.mechanism.beams import FlexibleLink
+from jointplay.mechanism.flexible import cut_links, end_of_tool, hinges_of
 from jointplay.mechanism.free_base import BASE, BASES, HELD
 from jointplay.mechanism.gear import Gear, Gearing
 from jointplay.mechanism.loop import Lock, Loop, refuse_name
@@ -117,6 +119,7 @@ class Mechanism(Overview, Described):
             loop that each cuts. One whose field `ideal` is set has none.
         loops: joints that close loops, by name; without clearance they are ideal revolute joints.
         gears: gears with play between a joint and its motor, by joint.
+        flexible: links that bend and twist, by name.
         gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
             ``"balanced"`` none.
         tool: name of the frame whose motion is reported; None takes the end of the chain of moving
@@ -130,12 +133,16 @@ class Mechanism(Overview, Described):
         model, data: the Pinocchio model and data that the simulation uses.
         coordinates: names of the generalised coordinates, in the order of q and v.
         given_joints: as given, ideal ones too, which say of what kind a loop's joint or a ball is.
-            One with a seat stands here without it, and its mount ``JOINT_seat`` beside it.
+            One with a seat stands here without it, and its mount ``JOINT_seat`` beside it; a
+            flexible link as its hinges ``LINK_hinge_1``, ....
         clearance: those of them that have clearance.
-        description, loops: as given, with the bushes of seats, links ``JOINT_bush``.
         warm: what heat has changed, a line each (`heat.warmed`).
-        gears, base: as given.
         free_base: name of the free base's coordinates; None if the base is held.
+        description, loops: as given, with the bushes of seats, links ``JOINT_bush``, and the pieces
+            of flexible links, ``LINK_2``, ....
+        gears, base: as given.
+        flexible: what was made of each flexible link, in words; empty if the mechanism was built
+            from another one, which has its pieces already.
         tool_reason: why this tool, in words, if none was named; else empty.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
             and of what is fixed to it (`mechanism.loop`).
@@ -154,6 +161,7 @@ class Mechanism(Overview, Described):
         *,
         loops: Mapping[str, Loop] | None = None,
         gears: Mapping[str, Gearing] | None = None,
+        flexible: Mapping[str, FlexibleLink] | None = None,
         gravity: Sequence[float] | str = STANDARD_GRAVITY,
         tool: str | None = None,
         allow_unphysical: Collection[str] = (),
@@ -174,6 +182,8 @@ class Mechanism(Overview, Described):
         for name in self.loops:
             with within("loops", name):
                 refuse_name(name, self.description.joints)
+        cut = cut_links(self.description, self.loops, flexible or {})
+        self.description, self.loops, self.flexible = cut.description, cut.loops, cut.words
         for name, joint in self.given_joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)
@@ -183,6 +193,8 @@ class Mechanism(Overview, Described):
             tool, self.tool_reason = choose_tool(
                 self.description, {*self.given_joints, *self.gears}
             )
+            tool = end_of_tool(tool, flexible or {})
+        self.given_joints |= cut.hinges
         self._take_seats()
         self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
         fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
@@ -348,6 +360,11 @@ class Mechanism(Overview, Described):
         joints = self.clearance.items()
         return tuple(name for name, joint in joints if not joint.ideal_freedoms)
 
+    @property
+    def hinges(self) -> dict[str, list[str]]:
+        """Names of the mounts that are hinges of flexible links, by link."""
+        return hinges_of(self.description, self.clearance)
+
     def coordinate(self, joint: str) -> int:
         """Index in q of the ideal coordinate of `joint` (yaw, or z of a slider, with clearance).
 
@@ -491,7 +508,14 @@ class Mechanism(Overview, Described):
         facts = {"moving joints": few(moving)}
         if self.base_words:
             facts["base"] = self.base_words.removeprefix("the base ")
+        hinges = self.hinges
+        for name, its in hinges.items():
+            one = self.clearance[its[0]]
+            facts[f"link {name}"] = f"flexible, {len(its)} hinges, each {one.words}"
+        in_links = {name for its in hinges.values() for name in its}
         for name, joint in self.clearance.items():
+            if name in in_links:
+                continue
             play = f"{joint.kind} with clearance, play {joint.play_words}"
             facts[f"joint {name}"] = play if joint.springs is None else joint.words
         for name, loop in self.loops.items():

@@ -192,10 +192,15 @@ def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> 
 def _marks(mechanism: Mechanism) -> list[tuple[str, pin.SE3, str, str]]:
     """Name, world frame, colour and description of what is marked."""
     marks = []
+    hinges = {name for its in mechanism.hinges.values() for name in its}
     for name, joint in mechanism.clearance.items():
+        if name in hinges:
+            continue
         index, placement = mechanism.bearing_frame(name)
         where = mechanism.data.oMi[index] * placement
-        marks.append((name, where, _PLAY, f"play {joint.play_words}"))
+        play = joint.play_words
+        words = play if joint.springs is not None else f"play {play}"
+        marks.append((name, where, _PLAY, words))
     for name in mechanism.loops:
         if name not in mechanism.clearance:
             index, placement = mechanism.bearing_frame(name)

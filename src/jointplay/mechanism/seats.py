@@ -47,25 +47,20 @@ def seat_of_joint(
     bush, mount, bed = (f"{name}{part}" for part in (BUSH, SEAT, _BED))
     entry = description.joints[name]
     if joint.exchanged:
-        _join(element, "child", bush)
+        set_end(element, "child", bush)
         _add_link(root, bush, parts, turn)
         _add_link(root, bed)
-        _add_fixed(root, mount, bush, bed, turn)
-        _add_fixed(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
+        add_fixed(root, mount, bush, bed, turn)
+        add_fixed(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
     else:
-        origin = element.find("origin")
-        place = pin.SE3.Identity()
-        if origin is not None:
-            xyz, rpy = (
-                [float(x) for x in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy")
-            )
-            place = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+        place = place_of(element)
+        for origin in element.findall("origin"):
             element.remove(origin)
         _add_link(root, bush, parts)
-        _add_fixed(root, mount, entry.parent, bush, place * turn)
-        _join(element, "parent", bush)
-        element.append(_origin(turn.inverse()))
-    return _read(description, root, bush, mount, bed)
+        add_fixed(root, mount, entry.parent, bush, place * turn)
+        set_end(element, "parent", bush)
+        element.append(origin_of(turn.inverse()))
+    return read_again(description, root, "seat", bush, mount, bed)
 
 
 def seat_of_loop(
@@ -81,18 +76,26 @@ def seat_of_loop(
     side = "journal" if joint.exchanged else "bearing"
     link, place = getattr(loop, f"{side}_link"), getattr(loop, side)
     _add_link(root, bush, parts)
-    _add_fixed(root, mount, link, bush, place)
+    add_fixed(root, mount, link, bush, place)
     zero = (0.0, 0.0, 0.0)
     changes: dict[str, Any] = {f"{side}_link": bush, f"{side}_xyz": zero, f"{side}_rpy": zero}
-    return _read(description, root, bush, mount), replace(loop, **changes)
+    return read_again(description, root, "seat", bush, mount), replace(loop, **changes)
 
 
-def _read(description: Description, root: ElementTree.Element, *names: str) -> Description:
+def read_again(
+    description: Description, root: ElementTree.Element, what: str, *names: str
+) -> Description:
+    """The URDF with changed elements.
+
+    Raises:
+        JointplayError: one of `names`, which are those of new links and joints, is taken; `what`
+            needs it.
+    """
     for name in names:
         if name in (*description.links, *description.joints):
             raise JointplayError(
-                f"the URDF already has a {name!r}: a seat needs this name. To change a seat, build "
-                "the mechanism from its own URDF again"
+                f"the URDF already has a {name!r}: a {what} needs this name. To change a {what}, "
+                "build the mechanism from its own URDF again"
             )
     text = ElementTree.tostring(root, encoding="unicode")
     # Its inertias have been checked, and some allowed although no body has them.
@@ -111,29 +114,40 @@ def _add_link(
         return
     inertial = ElementTree.SubElement(link, "inertial")
     if axes is not None:
-        inertial.append(_origin(axes))
+        inertial.append(origin_of(axes))
     ElementTree.SubElement(inertial, "mass", value=repr(parts.mass))
     values = dict(zip(("ixx", "iyy", "izz"), map(repr, parts.moments), strict=True))
     products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
     ElementTree.SubElement(inertial, "inertia", values | products)
 
 
-def _join(joint: ElementTree.Element, end: str, link: str) -> None:
+def set_end(joint: ElementTree.Element, end: str, link: str) -> None:
     """Let an end of a joint be another link."""
     for one in joint.findall(end):
         one.set("link", link)
 
 
-def _add_fixed(
+def add_fixed(
     root: ElementTree.Element, name: str, parent: str, child: str, place: pin.SE3
 ) -> None:
+    """Add a fixed joint with the child at `place` in the parent."""
     joint = ElementTree.SubElement(root, "joint", name=name, type="fixed")
-    joint.append(_origin(place))
+    joint.append(origin_of(place))
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
 
 
-def _origin(place: pin.SE3) -> ElementTree.Element:
+def place_of(element: ElementTree.Element) -> pin.SE3:
+    """Where the origin of a joint or of an inertial is."""
+    origin = element.find("origin")
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = ([float(x) for x in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+
+
+def origin_of(place: pin.SE3) -> ElementTree.Element:
+    """The element that says so."""
     xyz, rpy = place.translation, pin.rpy.matrixToRpy(place.rotation)
     written = {key: " ".join(f"{x:.17g}" for x in v) for key, v in (("xyz", xyz), ("rpy", rpy))}
     return ElementTree.Element("origin", written)

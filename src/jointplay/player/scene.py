@@ -330,7 +330,8 @@ def build(
 
     Args:
         cases: results by label, in the order in which they stand.
-        joint: joint with clearance whose close-up is shown first; None takes the first.
+        joint: joint with clearance whose close-up is shown first; None takes the first that is
+            no hinge of a flexible link.
         magnification: of displacements in the close-up; None chooses one that shows the gap.
         meshes: folders in which meshes are looked for first.
         ghosts: whether each case has its ideal twin, which may have to be simulated.
@@ -352,6 +353,9 @@ def build(
     if joint is not None and joint not in names:
         raise MissingName("joint with clearance", joint, names)
     taken = [_Case(label, result) for label, result in cases.items()]
+    if joint is None:  # what bends is less to look at than what has play
+        hinges = {name for one in taken for its in one.mechanism.hinges.values() for name in its}
+        joint = next((name for name in names if name not in hinges), None)
     entries = []
     surfaces = _Surfaces(packer)
     for case, colour in zip(taken, colours(cases), strict=True):
@@ -555,6 +559,7 @@ class _Case:
         return {
             "name": name,
             "kind": clearance.kind,
+            "marked": not any(name in its for its in mechanism.hinges.values()),
             "shape": asdict(clearance.outline),
             "contacts": list(clearance.contacts),
             "carrier": carrier,

@@ -46,6 +46,7 @@ def _robot(mechanism: Mechanism) -> list[str]:
     """The tool, and whether play moves it."""
     why = f" (chosen: {mechanism.tool_reason}; --tool FRAME selects another)"
     lines = [f"tool: {mechanism.tool}{why if mechanism.tool_reason else ''}"]
+    lines += [f"link {name}: {words}" for name, words in mechanism.flexible.items()]
     loose = [*mechanism.clearance, *mechanism.gears]
     if loose and not mechanism.moves_tool(loose):
         lines.append(
@@ -58,9 +59,11 @@ def _robot(mechanism: Mechanism) -> list[str]:
 def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
     """Each joint with clearance: its sizes and laws."""
     tables = given.get("joints", {})
+    hinges = {name for its in mechanism.hinges.values() for name in its}
     return [
         f"{name}: {', '.join(_parts(joint, tables.get(name, {})))}"
         for name, joint in mechanism.clearance.items()
+        if name not in hinges
     ]
 
 

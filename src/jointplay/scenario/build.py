@@ -20,6 +20,8 @@ from jointplay.design.robot_errors import JointErrors, RobotErrors
 from jointplay.joints import JOINT_WORDS, Clearance, Elasticity, GuideElasticity
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
+from jointplay.mechanism.beams import FlexibleLink
+from jointplay.mechanism.flexible import end_of_tool
 from jointplay.mechanism.heat import warmed
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
@@ -463,7 +465,8 @@ def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
     with within("robot", "urdf"):
         path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
-    inputs = (robot, model.loops, model.joints, model.gears, model.heat, folder)
+    parts = model.loops, model.joints, model.gears, model.heat, model.links
+    inputs = (robot, *parts, folder)
     key = (str(path), description.text, *map(repr, inputs))
     made = built.pop(key, None) or _built_anew(model, description, folder)
     built[key] = made
@@ -501,17 +504,24 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
         curve = model.heat.curve
         heat = model.heat.at_its_time(None if curve is None else resolve(curve, folder))
         description, joints, loops, warm = warmed(description, joints, loops, heat)
+    flexible: dict[str, FlexibleLink] = {}
+    tables: Mapping[str, Any] = model.links
+    for name, table in tables.items():
+        with within("links", name, "flexible"):
+            flexible[name] = table.flexible.make()
     # One tool for cases with and without play in the same joints.
     tool, reason = robot.tool, ""
     if tool is None:
         tool, reason = choose_tool(description, {*model.joints, *model.gears})
+        tool = end_of_tool(tool, flexible)
     places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical", "base")}
-    with _relocated({**places, "clearance": ("joints",)}):
+    with _relocated({**places, "clearance": ("joints",), "flexible": ("links",)}):
         mechanism = Mechanism(
             description,
             joints,
             loops=loops,
             gears=gears,
+            flexible=flexible,
             gravity=robot.gravity,
             tool=tool,
             allow_unphysical=robot.allow_unphysical,

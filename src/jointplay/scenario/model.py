@@ -13,6 +13,7 @@ from jointplay.design.robot_errors import RobotErrors
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.beams import FlexibleLink
 from jointplay.mechanism.free_base import BASES, HELD
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.heat import Heat
@@ -75,6 +76,14 @@ class LoopEnds:
     """The outer half."""
     journal: Frame
     """The inner half."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkTable:
+    """What a link is besides what the URDF says."""
+
+    flexible: FlexibleLink
+    """A beam that bends and twists, cut into segments."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +168,8 @@ class Model:
     """Gears between motors and joints, by joint."""
     heat: Heat = field(default_factory=Heat)
     """How warm links and joints are."""
+    links: dict[str, LinkTable] = field(default_factory=dict)
+    """Flexible links, by the name of a link of the URDF."""
     drive: Drive | None = None
     """Drive of all joints of the motion; if not given, ``computed-torque``."""
     drives: dict[str, Drive] = field(default_factory=dict)

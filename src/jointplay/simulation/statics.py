@@ -261,8 +261,13 @@ class _ElasticElements(ElasticJoint):
         return wrench
 
     def inner_load(self, pose: np.ndarray) -> float:
-        """See `ElasticJoint.inner_load`: the sum of all element loads."""
-        return float(self._look(pose[None])[0, resultant.SUM])
+        """See `ElasticJoint.inner_load`: the sum of all element loads, or springs' moment at hand.
+
+        The latter is the load of a mount that gives way in rotations only.
+        """
+        found = self._look(pose[None])[0]
+        moment = float(np.linalg.norm(found[3:6])) / self.reach if self._holds else 0.0
+        return max(float(found[resultant.SUM]), moment)
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """See `ElasticJoint.stiffness`."""

@@ -267,6 +267,7 @@ class Case {
         const path = ["meshcat", `case${this.index}`, "joints", entry.name];
         this.viewer.set_object([...path, "mode"], ring);
         joint.ringNode = nodeAt(this.viewer, [...path, "mode"]);
+        ring.visible = entry.marked;  // hinges of flexible links are not
         joint.ring = ring;
         joint.arrow = makeArrow(FORCE);
         this.viewer.set_object([...path, "force"], joint.arrow);
