@@ -319,6 +319,42 @@ def test_a_ur5_with_a_flexible_forearm_and_play_in_its_elbow_runs(tmp_path, caps
     assert "hinge" not in said
 
 
+def test_check_says_what_is_made_of_a_link(tmp_path, capsys):
+    path = tmp_path / "ur5.toml"
+    path.write_text(SCENARIO)
+    assert cli.main(["check", str(path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "link forearm_link" in said
+    assert "bending, torsion, rigid otherwise" in said
+    assert "hinge" not in said
+
+
+def test_check_shows_the_matrix_and_locks_of_a_mount(tmp_path, capsys):
+    path = tmp_path / "ur5.toml"
+    rows = [[2e6 * (i == j) for j in range(6)] for i in range(6)]
+    mount = (
+        f'[joints.world_joint]\nkind = "compliant-mount"\nlocked = ["x", "yaw"]\n'
+        f"elasticity = {{matrix = {rows}}}\n"
+    )
+    path.write_text(SCENARIO.replace("[motion]", f"{mount}\n[motion]"))
+    assert cli.main(["check", str(path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "locked (x, yaw)" in said
+    assert "matrix ((2e+06, 0, 0, 0, 0, 0)," in said
+
+
+def test_playback_marks_the_joint_with_play_and_no_hinges(tmp_path):
+    from jointplay.player.scene import build
+
+    scenario = jp.Scenario(SCENARIO, tmp_path / "ur5.toml")
+    result = scenario.simulation().run(check_step=False)
+    contents = build({"one": result}, ghosts=False).contents
+    marked = {one["name"]: one["marked"] for one in contents["cases"][0]["joints"]}
+    assert [name for name, shown in marked.items() if shown] == ["elbow_joint"]
+    assert len(marked) == 4
+    assert contents["joint"] == "elbow_joint"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -69,8 +69,12 @@ def _facts(run: Run) -> dict[str, str]:
         facts[f"loop {name}"] = (
             f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
         )
+    facts |= {f"link {name}": words for name, words in mechanism.flexible.items()}
+    hinges = {name for its in mechanism.hinges.values() for name in its}
     step = simulation.step
     for name, joint in mechanism.clearance.items():
+        if name in hinges:
+            continue
         steps = contact_duration(mechanism, name, run.workspace.q) / step
         words = f"{joint.kind}: {_fields(joint)}"
         if isinstance(joint, RollingBearing):
@@ -149,7 +153,11 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
 
 
 def _part(one: Any, unit: str) -> str:
-    """An entry of a list: a number with its unit, or a value with fields of its own."""
+    """An entry of a list: a number with its unit, a word, a list, or a value with fields."""
+    if isinstance(one, tuple):
+        return f"({', '.join(_part(inner, unit) for inner in one)})"
+    if isinstance(one, str):
+        return one
     return readable(one, unit) if isinstance(one, float | int) else f"[{_fields(one)}]"
 
 
@@ -162,7 +170,8 @@ def _fields(thing: Any, joint: Any = None, zeros: bool = True) -> str:
         slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
-        unset = value is None or value is False or (isinstance(value, Mapping) and not value)
+        unset = value is None or value is False
+        unset = unset or (isinstance(value, Mapping | tuple) and not value)
         if unset or name == "frame" or (value == 0 and not zeros):
             continue
         if value is True:
