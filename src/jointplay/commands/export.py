@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
         )
         + ".",
         epilog="docs/exports.md describes the files. parquet, mcap, YAML and rerun need the "
-        "extras tables, ros and rerun: pip install 'jointplay[ros]'.",
+        "extras tables, ros and rerun, .fmu the extra fmu: pip install 'jointplay[ros]'.",
     )
     parser.add_argument("result", metavar="RESULT", help="result file (.nc)")
     add_option(
@@ -34,6 +34,13 @@ def add(commands: Any) -> None:
         "only every N-th record and the last; peaks include the records between",
         1,
     )
+    add_option(
+        parser,
+        "--inputs",
+        "of an .fmu: torques of the motors beside those of the drives (default: none)",
+        choices=("none", "torque"),
+    )
+    add_option(parser, "--period TIME", "of an .fmu: sampling period of its inputs (default 1 ms)")
     add_shared(parser, "--quiet", "--trust")
 
 
@@ -44,7 +51,13 @@ def run(options: argparse.Namespace) -> int:
 
     result = Result.load(options.result, options.trust)
     path = exports.export(
-        result, options.out, options.to, every=options.every, progress=not options.quiet
+        result,
+        options.out,
+        options.to,
+        every=options.every,
+        progress=not options.quiet,
+        inputs=options.inputs,
+        period=options.period,
     )
     print(f"{path}: {path.stat().st_size / 1e6:.3g} MB")
     return 0

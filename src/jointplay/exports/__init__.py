@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
@@ -20,7 +20,7 @@ from jointplay.core.imports import load_object
 if TYPE_CHECKING:
     from jointplay.result.result import Result
 
-Maker = Callable[["Result", str, bool], bytes]
+Maker = Callable[..., bytes]
 """From a result, the file's suffix and whether to show progress to the file's content."""
 
 
@@ -47,6 +47,9 @@ KINDS = {
     "mcap": Kind(
         "exports.bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"
     ),
+    "fmu": Kind(
+        "exports.fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"
+    ),
     "rerun": Kind("exports.rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
 }
 """Kinds of file by name."""
@@ -60,6 +63,7 @@ def export(
     every: int = 1,
     overwrite: bool = False,
     progress: bool = False,
+    **options: Any,
 ) -> Path:
     """Write a result for other programs.
 
@@ -70,6 +74,7 @@ def export(
         every: only each n-th record and the last; peaks keep what lies between (`thinned`).
         overwrite: whether a file of that name is replaced.
         progress: whether to show a bar.
+        options: of the kind: ``inputs`` and ``period`` of an fmu (`exports.fmu.fmu`).
 
     Returns:
         The file.
@@ -82,7 +87,10 @@ def export(
     from jointplay.result.thinning import thinned
 
     maker: Maker = load_object(KINDS[kind].maker)
-    content = maker(thinned(result, every), Path(path).suffix.lower(), progress)
+    given = {name: value for name, value in options.items() if value is not None}
+    if given and kind != "fmu":
+        raise JointplayError(f"{', '.join(given)}: only an fmu has that, got a {kind} file")
+    content = maker(thinned(result, every), Path(path).suffix.lower(), progress, **given)
     return files.write(path, content, overwrite=overwrite)
 
 
