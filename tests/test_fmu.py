@@ -82,7 +82,8 @@ def test_the_description_is_valid_and_says_what_it_needs(unit):
     assert units["joint_b.motor.position"] == "rad"
     assert units["stroke.link.speed"] == "m/s"
     assert units["joint_b.force.z"] == "N"
-    assert found.coSimulation.canGetAndSetFMUState
+    assert found.coSimulation.canGetAndSetFMUstate
+    assert found.coSimulation.canSerializeFMUstate
     assert found.coSimulation.needsExecutionTool
 
 
@@ -130,7 +131,7 @@ def test_torques_from_outside_are_those_of_a_controller(result, tmp_path):
     for k in range(8):
         torque = 2.0 * np.sin(0.5 * k)
         made.set("joint_b.torque", torque)
-        own.torques[joints.index("joint_b")] = torque
+        own.values[0, joints.index("joint_b")] = torque
         made.step(k)
         run.advance(round(MS / simulation.step))
         assert made.get("joint_b.link.position")[0] == run.moment().position("joint_b")
@@ -139,6 +140,31 @@ def test_torques_from_outside_are_those_of_a_controller(result, tmp_path):
     plain.advance(run.workspace.steps)
     assert abs(plain.moment().speed("joint_b") - run.moment().speed("joint_b")) > 1e-3
     made.close()
+
+
+def test_references_from_outside_are_followed(result, tmp_path):
+    path = exports.export(result, tmp_path / "r.fmu", inputs="reference", period="0.5 ms")
+    made = Opened(path, tmp_path / "unit")
+    begin = made.get("joint_a.link.position", "joint_b.link.position")
+    assert made.get("joint_a.reference.position")[0] == begin[0]
+    way, off = 0.02, []
+    for k in range(45):
+        part = (k + 1) / 45
+        made.set("joint_a.reference.position", begin[0] + way * part**2 * (3 - 2 * part))
+        made.set("joint_a.reference.speed", way * 6 * part * (1 - part) / 0.045)
+        made.step(k)
+        off.append(made.get("joint_b.link.position")[0] - begin[1])
+    # Bandwidth 100 rad/s: what is left of the way after half of a time constant at rest.
+    assert made.get("joint_a.link.position")[0] == pytest.approx(begin[0] + way, abs=0.1 * way)
+    assert np.abs(off).max() < 0.1 * way
+    made.close()
+
+
+def test_references_of_loops_are_refused(tmp_path):
+    simulation = jp.Scenario.load("jointplay:four_bar.toml").simulation("ideal")
+    run = replace(simulation, duration=1e-3).run(estimate=False)
+    with pytest.raises(jp.JointplayError, match="without loops"):
+        exports.export(run, tmp_path / "a.fmu", inputs="reference")
 
 
 @pytest.mark.parametrize("size", [1.5e-5, 1e-6])

@@ -37,8 +37,9 @@ def add(commands: Any) -> None:
     add_option(
         parser,
         "--inputs",
-        "of an .fmu: torques of the motors beside those of the drives (default: none)",
-        choices=("none", "torque"),
+        "of an .fmu: torques of the motors beside those of the drives, or references in place of "
+        "motion and drives (default: none)",
+        choices=("none", "torque", "reference"),
     )
     add_option(parser, "--period TIME", "of an .fmu: sampling period of its inputs (default 1 ms)")
     add_shared(parser, "--quiet", "--trust")

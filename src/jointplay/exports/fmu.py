@@ -25,6 +25,7 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.units import convert
 from jointplay.loads.controller import Controller
+from jointplay.loads.drive import ComputedTorque
 from jointplay.simulation.checkpoint import continue_run, save
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
@@ -33,8 +34,9 @@ if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.result.result import Result
 
-INPUTS = ("none", "torque")
-"""What a unit takes from outside: nothing, or torques of motors beside those of the drives."""
+INPUTS = ("none", "torque", "reference")
+"""What a unit takes from outside: nothing; torques of motors beside those of the drives; or, in
+place of motion and drives, positions and speeds that computed torque follows."""
 NEEDS = (
     "Needs Python with jointplay and the libraries of its extra fmu where it runs; "
     "the file holds a description of the machine, no code."
@@ -61,27 +63,43 @@ _CONTROLLER = "fmu_inputs"
 
 
 class Inputs:
-    """The torques that a unit was given last, as a controller of its machine samples them."""
+    """What a unit was given last, as a controller of its machine samples it.
+
+    Args:
+        number: of joints.
+        bandwidth, damping_ratio: of computed torque that follows references [rad/s, -]; without
+            them the values are torques.
+    """
 
     newest: ClassVar[Inputs | None] = None
     """The one that the run made last has."""
 
-    def __init__(self, number: float) -> None:
-        """No torques yet."""
-        self.torques = np.zeros(int(number))
+    def __init__(self, number: float, bandwidth: float = 0.0, damping_ratio: float = 1.0) -> None:
+        """Nothing was given yet."""
+        self.values = np.zeros((2 if bandwidth else 1, int(number)))
+        self.gains = bandwidth**2, 2.0 * damping_ratio * bandwidth
+        self.ideal: Mechanism | None = None
+        """The mechanism without play, by which references are followed."""
         Inputs.newest = self
 
     def __call__(self, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """See `Controller`."""
-        return self.torques
+        """See `Controller`: the torques, held until the next sample."""
+        if not self.gains[0]:
+            return self.values[0]
+        if self.ideal is None:  # before anything was given
+            return np.zeros(len(q))
+        model, data = self.ideal.model, self.ideal.data
+        acceleration = self.gains[0] * (self.values[0] - q) + self.gains[1] * (self.values[1] - v)
+        return np.asarray(pin.rnea(model, data, np.array(q), np.array(v), acceleration))
 
-    def memory(self) -> list[float]:
+    def memory(self) -> list[list[float]]:
         """See `Controller`."""
-        return self.torques.tolist()
+        kept: list[list[float]] = self.values.tolist()
+        return kept
 
-    def recall(self, memory: Sequence[float]) -> None:
+    def recall(self, memory: Sequence[Sequence[float]]) -> None:
         """See `Controller`."""
-        self.torques[:] = memory
+        self.values[:] = memory
 
 
 def fmu(
@@ -108,8 +126,9 @@ def fmu(
     if inputs not in INPUTS:
         raise MissingName("kind of inputs", inputs, INPUTS)
     simulation = result.simulation
-    if inputs == "torque":
-        simulation = with_torques(simulation, float(convert(period, "s")))
+    if inputs != INPUTS[0]:
+        change = with_torques if inputs == "torque" else with_references
+        simulation = change(simulation, float(convert(period, "s")))
     description = json.dumps(simulation.describe())
     own = sorted({name for name in re.findall(r'"function": "([\w.]+):', description)})
     own = [module for module in own if not module.startswith("jointplay.")]
@@ -122,9 +141,9 @@ def fmu(
     name = label if label[0].isalpha() else f"machine_{label}"
     with files.temporary("fmu") as place:
         folder = Path(place)
-        (folder / _DESCRIPTION).write_text(description, encoding="utf-8")
+        files.write(folder / _DESCRIPTION, description, announced=False)
         script = folder / f"{name}.py"
-        script.write_text(_SCRIPT.format(name=name), encoding="utf-8")
+        files.write(script, _SCRIPT.format(name=name), announced=False)
         made = FmuBuilder.build_FMU(
             script,
             dest=folder / "made",
@@ -147,10 +166,50 @@ def driven(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def with_torques(simulation: Simulation, period: float) -> Simulation:
-    """The simulation with a controller that applies what the unit's inputs say."""
+    """The simulation with a controller that applies the torques that it is given.
+
+    Raises:
+        JointplayError: the simulation has a load of the controller's name.
+    """
+    joints = driven(simulation.mechanism)
+    return _controlled(simulation, Controller(joints, Inputs, (float(len(joints)),), period=period))
+
+
+def with_references(simulation: Simulation, period: float) -> Simulation:
+    """The simulation with a controller that follows references in place of motion and drives.
+
+    Computed torque of the ideal mechanism, sampled and held, with the gains of the simulation's
+    drive, or those of `ComputedTorque` by default. It begins at the motion's first positions and
+    lasts as long.
+
+    Raises:
+        JointplayError: closed loops, a free base, or joints without an axis, whose torques the
+            ideal mechanism's equations do not give one by one; see `with_torques`.
+    """
     mechanism = simulation.mechanism
-    joints = driven(mechanism)
-    reader = Controller(joints, Inputs, (float(len(joints)),), period=period)
+    joints, ideal = driven(mechanism), mechanism.ideal()
+    if mechanism.loops or [c.joint for c in ideal.coordinates] != list(joints):
+        raise JointplayError(
+            "references are followed by machines without loops and with joints that turn about an "
+            "axis or slide along one, whose base is held; take torque as the inputs"
+        )
+    drive = simulation.drive if isinstance(simulation.drive, ComputedTorque) else ComputedTorque()
+    numbers = float(len(joints)), drive.bandwidth, drive.damping_ratio
+    motion, state = simulation.motion, dict(simulation.state)
+    if motion is not None:
+        for name, start in zip(motion.joints, motion.positions[0], strict=True):
+            state[name] = (float(start), 0.0)
+    made = replace(
+        simulation,
+        motion=None,
+        drive={},
+        state=state,
+        duration=simulation.duration or (motion.duration if motion else None),
+    )
+    return _controlled(made, Controller(joints, Inputs, numbers, period=period))
+
+
+def _controlled(simulation: Simulation, reader: Controller) -> Simulation:
     if _CONTROLLER in simulation.loads:
         raise JointplayError(f"the simulation has a load {_CONTROLLER!r} already")
     return replace(simulation, loads={**simulation.loads, _CONTROLLER: reader})
@@ -177,8 +236,13 @@ class Machine:
     def _start(self) -> None:
         Inputs.newest = None
         self.run = Run(self.simulation)
-        self.run.begin()
         self.inputs = Inputs.newest
+        if self.inputs is not None and self.inputs.gains[0]:
+            mechanism = self.simulation.mechanism
+            self.inputs.ideal = mechanism.ideal()
+            q = self.run.workspace.q
+            self.inputs.values[0] = [q[mechanism.coordinate(name)] for name in driven(mechanism)]
+        self.run.begin()
         self._see()
 
     def _see(self) -> None:
@@ -269,29 +333,34 @@ class Machine:
             return
         for k, name in enumerate(controller.joints):
             turns = mechanism.description.joints[name].turns
-            self.register_variable(
-                Float64(
-                    f"{name}.torque",
+            unit = "rad" if turns else "m"
+            torque = ("torque", "N m" if turns else "N", "on the motor, beside its drive")
+            followed = [
+                ("reference.position", unit, "position to be followed"),
+                ("reference.speed", f"{unit}/s", "speed to be followed"),
+            ]
+            assert self.inputs is not None
+            for row, (what, unit, words) in enumerate(
+                followed if self.inputs.gains[0] else [torque]
+            ):
+                variable = Float64(
+                    f"{name}.{what}",
                     causality=Fmi3Causality.input,
-                    start=0.0,
-                    unit="N m" if turns else "N",
-                    description="on the motor, beside its drive; held between samples",
-                    getter=partial(self._torque, k),
-                    setter=partial(self._set_torque, k),
-                ),
-                nested=False,
-            )
+                    start=self._given(row, k),
+                    unit=unit,
+                    description=f"{words}; held between samples",
+                    getter=partial(self._given, row, k),
+                    setter=partial(self._give, row, k),
+                )
+                self.register_variable(variable, nested=False)
 
-    def _torque(self, k: int) -> float:
-        return float(self._torques[k])
-
-    def _set_torque(self, k: int, value: float) -> None:
-        self._torques[k] = value
-
-    @property
-    def _torques(self) -> np.ndarray:
+    def _given(self, row: int, k: int) -> float:
         assert self.inputs is not None
-        return self.inputs.torques
+        return float(self.inputs.values[row, k])
+
+    def _give(self, row: int, k: int, value: float) -> None:
+        assert self.inputs is not None
+        self.inputs.values[row, k] = value
 
     def do_step(self, current_time: float, step_size: float) -> Any:
         """Advance by as many steps as the communication step has."""
@@ -329,19 +398,19 @@ class Machine:
         """A checkpoint of the run, as text."""
         with files.temporary("fmu") as place:
             path = save(self.run, Path(place) / "state")
-            torques: list[float] = [] if self.inputs is None else self._torques.tolist()
+            given = None if self.inputs is None else self.inputs.memory()
             kept = base64.b64encode(path.read_bytes()).decode("ascii")
-        return {"checkpoint": kept, "torques": torques, "time": self.time}
+        return {"checkpoint": kept, "given": given, "time": self.time}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         """Go back, or on, to a checkpoint."""
         self._start()
         with files.temporary("fmu") as place:
             path = Path(place) / "state"
-            path.write_bytes(base64.b64decode(state["checkpoint"]))
+            files.write(path, base64.b64decode(state["checkpoint"]), announced=False)
             continue_run(self.run, path)
         if self.inputs is not None:
-            self._torques[:] = state["torques"]
+            self.inputs.recall(state["given"])
         self.time = state["time"]
         self._see()
 
