@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import time as clock
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -118,22 +118,15 @@ def to_mjcf(
             encoder is on the link of the joint with play.
     """
     _check_encoder(encoder)
-    for name, servo in servos.items():
-        if name not in mechanism.joints:
-            raise MissingName("moving joint", name, mechanism.joints)
-        if name == reduction.joint and reduction.dead_band > 0.0 and servo.encoder == "link":
-            raise JointplayError(
-                f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can only "
-                'control what it turns, the motor: give its encoder as "motor", or no servo'
-            )
+    check_servos(mechanism, servos, (reduction,))
     joint, geared = reduction.joint, reduction.dead_band > 0.0
     leans = tilt and reduction.tilt > 0.0
     root = ElementTree.Element("mujoco", model=mechanism.description.path.stem)
     least = {"boundmass": 1e-9, "boundinertia": 1e-12, "balanceinertia": "true"}
-    _put(root, "compiler", angle="radian", **least)
+    put(root, "compiler", angle="radian", **least)
     step, gravity = reduction.timestep, mechanism.gravity
-    _put(root, "option", timestep=step, integrator="implicitfast", gravity=gravity)
-    world = _put(root, "worldbody")
+    put(root, "option", timestep=step, integrator="implicitfast", gravity=gravity)
+    world = put(root, "worldbody")
     places: dict[str, ElementTree.Element] = {"": world}
     for body in bodies(mechanism):
         mine = body.name == joint
@@ -141,28 +134,46 @@ def to_mjcf(
         friction, damping = _losses(body, reduction)
         armature = 0.0
         if not (mine and geared):
-            armature = _rotor_inertia(mechanism, body.name)
-            own = _servo_friction(servos.get(body.name))
+            armature = rotor_inertia(mechanism, body.name)
+            own = servo_friction(servos.get(body.name))
             friction, damping = friction + own["frictionloss"], damping + own["damping"]
         _joint(element, body, friction, damping, armature)
         if mine and leans:
             _lean(places[body.parent], element, body, reduction)
     if geared:
-        rotor = _put(world, "body", name=f"{joint}.motor")
+        rotor = put(world, "body", name=f"{joint}.motor")
         inertia = reduction.rotor_inertia
         named = {"name": f"{joint}.motor", "type": "hinge", "axis": (0, 0, 1)}
-        losses = {
-            name: value for name, value in _servo_friction(servos.get(joint)).items() if value
-        }
-        _put(rotor, "joint", **named, armature=inertia, **losses)
-        _put(rotor, "inertial", pos=np.zeros(3), mass=1e-6, diaginertia=np.full(3, 1e-9))
+        losses = {name: value for name, value in servo_friction(servos.get(joint)).items() if value}
+        put(rotor, "joint", **named, armature=inertia, **losses)
+        put(rotor, "inertial", pos=np.zeros(3), mass=1e-6, diaginertia=np.full(3, 1e-9))
     ideal = mechanism.ideal()
     tool = ideal.model.frames[ideal.tool_frame]
     carrier = places.get(str(ideal.model.names[tool.parentJoint]), world)
-    _put(carrier, "site", name=f"{mechanism.tool}.tool", pos=tool.placement.translation)
+    put(carrier, "site", name=f"{mechanism.tool}.tool", pos=tool.placement.translation)
     _wiring(root, mechanism, reduction, geared, leans, encoder, servos)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def check_servos(
+    mechanism: Mechanism, servos: Mapping[str, Servo], reductions: Iterable[Reduction]
+) -> None:
+    """Refuse servos that MuJoCo's ``dcmotor`` cannot stand for.
+
+    Raises:
+        MissingName: a servo of a joint that is none.
+        JointplayError: a servo whose encoder is on the link of a joint with play.
+    """
+    loose = {one.joint for one in reductions if one.dead_band > 0.0}
+    for name, servo in servos.items():
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints)
+        if name in loose and servo.encoder == "link":
+            raise JointplayError(
+                f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can only "
+                'control what it turns, the motor: give its encoder as "motor", or no servo'
+            )
 
 
 def _wiring(
@@ -177,15 +188,15 @@ def _wiring(
     """Tendons, actuators and sensors."""
     joint = reduction.joint
     if geared or leans:
-        tendon = _put(root, "tendon")
+        tendon = put(root, "tendon")
     if geared:
         half = 0.5 * reduction.dead_band
         teeth = {"stiffness": reduction.stiffness, "damping": reduction.damping}
-        play = _put(tendon, "fixed", name=f"{joint}.play", springlength=(-half, half), **teeth)
-        _put(play, "joint", joint=f"{joint}.motor", coef=1.0)
-        _put(play, "joint", joint=joint, coef=-1.0)
+        play = put(tendon, "fixed", name=f"{joint}.play", springlength=(-half, half), **teeth)
+        put(play, "joint", joint=f"{joint}.motor", coef=1.0)
+        put(play, "joint", joint=joint, coef=-1.0)
     if leans:
-        rim = _put(
+        rim = put(
             tendon,
             "spatial",
             name=f"{joint}.rim",
@@ -195,17 +206,17 @@ def _wiring(
             solimplimit=_STIFF,
         )
         for end in ("bore", "rim"):
-            _put(rim, "site", site=f"{joint}.{end}")
-    actuator, sensor = _put(root, "actuator"), _put(root, "sensor")
+            put(rim, "site", site=f"{joint}.{end}")
+    actuator, sensor = put(root, "actuator"), put(root, "sensor")
     for name in mechanism.joints:
         driven = f"{name}.motor" if name == joint and geared else name
         if name in servos:
-            actuator.append(ElementTree.Comment(_explain(servos[name])))
-            _put(actuator, "dcmotor", name=name, joint=driven, **dc_motor(servos[name]))
+            actuator.append(ElementTree.Comment(explain(servos[name])))
+            put(actuator, "dcmotor", name=name, joint=driven, **dc_motor(servos[name]))
         else:
-            _put(actuator, "motor", name=name, joint=driven)
+            put(actuator, "motor", name=name, joint=driven)
         read = driven if encoder == "motor" else name
-        _put(sensor, "jointpos", name=f"{name}.encoder", joint=read)
+        put(sensor, "jointpos", name=f"{name}.encoder", joint=read)
 
 
 def dc_motor(servo: Servo) -> dict[str, Any]:
@@ -228,7 +239,7 @@ def dc_motor(servo: Servo) -> dict[str, Any]:
     }
 
 
-def _explain(servo: Servo) -> str:
+def explain(servo: Servo) -> str:
     """What a reader of the file must know of its actuator."""
     words = [f"servo: goal [rad], at most {servo.voltage:g} V"]
     if servo.d_gain > 0.0:
@@ -246,14 +257,14 @@ def _explain(servo: Servo) -> str:
     return f" {'; '.join(words)} "
 
 
-def _servo_friction(servo: Servo | None) -> dict[str, float]:
+def servo_friction(servo: Servo | None) -> dict[str, float]:
     """Dry and viscous friction of a servo's motor."""
     if servo is None:
         return {"frictionloss": 0.0, "damping": 0.0}
     return {"frictionloss": servo.friction, "damping": servo.viscous}
 
 
-def _rotor_inertia(mechanism: Mechanism, joint: str) -> float:
+def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
     """On the joint's side; zero without a gear [kg m^2]."""
     gear = mechanism.gears.get(joint)
     return 0.0 if gear is None else gear.rotor_inertia
@@ -261,7 +272,7 @@ def _rotor_inertia(mechanism: Mechanism, joint: str) -> float:
 
 def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
     quaternion = pin.Quaternion(body.placement.rotation)
-    element = _put(
+    element = put(
         parent,
         "body",
         name=body.name,
@@ -271,9 +282,9 @@ def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
     inertia = body.inertia.inertia
     if body.inertia.mass > 0.0:
         rows = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        _put(element, "inertial", pos=body.inertia.lever, mass=body.inertia.mass, fullinertia=rows)
+        put(element, "inertial", pos=body.inertia.lever, mass=body.inertia.mass, fullinertia=rows)
     else:
-        _put(element, "inertial", pos=np.zeros(3), mass=1e-9, diaginertia=np.full(3, 1e-12))
+        put(element, "inertial", pos=np.zeros(3), mass=1e-9, diaginertia=np.full(3, 1e-12))
     return element
 
 
@@ -290,7 +301,7 @@ def _joint(
         more |= {"limited": "true", "range": body.limits}
     values = {"frictionloss": friction, "damping": damping, "armature": armature}
     more |= {name: value for name, value in values.items() if value > 0.0}
-    _put(element, "joint", name=body.name, type=kind, axis=body.axis, **more)
+    put(element, "joint", name=body.name, type=kind, axis=body.axis, **more)
 
 
 def _lean(
@@ -300,14 +311,14 @@ def _lean(
     first = np.cross(body.axis, np.eye(3)[np.abs(body.axis).argmin()])
     first /= np.linalg.norm(first)
     for part, axis in (("pitch", first), ("roll", np.cross(body.axis, first))):
-        _put(element, "joint", name=f"{body.name}.{part}", type="hinge", axis=axis)
+        put(element, "joint", name=f"{body.name}.{part}", type="hinge", axis=axis)
     end = reduction.half_length * body.axis
-    _put(element, "site", name=f"{body.name}.rim", pos=end)
-    _put(parent, "site", name=f"{body.name}.bore", pos=body.placement.act(end))
+    put(element, "site", name=f"{body.name}.rim", pos=end)
+    put(parent, "site", name=f"{body.name}.bore", pos=body.placement.act(end))
 
 
-def _put(parent: ElementTree.Element, tag: str, **values: Any) -> ElementTree.Element:
-    """Append an element with attributes."""
+def put(parent: ElementTree.Element, tag: str, **values: Any) -> ElementTree.Element:
+    """Append an element with attributes; numbers, and lists of them, are written in full."""
     texts = {name: _text(value) for name, value in values.items()}
     return ElementTree.SubElement(parent, tag, texts)
 
@@ -417,26 +428,32 @@ def _lean_difference(grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.n
     return float(away.max())
 
 
-def to_sdf(mechanism: Mechanism, reduction: Reduction) -> str:
+def to_sdf(mechanism: Mechanism, *reductions: Reduction) -> str:
     """The robot as SDF 1.9; play is a hinge in series, `J_play`, behind the motor's link.
 
     The bearing's friction acts on the motor's side of the play, for SDF has no joint beside
     another.
+
+    Raises:
+        JointplayError: a robot that cannot be held as a tree of single joints; see `refuse_taken`.
     """
+    refuse_taken(mechanism, reductions)
+    reduced = {one.joint: one for one in reductions}
     root = ElementTree.Element("sdf", version="1.9")
-    model = _put(root, "model", name=mechanism.description.path.stem)
+    model = put(root, "model", name=mechanism.description.path.stem)
     _link(model, "base", pin.SE3.Identity(), None)
-    _texts(_put(model, "joint", name="base_fixed", type="fixed"), parent="world", child="base")
+    _texts(put(model, "joint", name="base_fixed", type="fixed"), parent="world", child="base")
     places: dict[str, pin.SE3] = {"": pin.SE3.Identity()}
     for body in bodies(mechanism):
         name = body.name
         place = places[name] = places[body.parent] * body.placement
         parent, child = f"{body.parent}_link" if body.parent else "base", f"{name}_link"
-        losses = _losses(body, reduction)
-        if name == reduction.joint and reduction.dead_band > 0.0:
+        reduction = reduced.get(name, Reduction(name, friction=body.friction, viscous=body.damping))
+        losses = reduction.friction, reduction.viscous
+        if reduction.dead_band > 0.0:
             motor, half = f"{name}_motor", 0.5 * reduction.dead_band
-            rotor = pin.Inertia(1e-6, np.zeros(3), _rotor(body.axis, reduction.rotor_inertia))
-            _link(model, motor, place, rotor)
+            inertia = pin.Inertia(1e-6, np.zeros(3), rotor(body.axis, reduction.rotor_inertia))
+            _link(model, motor, place, inertia)
             _sdf_joint(model, body, name, parent, motor, losses, body.limits)
             play = _sdf_joint(
                 model, body, f"{name}_play", motor, child, (0.0, reduction.damping), (-half, half)
@@ -445,7 +462,7 @@ def to_sdf(mechanism: Mechanism, reduction: Reduction) -> str:
         else:
             _sdf_joint(model, body, name, parent, child, losses, body.limits)
         _link(model, child, place, body.inertia)
-    return _document(root)
+    return document(root)
 
 
 def _losses(body: Body, reduction: Reduction) -> tuple[float, float]:
@@ -465,7 +482,7 @@ def _sdf_joint(
     limits: tuple[float, float],
 ) -> ElementTree.Element:
     """Append a joint; its <limit>."""
-    joint = _put(model, "joint", name=name, type="prismatic" if body.slides else "revolute")
+    joint = put(model, "joint", name=name, type="prismatic" if body.slides else "revolute")
     _texts(joint, parent=parent, child=child)
     axis = ElementTree.SubElement(joint, "axis")
     _texts(axis, xyz=body.axis)
@@ -480,7 +497,7 @@ def _sdf_joint(
 def _link(
     model: ElementTree.Element, name: str, place: pin.SE3, inertia: pin.Inertia | None
 ) -> None:
-    link = _put(model, "link", name=name)
+    link = put(model, "link", name=name)
     _texts(link, pose=[*place.translation, *pin.rpy.matrixToRpy(place.rotation)])
     inertial = ElementTree.SubElement(link, "inertial")
     mass, lever, matrix = 1e-3, np.zeros(3), 1e-6 * np.eye(3)
@@ -490,44 +507,66 @@ def _link(
     _texts(ElementTree.SubElement(inertial, "inertia"), **_moments(matrix))
 
 
-def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
-    """The robot's own URDF with the reduced joint in it.
+def refuse_taken(mechanism: Mechanism, reductions: Iterable[Reduction]) -> None:
+    """Refuse robots that already have a link or joint called as play needs it.
+
+    Raises:
+        JointplayError: the robot has a `J_motor` or a `J_play` of a joint J with a dead band.
+    """
+    described = mechanism.description
+    for one in reductions:
+        for name in (f"{one.joint}_motor", f"{one.joint}_play"):
+            if one.dead_band > 0.0 and name in {*described.joints, *described.links}:
+                raise JointplayError(f"the URDF already has a {name!r}")
+
+
+def with_play(mechanism: Mechanism, reductions: Iterable[Reduction]) -> ElementTree.Element:
+    """The robot's own URDF with the reduced joints in it, to be edited further; see `to_urdf`."""
+    reductions = list(reductions)
+    refuse_taken(mechanism, reductions)
+    root = mechanism.description.elements()
+    joints = {one.get("name"): one for one in root.findall("joint")}
+    for reduction in reductions:
+        joint = joints[reduction.joint]
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        put(joint, "dynamics", friction=reduction.friction, damping=reduction.viscous)
+        if not reduction.dead_band > 0.0:
+            continue
+        motor, between = f"{reduction.joint}_motor", f"{reduction.joint}_play"
+        child, written = joint.find("child"), joint.find("axis")
+        assert child is not None
+        axis = "1 0 0" if written is None else written.get("xyz", "1 0 0")
+        inertial = put(put(root, "link", name=motor), "inertial")
+        put(inertial, "mass", value="1e-06")
+        vector = np.array([float(x) for x in axis.split()])
+        matrix = rotor(vector / np.linalg.norm(vector), reduction.rotor_inertia)
+        put(inertial, "inertia", **_moments(matrix))
+        play = put(root, "joint", name=between, type="revolute")
+        put(play, "parent", link=motor)
+        put(play, "child", link=child.get("link", ""))
+        put(play, "axis", xyz=axis)
+        half = 0.5 * reduction.dead_band
+        put(play, "limit", lower=-half, upper=half, effort="0", velocity="100")
+        put(play, "dynamics", damping=reduction.damping, friction="0")
+        child.set("link", motor)
+    return root
+
+
+def to_urdf(mechanism: Mechanism, *reductions: Reduction) -> str:
+    """The robot's own URDF with the reduced joints in it.
 
     Without play in a gear only the joint's <dynamics> change. With it, the joint moves a link that
     is the motor's rotor, which moves the old child by `J_play`, whose limits are the dead band.
+
+    Raises:
+        JointplayError: see `refuse_taken`.
     """
-    root = mechanism.description.elements()
-    joint = next(j for j in root.findall("joint") if j.get("name") == reduction.joint)
-    for old in joint.findall("dynamics"):
-        joint.remove(old)
-    _put(joint, "dynamics", friction=reduction.friction, damping=reduction.viscous)
-    if reduction.dead_band > 0.0:
-        names = {one.get("name") for one in (*root.findall("joint"), *root.findall("link"))}
-        motor, between = f"{reduction.joint}_motor", f"{reduction.joint}_play"
-        for name in (motor, between):
-            if name in names:
-                raise JointplayError(f"the URDF already has a {name!r}")
-        child = joint.find("child")
-        written = joint.find("axis")
-        assert child is not None
-        axis = "1 0 0" if written is None else written.get("xyz", "1 0 0")
-        inertial = _put(_put(root, "link", name=motor), "inertial")
-        _put(inertial, "mass", value="1e-06")
-        vector = np.array([float(x) for x in axis.split()])
-        matrix = _rotor(vector / np.linalg.norm(vector), reduction.rotor_inertia)
-        _put(inertial, "inertia", **_moments(matrix))
-        play = _put(root, "joint", name=between, type="revolute")
-        _put(play, "parent", link=motor)
-        _put(play, "child", link=child.get("link", ""))
-        _put(play, "axis", xyz=axis)
-        half = 0.5 * reduction.dead_band
-        _put(play, "limit", lower=-half, upper=half, effort="0", velocity="100")
-        _put(play, "dynamics", damping=reduction.damping, friction="0")
-        child.set("link", motor)
-    return _document(root)
+    return document(with_play(mechanism, reductions))
 
 
-def _document(root: ElementTree.Element) -> str:
+def document(root: ElementTree.Element) -> str:
+    """The text of an XML file, indented."""
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -555,6 +594,12 @@ def to_json(reduction: Reduction, encoder: str = "motor", spread: float = SPREAD
     """
     require_non_negative("spread", spread, "")
     data = parameters(reduction, encoder)
+    data |= _ranges(reduction, spread)
+    return json.dumps(data, indent=2) + "\n"
+
+
+def _ranges(reduction: Reduction, spread: float) -> dict[str, Any]:
+    """Ranges for domain randomisation, and where they come from."""
     ranges: dict[str, Any] = {}
     for name in ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial"):
         value = getattr(reduction, name)
@@ -563,11 +608,10 @@ def to_json(reduction: Reduction, encoder: str = "motor", spread: float = SPREAD
     if reduction.friction > 0.0:
         low, high = reduction.friction_range
         ranges["friction"] = [min(low, reduction.friction), max(high, reduction.friction)]
-    data["ranges"] = ranges
-    data["ranges_note"] = (
+    note = (
         f"friction: 5 % to 95 % of the full model's run; all others: +-{100 * spread:g} %, assumed"
     )
-    return json.dumps(data, indent=2) + "\n"
+    return {"ranges": ranges, "ranges_note": note}
 
 
 def parameters(reduction: Reduction, encoder: str) -> dict[str, Any]:
@@ -585,7 +629,7 @@ def _check_encoder(encoder: str) -> None:
         raise MissingName("place for the encoder", encoder, ENCODERS)
 
 
-def _rotor(axis: np.ndarray, inertia: float) -> np.ndarray:
+def rotor(axis: np.ndarray, inertia: float) -> np.ndarray:
     """Inertia of a rotor about its axis, and a little more than half of it across, (3, 3)."""
     along = np.outer(axis, axis)
     return np.asarray(inertia * along + 0.5001 * inertia * (np.eye(3) - along))
