@@ -117,7 +117,7 @@ def to_mjcf(
         JointplayError: a robot that MJCF cannot hold as a tree of single joints; a servo whose
             encoder is on the link of the joint with play.
     """
-    _check_encoder(encoder)
+    check_encoder(encoder)
     check_servos(mechanism, servos, (reduction,))
     joint, geared = reduction.joint, reduction.dead_band > 0.0
     leans = tilt and reduction.tilt > 0.0
@@ -620,11 +620,16 @@ def parameters(reduction: Reduction, encoder: str) -> dict[str, Any]:
     Raises:
         MissingName: no such place for an encoder.
     """
-    _check_encoder(encoder)
+    check_encoder(encoder)
     return {**reduction.describe(), "encoder": encoder}
 
 
-def _check_encoder(encoder: str) -> None:
+def check_encoder(encoder: str) -> None:
+    """Refuse what is no place for an encoder.
+
+    Raises:
+        MissingName: it is not of `ENCODERS`.
+    """
     if encoder not in ENCODERS:
         raise MissingName("place for the encoder", encoder, ENCODERS)
 

@@ -31,6 +31,7 @@ from scipy.optimize import nnls
 from jointplay.analysis.bearings import element_loads
 from jointplay.analysis.runs import fitting_step
 from jointplay.core.errors import JointplayError, MissingName, require_positive
+from jointplay.core.progress import ProgressBar
 from jointplay.core.schema import plain
 from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
@@ -228,13 +229,9 @@ def reduce(
     names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
     if joint not in names:
         raise MissingName("joint with play", joint, names)
+    if why := _no_hinge(mechanism, joint):
+        raise JointplayError(why)
     clearance = mechanism.clearance.get(joint)
-    if clearance is not None and clearance.hinge is None:
-        kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
-        raise JointplayError(
-            f"joint {joint!r} is {clearance.kind}, which cannot be represented by a hinge; kinds "
-            f"that can be reduced: {', '.join(kinds)}"
-        )
     require_positive("amplitude", amplitude, "rad")
     require_positive("period", period, "s")
     bearings = {} if clearance is None else {joint: clearance}
@@ -285,6 +282,59 @@ def reduce(
         **leans,
         pose=positions,
         history=history,
+    )
+
+
+def reduce_all(
+    mechanism: Mechanism,
+    pose: Mapping[str, float] | None = None,
+    *,
+    progress: bool = False,
+    **reversals: float,
+) -> tuple[list[Reduction], dict[str, str]]:
+    """Reduce every joint that has play; each alone, as `reduce` does.
+
+    Args:
+        mechanism: the robot.
+        pose: joint positions about which each reverses [rad or m]; the rest zero.
+        progress: show a bar.
+        reversals: `amplitude` [rad] and `period` [s] of `reduce`.
+
+    Returns:
+        The reductions, and why other joints with play have none, by joint.
+
+    Raises:
+        JointplayError: loops; no joint has play; none that has can be a hinge; a run that failed.
+    """
+    if mechanism.loops:
+        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
+    names = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
+    if not names:
+        raise JointplayError(
+            "no joint has play; joints that could have it: " + ", ".join(mechanism.joints)
+        )
+    refused = {name: why for name in names if (why := _no_hinge(mechanism, name))}
+    able = [name for name in names if name not in refused]
+    if not able:
+        raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
+    found = []
+    with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
+        for name in bar:
+            found.append(reduce(mechanism, name, pose, **reversals))
+    return found, refused
+
+
+def _no_hinge(mechanism: Mechanism, joint: str) -> str:
+    """Why a joint with play cannot be represented by a hinge; empty if it can."""
+    clearance = mechanism.clearance.get(joint)
+    if joint in mechanism.mounts:
+        return f"joint {joint!r} is a mount, which does not turn"
+    if clearance is None or clearance.hinge is not None:
+        return ""
+    kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
+    return (
+        f"joint {joint!r} is {clearance.kind}, which cannot be represented by a hinge; kinds "
+        f"that can be reduced: {', '.join(kinds)}"
     )
 
 
