@@ -1,0 +1,176 @@
+"""A whole robot with the play of all its joints as OpenUSD, by UsdPhysics and Newton's schemas.
+
+Play is a revolute joint in series, `J_play`, behind a body that is the motor's rotor; its limits
+are the dead band and their spring the teeth. Friction, damping and the limits' springs are not in
+UsdPhysics: they are attributes of Newton's `NewtonJointAPI`, which other programs may ignore.
+Bodies have masses and no shapes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.core.errors import JointplayError
+from jointplay.design.reduced_files import Body, bodies, refuse_taken, rotor
+from jointplay.design.reduction import Reduction
+from jointplay.mechanism.mechanism import Mechanism
+
+_PER_DEGREE = math.pi / 180.0
+_LEAST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
+"""Of bodies without mass, which no simulator takes, as in SDF."""
+
+
+def load_usd() -> tuple[Any, ...]:
+    """The modules Gf, Sdf, Tf, Usd, UsdGeom and UsdPhysics, with Newton's schemas registered.
+
+    Raises:
+        JointplayError: one of the packages cannot be imported.
+    """
+    try:
+        import newton_usd_schemas  # noqa: F401, I001 - before the registry of schemas is first used
+        from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
+    except ImportError as error:
+        raise JointplayError(
+            f"OpenUSD and Newton's schemas cannot be imported ({error}): pip install "
+            "'jointplay[simulators]'"
+        ) from None
+    return Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
+
+
+def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
+    """The robot as text of a USD stage (.usda): metres, kilograms, z upwards; angles in degrees.
+
+    Raises:
+        JointplayError: a package is missing; a robot that cannot be held as a tree of single
+            joints; see `refuse_taken`.
+    """
+    stage = _Stage(mechanism)
+    refuse_taken(mechanism, reductions)
+    reduced = {one.joint: one for one in reductions}
+    places, carriers = {"": pin.SE3.Identity()}, {"": stage.base}
+    for body in bodies(mechanism):
+        place = places[body.name] = places[body.parent] * body.placement
+        one = reduced.get(
+            body.name, Reduction(body.name, friction=body.friction, viscous=body.damping)
+        )
+        parent, child = carriers[body.parent], stage.body(f"{body.name}_link", place, body.inertia)
+        carriers[body.name] = child
+        at, motor = body.placement, child
+        if one.dead_band > 0.0:
+            turning = pin.Inertia(1e-6, np.zeros(3), rotor(body.axis, one.rotor_inertia))
+            motor = stage.body(f"{body.name}_motor", place, turning)
+            half = 0.5 * one.dead_band
+            play = stage.joint(
+                f"{body.name}_play", body, motor, child, pin.SE3.Identity(), (-half, half)
+            )
+            stiffness, damping = one.stiffness * _PER_DEGREE, one.damping * _PER_DEGREE
+            stage.newton(play, limitStiffness=stiffness, limitDamping=damping)
+        joint = stage.joint(body.name, body, parent, motor, at, body.limits)
+        per = 1.0 if body.slides else _PER_DEGREE
+        stage.newton(joint, friction=one.friction, damping=one.viscous * per)
+    return str(stage.stage.GetRootLayer().ExportToString())
+
+
+class _Stage:
+    """A stage with a robot at its root, to which bodies and joints are added."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.gf, self.sdf, self.tf, usd, geom, physics = load_usd()
+        self.geom, self.physics = geom, physics
+        self.stage = usd.Stage.CreateInMemory()
+        geom.SetStageUpAxis(self.stage, geom.Tokens.z)
+        geom.SetStageMetersPerUnit(self.stage, 1.0)
+        physics.SetStageKilogramsPerUnit(self.stage, 1.0)
+        self.names: set[str] = set()
+        self.root = "/" + self._name(mechanism.description.path.stem)
+        robot = geom.Xform.Define(self.stage, self.root)
+        self.stage.SetDefaultPrim(robot.GetPrim())
+        scene = physics.Scene.Define(self.stage, f"{self.root}/physics")
+        self.names.add("physics")
+        gravity = np.array(mechanism.gravity, float)
+        size = float(np.linalg.norm(gravity))
+        down = gravity / size if size > 0.0 else np.array([0.0, 0.0, -1.0])
+        scene.CreateGravityDirectionAttr(self.gf.Vec3f(*down.tolist()))
+        scene.CreateGravityMagnitudeAttr(size)
+        physics.ArticulationRootAPI.Apply(robot.GetPrim())
+        robot.GetPrim().AddAppliedSchema("NewtonArticulationRootAPI")
+        self.base = self.body("base", pin.SE3.Identity(), _LEAST)
+        fixed = physics.FixedJoint.Define(self.stage, f"{self.root}/{self._name('base_fixed')}")
+        fixed.CreateBody1Rel().SetTargets([self.base])
+
+    def _name(self, text: str) -> str:
+        """A name that USD allows and that none has yet."""
+        name = first = self.tf.MakeValidIdentifier(text)
+        number = 1
+        while name in self.names:
+            number += 1
+            name = f"{first}_{number}"
+        self.names.add(name)
+        return str(name)
+
+    def _turned(self, rotation: np.ndarray, kind: Any) -> Any:
+        quaternion = pin.Quaternion(rotation)
+        return kind(quaternion.w, quaternion.x, quaternion.y, quaternion.z)
+
+    def body(self, name: str, place: pin.SE3, inertia: pin.Inertia) -> Any:
+        """Add a body; its path."""
+        body = self.geom.Xform.Define(self.stage, f"{self.root}/{self._name(name)}")
+        body.AddTranslateOp(precision=self.geom.XformOp.PrecisionDouble).Set(
+            self.gf.Vec3d(*place.translation.tolist())
+        )
+        body.AddOrientOp(precision=self.geom.XformOp.PrecisionDouble).Set(
+            self._turned(place.rotation, self.gf.Quatd)
+        )
+        prim = body.GetPrim()
+        self.physics.RigidBodyAPI.Apply(prim)
+        inertia = inertia if inertia.mass > 0.0 else _LEAST
+        moments, axes = np.linalg.eigh(inertia.inertia)
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        mass = self.physics.MassAPI.Apply(prim)
+        mass.CreateMassAttr(float(inertia.mass))
+        mass.CreateCenterOfMassAttr(self.gf.Vec3f(*inertia.lever.tolist()))
+        mass.CreateDiagonalInertiaAttr(self.gf.Vec3f(*moments.tolist()))
+        mass.CreatePrincipalAxesAttr(self._turned(axes, self.gf.Quatf))
+        return prim.GetPath()
+
+    def joint(
+        self,
+        name: str,
+        body: Body,
+        parent: Any,
+        child: Any,
+        place: pin.SE3,
+        limits: Iterable[float],
+    ) -> Any:
+        """Add a joint about the body's axis, which is z of its frames; its prim.
+
+        `place` is the child's frame in the parent's.
+        """
+        kind = self.physics.PrismaticJoint if body.slides else self.physics.RevoluteJoint
+        joint = kind.Define(self.stage, f"{self.root}/{self._name(name)}")
+        joint.CreateBody0Rel().SetTargets([parent])
+        joint.CreateBody1Rel().SetTargets([child])
+        joint.CreateAxisAttr(self.physics.Tokens.z)
+        upright = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), body.axis).matrix()
+        joint.CreateLocalPos0Attr(self.gf.Vec3f(*place.translation.tolist()))
+        joint.CreateLocalRot0Attr(self._turned(place.rotation @ upright, self.gf.Quatf))
+        joint.CreateLocalPos1Attr(self.gf.Vec3f(0.0))
+        joint.CreateLocalRot1Attr(self._turned(upright, self.gf.Quatf))
+        low, high = limits
+        if np.isfinite([low, high]).all():
+            per = 1.0 if body.slides else 1.0 / _PER_DEGREE
+            joint.CreateLowerLimitAttr(low * per)
+            joint.CreateUpperLimitAttr(high * per)
+        return joint.GetPrim()
+
+    def newton(self, prim: Any, **values: float) -> None:
+        """Apply Newton's joint schema with these attributes."""
+        prim.AddAppliedSchema("NewtonJointAPI")
+        for name, value in values.items():
+            kind = self.sdf.ValueTypeNames.Float
+            prim.CreateAttribute(f"newton:{name}", kind, custom=False).Set(float(value))
