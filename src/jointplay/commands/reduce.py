@@ -1,4 +1,4 @@
-"""`jointplay reduce`: a joint's play as dead band and friction, for other simulators."""
+"""`jointplay reduce`: play as dead band and friction, for other simulators: a joint or all."""
 
 from __future__ import annotations
 
@@ -26,8 +26,18 @@ FORMATS = {
     "sdf": [".sdf"],
     "urdf": [".urdf", ".yaml"],
     "json": [".json"],
+    "usd": [".usda"],
 }
 """Endings of the files of each format."""
+WHOLE = {name: endings[:1] for name, endings in FORMATS.items()}
+"""The same of a whole robot, whose URDF has the tags of ros2_control instead of a YAML."""
+NEEDS = {
+    ".xml": ("mujoco", "MuJoCo compiles the URDF"),
+    ".usda": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
+}
+"""Packages that a whole robot's formats need, and for what."""
+STEM = "robot"
+"""Name of a whole robot's files."""
 
 GEAR = {
     "gear-stiffness": ("N*m/rad", "of the teeth"),
@@ -41,12 +51,15 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "reduce",
-        help="model a joint's play as dead band and friction, for MuJoCo, Gazebo, ROS",
+        help="model the play of a joint, or of all, as dead band and friction, for MuJoCo, Gazebo, "
+        "ROS, Newton",
         description="Fit a hinge with dead band, stiffness, damping and friction to the full "
         "model of one joint's play, by reversals about a pose, and write it as MJCF "
         "(MuJoCo), SDF (Gazebo), URDF and YAML, JSON with ranges for domain "
         "randomisation. The dead band about the axis comes from the gear; the "
-        "bearing contributes friction and tilt. See docs/decisions.md.",
+        "bearing contributes friction and tilt. With --all: the play of all joints in one file "
+        "of each format, USD with Newton's schemas among them, and random copies of it "
+        "(--batch). See docs/decisions.md.",
         epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
         'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
     )
@@ -69,27 +82,71 @@ def add(commands: Any) -> None:
     add_switch(group, "--tilt", "MJCF: let the axis tilt as well")
     add_repeatable(group, "--format", "file format; by default all", choices=FORMATS)
     add_option(
-        group, "--spread X", "JSON: relative half width of ranges without measured values", 0.3
+        group,
+        "--spread X",
+        "JSON and --batch: relative half width of ranges without measured values, such as 20%% "
+        "(default 0.3)",
+        type=_part,
     )
     add_switch(group, "--check", "run the MJCF in MuJoCo and compare it with the full model")
     add_option(group, "--out DIR", "folder for the files", required=True)
+    group = parser.add_argument_group("whole robot")
+    add_switch(group, "--all", "write all joints with play into one file of each format")
+    add_option(
+        group, "--batch N", "write N copies besides, their play, friction and stiffness random"
+    )
+    add_option(group, "--seed S", "seed of the random numbers (default 0)", type=int)
+    add_option(
+        group,
+        "--identified FILE",
+        "draw from the 95 %% intervals that jointplay identify found (its identified.json), and "
+        "within --spread where it found none",
+    )
+    add_option(
+        group,
+        "--plugin NAME",
+        "URDF: hardware of ros2_control's tags (default gz_ros2_control/GazeboSimSystem)",
+    )
     add_shared(group, "--quiet")
     parser.set_defaults(motion=None, workspace=None)
 
 
+def _part(text: str) -> float:
+    """A part of one: 0.2, or 20%."""
+    try:
+        return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"must be a number or a percentage, got {text!r}"
+        ) from None
+
+
 def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
+    from jointplay.design.reduced_files import SPREAD
+
+    options.spread = SPREAD if options.spread is None else options.spread
+    require_non_negative("--spread", options.spread, "")
+    return _run_all(options) if options.all else _run_one(options)
+
+
+def _run_one(options: argparse.Namespace) -> int:
+    """Reduce one joint."""
+    for option in ("batch", "seed", "identified", "plugin"):
+        if getattr(options, option) is not None:
+            raise JointplayError(f"--{option} is for a whole robot: add --all")
+    if "usd" in options.format:
+        raise JointplayError("--format usd is for a whole robot: add --all")
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
     from jointplay.joints.bearings import listed_kind
 
     joint, length = name_and_value(options.joint[0], is_value=listed_kind)
     stem = joint.replace("/", "_")
-    endings = [ending for one in options.format or FORMATS for ending in FORMATS[one]]
+    endings = [ending for one in options.format or list(FORMATS)[:-1] for ending in FORMATS[one]]
     names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]
     out = Outputs(options.out, [*names, "reversals.png"])
     from jointplay.design import reduced_files
-    from jointplay.design.poses import middle, moving
     from jointplay.design.reduction import reduce
     from jointplay.plots.design import reversals
 
@@ -102,11 +159,9 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(
             "--clearance or --gear is missing: without play there is nothing to reduce"
         )
-    require_non_negative("--spread", options.spread, "")
     mechanism = _with_gear(options, work.mechanism, scenario)
     out.claim()
-    pose = middle(mechanism)
-    pose |= {name: float(work.q[0, mechanism.coordinate(name)]) for name in moving(mechanism)}
+    pose = _pose(mechanism, work)
     model = reduce(
         mechanism,
         joint,
@@ -140,6 +195,197 @@ def run(options: argparse.Namespace) -> int:
     if options.check:
         _compare(mjcf, model)
     return 0
+
+
+def _run_all(options: argparse.Namespace) -> int:
+    """Reduce all joints that have play, into one file of each format."""
+    if options.tilt:
+        raise JointplayError("--tilt is for one joint: leave out --all, and give --joint")
+    count = 0 if options.batch is None else options.batch
+    if options.batch is not None and count < 1:
+        raise JointplayError(f"--batch must be at least 1, got {count}")
+    if options.seed is not None and options.seed < 0:
+        raise JointplayError(f"--seed must not be negative, got {options.seed}")
+    for option in ("seed", "identified"):
+        if getattr(options, option) is not None and not count:
+            raise JointplayError(f"--{option} is for random copies: add --batch N")
+    endings, notes = _endings(options)
+    width = len(str(count))
+    copies = [f"{STEM}_{i:0{width}d}" for i in range(1, count + 1)]
+    stems = [STEM, *copies]
+    names = [f"{stem}{ending}" for stem in stems for ending in endings if ending != ".json"]
+    names += [f"{STEM}.json"] * (".json" in endings) + ["batch.csv"] * bool(count)
+    from jointplay.design import whole_robot
+
+    out = Outputs(options.out, names + [whole_robot.MESHES] * (".xml" in endings))
+    from jointplay.design.reduction import reduce_all
+
+    options.pose = [options.pose or ""]
+    work = task(options)
+    mechanism = _with_gear(options, work.mechanism, str(options.robot).endswith(".toml"))
+    found = None
+    if options.identified is not None:
+        found = whole_robot.read_identified(options.identified, mechanism.joints)
+    out.claim()
+    pose = _pose(mechanism, work)
+    reductions, refused = reduce_all(
+        mechanism, pose, **given(options, "amplitude", "period"), progress=not options.quiet
+    )
+    notes += [f"not reduced: {why}" for why in refused.values()]
+    servos = _servos(options, work)
+    if servos and ".xml" in endings:
+        notes.append(f"servos (MJCF): {', '.join(servos)}")
+    print("\n".join([*work.notes, _overview(reductions)]))
+    writer = _Writer(options, mechanism, reductions, pose, servos, endings)
+    contents = writer.files(STEM, reductions)
+    if ".json" in endings:
+        contents[f"{STEM}.json"] = writer.parameters()
+    if count:
+        ranges = whole_robot.intervals(mechanism, reductions, options.spread, found)
+        values = whole_robot.draw(ranges, count, options.seed or 0)
+        for name, row in zip(copies, values, strict=True):
+            contents |= writer.files(name, whole_robot.drawn(reductions, ranges, row))
+        contents["batch.csv"] = whole_robot.table(ranges, values, copies)
+        known = [one.label for one in ranges if one.origin == "identified"]
+        print(
+            f"{count} copies, uniform within the intervals of "
+            f"{', '.join(known) or 'nothing that was identified'}; all others within "
+            f"+-{100.0 * options.spread:g} %, assumed"
+        )
+    print("\n".join([*notes, *writer.notes]))
+    writer.write_meshes()
+    out.write(contents)
+    if options.check:
+        _check_all(contents, writer, reductions)
+    return 0
+
+
+def _endings(options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """Endings of the files to write, and which formats are left out because a package is missing.
+
+    Raises:
+        JointplayError: a format that was asked for, or --check, needs the package.
+    """
+    from importlib.util import find_spec
+
+    notes = []
+    endings = [WHOLE[one][0] for one in dict.fromkeys(options.format or WHOLE)]
+    for ending, (package, use) in NEEDS.items():
+        if ending not in endings or find_spec(package) is not None:
+            continue
+        text = f"{use}, and the package {package} is missing: pip install 'jointplay[simulators]'"
+        if options.format:
+            raise JointplayError(text)
+        endings.remove(ending)
+        notes.append(f"no {STEM}{ending}: {text}")
+    if options.check and ".xml" not in endings:
+        raise JointplayError("--check runs the MJCF in MuJoCo: it needs --format mjcf and mujoco")
+    return endings, notes
+
+
+class _Writer:
+    """What writes a whole robot's files, for itself and for random copies."""
+
+    def __init__(
+        self,
+        options: argparse.Namespace,
+        mechanism: Any,
+        reductions: list[Any],
+        pose: dict[str, float],
+        servos: dict[str, Any],
+        endings: list[str],
+    ) -> None:
+        from jointplay.design import reduced_files, whole_robot
+
+        self.options, self.mechanism, self.reductions = options, mechanism, reductions
+        plugin = options.plugin or whole_robot.PLUGIN
+        self.notes: list[str] = []
+        self.meshes: dict[str, bytes] = {}
+        makers: dict[str, Callable[..., str]] = {
+            ".sdf": lambda ones: reduced_files.to_sdf(mechanism, *ones),
+            ".urdf": lambda ones: whole_robot.to_ros2(mechanism, ones, plugin),
+        }
+        if ".xml" in endings:
+            compiled = whole_robot.compile_robot(mechanism, reductions, pose)
+            self.notes += compiled.notes
+            self.meshes = dict(compiled.meshes)
+            makers[".xml"] = lambda ones: compiled.mjcf(
+                ones, encoder=options.encoder, servos=servos
+            )
+        if ".usda" in endings:
+            from jointplay.design.usd import to_usd
+
+            makers[".usda"] = lambda ones: to_usd(mechanism, *ones)
+        self.makers = {ending: makers[ending] for ending in endings if ending in makers}
+        follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
+        others = [name for name, (end,) in WHOLE.items() if end in (".sdf", ".usda")]
+        if follow and {".sdf", ".usda"} & set(endings):
+            self.notes.append(
+                f"{' and '.join(others)}: that {', '.join(follow)} mimic others is not represented"
+            )
+
+    def files(self, stem: str, reductions: list[Any]) -> dict[str, str]:
+        """Contents by name, but for the JSON."""
+        return {f"{stem}{ending}": make(reductions) for ending, make in self.makers.items()}
+
+    def parameters(self) -> str:
+        """All joints' parameters and ranges as JSON."""
+        import json
+
+        from jointplay.design.reduced_files import to_json
+
+        encoder, spread = self.options.encoder, self.options.spread
+        joints = [json.loads(to_json(one, encoder, spread)) for one in self.reductions]
+        return json.dumps({"joints": joints}, indent=2) + "\n"
+
+    def write_meshes(self) -> None:
+        """Write the shapes of the MJCF."""
+        from jointplay.core import files
+        from jointplay.design.whole_robot import MESHES
+
+        folder = Path(self.options.out) / MESHES
+        if self.meshes:
+            folder.mkdir()
+        for name, data in self.meshes.items():
+            files.write(folder / name, data)
+
+
+def _overview(reductions: list[Any]) -> str:
+    """A line for each joint."""
+    width = max(len(one.joint) for one in reductions)
+    lines = [
+        f"{'joint':<{width}} {'half play':>12} {'friction':>12} {'stiffness':>12} {'rotor':>12}",
+        f"{'':<{width}} {'[mrad]':>12} {'[N m]':>12} {'[N m/rad]':>12} {'[kg m^2]':>12}",
+    ]
+    for one in reductions:
+        values = (500.0 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
+        lines.append(f"{one.joint:<{width}} " + " ".join(f"{value:>12.5g}" for value in values))
+    return "\n".join(lines)
+
+
+def _check_all(contents: dict[str, Any], writer: _Writer, reductions: list[Any]) -> None:
+    """Push each link in MuJoCo, and print the play that it finds."""
+    from jointplay.design.whole_robot import find_play
+
+    found = find_play(contents[f"{STEM}.xml"], writer.meshes)
+    for one in reductions:
+        if one.joint in found:
+            seen = found[one.joint]
+            print(
+                f"MuJoCo: {one.joint} turns freely by {1e3 * seen.dead_band:.5g} mrad (written: "
+                f"{1e3 * one.dead_band:.5g}), then {seen.stiffness:.5g} N m/rad (written: "
+                f"{one.stiffness:.5g})"
+            )
+    if not found:
+        print("MuJoCo: the file loads; no joint has a dead band about its axis")
+
+
+def _pose(mechanism: Any, work: Task) -> dict[str, float]:
+    """Joint positions about which joints reverse [rad or m]."""
+    from jointplay.design.poses import middle, moving
+
+    found = {name: float(work.q[0, mechanism.coordinate(name)]) for name in moving(mechanism)}
+    return {**middle(mechanism), **found}
 
 
 def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:

@@ -32,7 +32,7 @@ def load_usd() -> tuple[Any, ...]:
         JointplayError: one of the packages cannot be imported.
     """
     try:
-        import newton_usd_schemas  # noqa: F401, I001 - before the registry of schemas is first used
+        import newton_usd_schemas  # noqa: F401 - before the registry of schemas is first used
         from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
     except ImportError as error:
         raise JointplayError(
