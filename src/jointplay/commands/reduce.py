@@ -236,15 +236,18 @@ def _run_all(options: argparse.Namespace) -> int:
     if servos and ".xml" in endings:
         notes.append(f"servos (MJCF): {', '.join(servos)}")
     print("\n".join([*work.notes, _overview(reductions)]))
-    writer = _Writer(options, mechanism, reductions, pose, servos, endings)
-    contents = writer.files(STEM, reductions)
+    writer = _Writer(options, mechanism, reductions, pose, endings)
+    contents = writer.files(STEM, reductions, servos)
     if ".json" in endings:
         contents[f"{STEM}.json"] = writer.parameters()
     if count:
-        ranges = whole_robot.intervals(mechanism, reductions, options.spread, found)
+        ranges = whole_robot.intervals(
+            mechanism, reductions, options.spread, found, servos if writer.compiles else {}
+        )
         values = whole_robot.draw(ranges, count, options.seed or 0)
         for name, row in zip(copies, values, strict=True):
-            contents |= writer.files(name, whole_robot.drawn(reductions, ranges, row))
+            ones = whole_robot.drawn(reductions, ranges, row)
+            contents |= writer.files(name, ones, whole_robot.drawn_servos(servos, ranges, row))
         contents["batch.csv"] = whole_robot.table(ranges, values, copies)
         known = [one.label for one in ranges if one.origin == "identified"]
         print(
@@ -292,7 +295,6 @@ class _Writer:
         mechanism: Any,
         reductions: list[Any],
         pose: dict[str, float],
-        servos: dict[str, Any],
         endings: list[str],
     ) -> None:
         from jointplay.design import reduced_files, whole_robot
@@ -302,20 +304,22 @@ class _Writer:
         self.notes: list[str] = []
         self.meshes: dict[str, bytes] = {}
         makers: dict[str, Callable[..., str]] = {
-            ".sdf": lambda ones: reduced_files.to_sdf(mechanism, *ones),
-            ".urdf": lambda ones: whole_robot.to_ros2(mechanism, ones, plugin),
+            ".sdf": lambda ones, _: reduced_files.to_sdf(mechanism, *ones),
+            ".urdf": lambda ones, _: whole_robot.to_ros2(mechanism, ones, plugin),
         }
         if ".xml" in endings:
             compiled = whole_robot.compile_robot(mechanism, reductions, pose)
             self.notes += compiled.notes
             self.meshes = dict(compiled.meshes)
-            makers[".xml"] = lambda ones: compiled.mjcf(
+            makers[".xml"] = lambda ones, servos: compiled.mjcf(
                 ones, encoder=options.encoder, servos=servos
             )
         if ".usda" in endings:
             from jointplay.design.usd import to_usd
 
-            makers[".usda"] = lambda ones: to_usd(mechanism, *ones)
+            makers[".usda"] = lambda ones, _: to_usd(mechanism, *ones)
+        self.compiles = ".xml" in endings
+        """Whether a file for MuJoCo is among them."""
         self.makers = {ending: makers[ending] for ending in endings if ending in makers}
         follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
         others = [name for name, (end,) in WHOLE.items() if end in (".sdf", ".usda")]
@@ -324,9 +328,10 @@ class _Writer:
                 f"{' and '.join(others)}: that {', '.join(follow)} mimic others is not represented"
             )
 
-    def files(self, stem: str, reductions: list[Any]) -> dict[str, str]:
+    def files(self, stem: str, reductions: list[Any], servos: dict[str, Any]) -> dict[str, str]:
         """Contents by name, but for the JSON."""
-        return {f"{stem}{ending}": make(reductions) for ending, make in self.makers.items()}
+        makers = self.makers.items()
+        return {f"{stem}{ending}": make(reductions, servos) for ending, make in makers}
 
     def parameters(self) -> str:
         """All joints' parameters and ranges as JSON."""

@@ -46,8 +46,13 @@ MESHES = "meshes"
 """Folder of the shapes, beside the MJCF."""
 PLUGIN = "gz_ros2_control/GazeboSimSystem"
 """Hardware of ros2_control's tags, if no other is named: Gazebo's."""
-QUANTITIES = {"half_play": "rad", "friction": "N m", "stiffness": "N m/rad"}
-"""What is drawn of each joint, and in which unit."""
+QUANTITIES = {
+    "half_play": "rad",
+    "friction": "N m",
+    "stiffness": "N m/rad",
+    "motor_friction": "N m",
+}
+"""What is drawn of each joint, and in which unit; the last is the servo's, which MJCF alone has."""
 _RESOLVED = 0.2
 """Time step by the time in which the stiffest teeth swing through a radian of phase."""
 _COMPILER = {
@@ -472,8 +477,9 @@ def intervals(
     reductions: Iterable[Reduction],
     spread: float,
     identified: Mapping[str, Any] | None = None,
+    servos: Mapping[str, Servo] = MappingProxyType({}),
 ) -> list[Interval]:
-    """Intervals of half play, friction and stiffness of each joint.
+    """Intervals of half play, friction and stiffness of each joint, and its servo's friction.
 
     Args:
         spread: half width, relative, of what was not identified: an assumption.
@@ -495,6 +501,7 @@ def intervals(
         own = mechanism.description.joints[one.joint].friction
         numbers = {"half_play": 0.5 * one.dead_band}
         numbers |= {"friction": one.friction, "stiffness": one.stiffness}
+        numbers["motor_friction"] = servo_friction(servos.get(one.joint))["frictionloss"]
         ends = {k: (x * (1.0 - spread), x * (1.0 + spread)) for k, x in numbers.items()}
         mine = {name: row for (joint, name), row in known.items() if joint == one.joint}
         better = {}
@@ -588,10 +595,21 @@ def drawn(
     """The joints with the values of a row of `draw`."""
     changes: dict[str, dict[str, float]] = {}
     for one, value in zip(ranges, row, strict=True):
+        if one.quantity == "motor_friction":
+            continue
         name = "dead_band" if one.quantity == "half_play" else one.quantity
         factor = 2.0 if one.quantity == "half_play" else 1.0
         changes.setdefault(one.joint, {})[name] = factor * float(value)
     return [replace(one, **changes.get(one.joint, {})) for one in reductions]
+
+
+def drawn_servos(
+    servos: Mapping[str, Servo], ranges: Sequence[Interval], row: np.ndarray
+) -> dict[str, Servo]:
+    """The servos with the friction of a row of `draw`."""
+    values = zip(ranges, row, strict=True)
+    found = {one.joint: float(x) for one, x in values if one.quantity == "motor_friction"}
+    return {k: replace(s, friction=found[k]) if k in found else s for k, s in servos.items()}
 
 
 def table(ranges: Sequence[Interval], values: np.ndarray, names: Sequence[str]) -> str:

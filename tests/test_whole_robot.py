@@ -1,0 +1,373 @@
+"""Whole robots with play, written for other simulators and read by their own readers."""
+
+import csv
+import json
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yourdfpy
+from conftest import body, joint
+
+from jointplay.cli import main
+from jointplay.core.errors import JointplayError
+from jointplay.design.reduced_files import to_sdf
+from jointplay.design.reduction import Reduction, reduce_all
+from jointplay.design.whole_robot import (
+    compile_robot,
+    draw,
+    drawn,
+    find_play,
+    intervals,
+    to_ros2,
+)
+from jointplay.loads.drive import Servo
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.mechanism import Mechanism
+
+PLAYS = {"a": 6e-3, "b": 4e-3}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """Two hinges with gears, a slide, and a finger that follows another."""
+    found = tmp_path_factory.mktemp("whole") / "arm.urdf"
+    found.write_text(
+        '<robot name="r"><link name="base"/>'
+        + body("arm", mass=2.0, com="0.3 0 0", inertia=0.02)
+        + body("fore", mass=1.0, com="0.2 0 0", inertia=0.01)
+        + body("slider", mass=0.5, com="0 0 0")
+        + joint("a", "base", "arm")
+        + joint("b", "arm", "fore", axis="0 1 0", at="0.5 0 0")
+        + '<joint name="c" type="prismatic"><parent link="fore"/><child link="slider"/>'
+        '<origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>'
+        '<limit lower="0" upper="0.1" effort="10" velocity="1"/></joint>' + "</robot>"
+    )
+    return found
+
+
+@pytest.fixture(scope="module")
+def mechanism(path):
+    gears = {n: Gear(x, 0.05, 2e3, 2.0) for n, x in PLAYS.items()}
+    return Mechanism(path, {}, gears=gears)
+
+
+@pytest.fixture(scope="module")
+def reductions(mechanism):
+    found, refused = reduce_all(mechanism, period=0.4)
+    assert refused == {}
+    return found
+
+
+def test_every_joint_with_play_is_reduced(reductions):
+    assert {one.joint: one.dead_band for one in reductions} == PLAYS
+
+
+def test_mujocos_links_turn_freely_by_the_play_and_then_meet_the_teeth(mechanism, reductions):
+    pytest.importorskip("mujoco")
+    robot = compile_robot(mechanism, reductions)
+    found = find_play(robot.mjcf(reductions))
+    assert list(found) == ["a", "b"]
+    for one in reductions:
+        assert found[one.joint].dead_band == pytest.approx(one.dead_band, rel=1e-3)
+        assert found[one.joint].stiffness == pytest.approx(one.stiffness, rel=1e-3)
+
+
+def test_a_held_torque_moves_the_link_across_the_dead_band_and_no_further(mechanism, reductions):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(compile_robot(mechanism, reductions).mjcf(reductions))
+    model.opt.gravity[:] = 0.0
+    model.dof_armature[model.joint("a").dofadr] = 1e6
+    data = mujoco.MjData(model)
+    ends = []
+    for torque in (1.0, -1.0):
+        data.qfrc_applied[model.joint("a_play").dofadr] = torque
+        for _ in range(20000):
+            mujoco.mj_step(model, data)
+        ends.append(float(data.qpos[model.joint("a_play").qposadr[0]]))
+    one = next(one for one in reductions if one.joint == "a")
+    assert ends[0] - ends[1] == pytest.approx(one.dead_band + 2.0 / one.stiffness, rel=1e-2)
+
+
+def test_mujocos_robot_has_the_masses_and_the_tool_of_the_urdf(mechanism, reductions):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(compile_robot(mechanism, reductions).mjcf(reductions))
+    data = mujoco.MjData(model)
+    pose = {"a": 0.4, "b": -0.7, "c": 0.05}
+    for name, value in pose.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_forward(model, data)
+    ideal = mechanism.ideal()
+    pin.framesForwardKinematics(ideal.model, ideal.data, ideal.configuration(pose))
+    tool = ideal.data.oMf[ideal.tool_frame].translation
+    assert data.site(f"{mechanism.tool}.tool").xpos == pytest.approx(tool, abs=1e-5)
+    masses = sum(float(one.mass) for one in ideal.model.inertias)
+    assert model.body_mass.sum() == pytest.approx(masses)
+
+
+def test_the_encoder_of_the_link_reads_motor_and_play(mechanism, reductions):
+    mujoco = pytest.importorskip("mujoco")
+    robot = compile_robot(mechanism, reductions)
+    for encoder, wanted in (("motor", 0.3), ("link", 0.302)):
+        model = mujoco.MjModel.from_xml_string(robot.mjcf(reductions, encoder=encoder))
+        data = mujoco.MjData(model)
+        data.qpos[model.joint("a").qposadr[0]] = 0.3
+        data.qpos[model.joint("a_play").qposadr[0]] = 0.002
+        mujoco.mj_forward(model, data)
+        assert data.sensor("a.encoder").data[0] == pytest.approx(wanted)
+
+
+def test_mimicking_joints_follow_in_mujoco(tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    found = tmp_path / "gripper.urdf"
+    follower = joint("g", "base", "right", axis="0 0 1")
+    follower = follower.replace("</joint>", '<mimic joint="f" multiplier="-2"/></joint>')
+    assert "mimic" in follower
+    found.write_text(
+        '<robot name="r"><link name="base"/>'
+        + body("left", mass=1.0, inertia=0.02)
+        + body("right", mass=1.0, inertia=0.02)
+        + joint("f", "base", "left", axis="0 0 1")
+        + follower
+        + "</robot>"
+    )
+    one = Reduction("f", dead_band=1e-3, stiffness=100.0, damping=1.0, rotor_inertia=0.1)
+    robot = compile_robot(Mechanism(found, {}, gears={"f": Gear(1e-3, 0.1, 100.0)}), [one])
+    model = mujoco.MjModel.from_xml_string(robot.mjcf([one]))
+    assert [model.actuator(i).name for i in range(model.nu)] == ["f"]
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 0.1
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    leader, follows = (float(data.qpos[model.joint(n).qposadr[0]]) for n in "fg")
+    assert leader > 0.05
+    assert follows == pytest.approx(-2.0 * leader, rel=0.02)
+
+
+def test_the_urdf_has_play_and_ros2_controls_tags_and_is_read_by_others(
+    mechanism, reductions, tmp_path
+):
+    written = tmp_path / "robot.urdf"
+    written.write_text(to_ros2(mechanism, reductions))
+    robot = yourdfpy.URDF.load(str(written), load_meshes=False)
+    model = pin.buildModelFromUrdf(str(written))
+    assert {"a_play", "b_play"} <= set(robot.joint_map) & set(model.names)
+    for name, play in PLAYS.items():
+        limit = robot.joint_map[f"{name}_play"].limit
+        assert limit.upper - limit.lower == pytest.approx(play)
+    system = ElementTree.parse(written).getroot().find("ros2_control")
+    joints = {one.get("name"): one for one in system.findall("joint")}
+    assert list(joints) == ["a", "b", "c", "a_play", "b_play"]
+    assert joints["a"].find("command_interface").get("name") == "effort"
+    assert joints["a_play"].find("command_interface") is None
+    assert [one.find("joint").get("name") for one in system.findall("transmission")] == list("abc")
+
+
+def test_a_urdfs_own_tags_of_ros2_control_stay(path, reductions, tmp_path):
+    own = tmp_path / "own.urdf"
+    tags = '<ros2_control name="mine" type="system"><joint name="a"/></ros2_control></robot>'
+    own.write_text(path.read_text().replace("</robot>", tags))
+    gears = {n: Gear(x, 0.05, 2e3, 2.0) for n, x in PLAYS.items()}
+    text = to_ros2(Mechanism(own, {}, gears=gears), reductions)
+    (system,) = ElementTree.fromstring(text).findall("ros2_control")
+    assert system.get("name") == "mine"
+    assert [one.get("name") for one in system.findall("joint")] == ["a", "a_play", "b_play"]
+
+
+def test_the_sdf_has_the_play_of_all_joints(mechanism, reductions):
+    model = ElementTree.fromstring(to_sdf(mechanism, *reductions)).find("model")
+    joints = {one.get("name"): one for one in model.findall("joint")}
+    links = {one.get("name") for one in model.findall("link")}
+    assert set(joints) == {"base_fixed", "a", "a_play", "b", "b_play", "c"}
+    for name, play in PLAYS.items():
+        limit = joints[f"{name}_play"].find("axis/limit")
+        assert float(limit.find("upper").text) - float(limit.find("lower").text) == play
+        assert joints[name].find("child").text == joints[f"{name}_play"].find("parent").text
+    assert {one.find("child").text for one in joints.values()} <= links
+
+
+def test_usd_has_the_play_in_newtons_attributes(mechanism, reductions):
+    pytest.importorskip("newton_usd_schemas")
+    from jointplay.design.usd import load_usd, to_usd
+
+    _, _, _, usd, geom, physics = load_usd()
+    stage = usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(to_usd(mechanism, *reductions))
+    assert geom.GetStageMetersPerUnit(stage) == 1.0
+    for one in reductions:
+        prim = stage.GetPrimAtPath(f"/arm/{one.joint}_play")
+        play = physics.RevoluteJoint(prim)
+        width = play.GetUpperLimitAttr().Get() - play.GetLowerLimitAttr().Get()
+        assert np.deg2rad(width) == pytest.approx(one.dead_band, rel=1e-5)
+        assert "NewtonJointAPI" in prim.GetAppliedSchemas()
+        assert prim.HasAPI("NewtonJointAPI")  # the schema is registered, not a mere name
+        stiffness = prim.GetAttribute("newton:limitStiffness").Get()
+        assert np.rad2deg(stiffness) == pytest.approx(one.stiffness, rel=1e-5)
+    bodies = [p for p in stage.Traverse() if p.HasAPI(physics.RigidBodyAPI)]
+    names = ["base", "a_link", "a_motor", "b_link", "b_motor", "c_link"]
+    assert sorted(one.GetName() for one in bodies) == sorted(names)
+    # Both frames of each joint are at the same place.
+    cache = geom.XformCache()
+    for prim in stage.Traverse():
+        if not prim.IsA(physics.Joint) or prim.IsA(physics.FixedJoint):
+            continue
+        made = physics.Joint(prim)
+        ends = []
+        for end, at in (
+            (made.GetBody0Rel(), made.GetLocalPos0Attr()),
+            (made.GetBody1Rel(), made.GetLocalPos1Attr()),
+        ):
+            (target,) = end.GetTargets()
+            matrix = cache.GetLocalToWorldTransform(stage.GetPrimAtPath(target))
+            ends.append(np.array(matrix.Transform(at.Get()), float))
+        assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+
+
+def test_values_are_drawn_within_the_intervals_and_seeds_repeat(mechanism, reductions):
+    servo = Servo(voltage=9.0, p_gain=40.0, torque_constant=1.2, resistance=2.7, friction=0.05)
+    ranges = intervals(mechanism, reductions, 0.2, servos={"a": servo})
+    values = draw(ranges, 200, 3)
+    low, high = np.array([[one.low, one.high] for one in ranges]).T
+    assert ((values >= low) & (values <= high)).all()
+    assert np.ptp(values, axis=0) == pytest.approx(high - low, rel=0.1)
+    assert (draw(ranges, 200, 3) == values).all()
+    assert (draw(ranges, 200, 4) != values).any()
+    at = [(one.joint, one.quantity) for one in ranges]
+    assert ("a", "motor_friction") in at
+    assert ("b", "motor_friction") not in at
+    first = drawn(reductions, ranges, values[0])[0]
+    assert 0.5 * first.dead_band == values[0, at.index(("a", "half_play"))]
+
+
+def identified(**row):
+    return {"unknowns": [{"joint": "a", "scenario": 5e-3} | row]}
+
+
+def test_identified_intervals_replace_the_spread(mechanism, reductions):
+    found = identified(unknown="gear_play", low=4e-3, high=5e-3)
+    found["unknowns"] += identified(unknown="gear_compliance", low=1e-3, high=2e-3)["unknowns"]
+    found["unknowns"].append({"joint": "b", "unknown": "gear_play", "why_not": "never reverses"})
+    ranges = {(x.joint, x.quantity): x for x in intervals(mechanism, reductions, 0.1, found)}
+    play, stiff = ranges["a", "half_play"], ranges["a", "stiffness"]
+    assert (play.low, play.high, play.origin) == (2e-3, 2.5e-3, "identified")
+    assert (stiff.low, stiff.high) == (500.0, 1000.0)
+    assert ranges["b", "half_play"].origin == "assumed"
+    assert ranges["b", "half_play"].high == pytest.approx(1.1 * 2e-3)
+
+
+OPTIONS = ["--gear", "a=6 mrad", "--gear", "b=4 mrad", "--gear-stiffness", "2000"]
+OPTIONS += ["--rotor-inertia", "0.05", "--gear-damping", "2", "--period", "0.4", "--quiet"]
+
+
+def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsys):
+    mujoco = pytest.importorskip("mujoco")
+    out = tmp_path / "out"
+    found = tmp_path / "identified.json"
+    found.write_text(json.dumps(identified(unknown="gear_play", low=4e-3, high=5e-3)))
+    order = ["reduce", str(path), "--all", *OPTIONS, "--batch", "3", "--seed", "1", "--check"]
+    order += ["--identified", str(found), "--spread", "20%", "--out", str(out)]
+    assert main(order) == 0
+    said = capsys.readouterr().out
+    assert "a turns freely by 6 mrad (written: 6)" in said
+    assert "3 copies, uniform within the intervals of a half_play [rad]" in said
+    rows = list(csv.DictReader((out / "batch.csv").open()))
+    assert [row["copy"] for row in rows] == ["robot_1", "robot_2", "robot_3"]
+    for row in rows:
+        half = float(row["a half_play [rad]"])
+        assert 2e-3 <= half <= 2.5e-3
+        model = mujoco.MjModel.from_xml_path(str(out / f"{row['copy']}.xml"))
+        assert model.tendon_lengthspring[model.tendon("a.play").id] == pytest.approx([-half, half])
+        robot = yourdfpy.URDF.load(str(out / f"{row['copy']}.urdf"), load_meshes=False)
+        assert robot.joint_map["a_play"].limit.upper == pytest.approx(half)
+    assert [one["joint"] for one in json.loads((out / "robot.json").read_text())["joints"]] == [
+        "a",
+        "b",
+    ]
+    assert main(order) == 2
+    assert "robot.xml" in capsys.readouterr().err
+
+
+def test_shapes_go_with_the_mjcf(path, tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    import trimesh
+
+    trimesh.creation.icosphere(radius=0.05).export(tmp_path / "ball.stl")
+    shape = '<geometry><mesh filename="ball.stl"/></geometry>'
+    shapes = f"<visual>{shape}</visual><collision>{shape}</collision>"
+    lost = '<visual><geometry><mesh filename="lost.stl"/></geometry></visual>'
+    text = path.read_text().replace("</inertial>", f"</inertial>{shapes}", 1)
+    at = text.rindex("</inertial>") + len("</inertial>")
+    shaped = tmp_path / "shaped.urdf"
+    shaped.write_text(text[:at] + lost + text[at:])
+    out = tmp_path / "out"
+    options = ["--format", "mjcf", "--out", str(out)]
+    assert main(["reduce", str(shaped), "--all", *OPTIONS, *options]) == 0
+    assert [one.name for one in (out / "meshes").iterdir()] == ["ball.stl"]
+    assert mujoco.MjModel.from_xml_path(str(out / "robot.xml")).ngeom == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--all"], "no joint has play; joints that could have it: a, b, c"),
+        (["--all", *OPTIONS, "--batch", "0"], "--batch must be at least 1, got 0"),
+        (["--all", *OPTIONS, "--batch", "2", "--seed", "-1"], "--seed must not be negative"),
+        (["--all", *OPTIONS, "--seed", "1"], "--seed is for random copies"),
+        (["--all", *OPTIONS, "--batch", "2", "--spread", "100%"], "below 100 %"),
+        (["--all", *OPTIONS, "--batch", "2", "--identified", "none.json"], "none.json"),
+        (["--all", *OPTIONS, "--gear", "zz=1 mrad"], "zz"),
+        (["--all", *OPTIONS, "--tilt"], "--tilt is for one joint"),
+        (["--joint", "a", *OPTIONS, "--batch", "2"], "--batch is for a whole robot"),
+        (["--joint", "a", *OPTIONS, "--format", "usd"], "--format usd is for a whole robot"),
+        (["--all", "--joint", "c=0.1 mm"], "cannot be represented by a hinge"),
+    ],
+)
+def test_the_command_refuses_what_cannot_be(path, tmp_path, capsys, options, message):
+    assert main(["reduce", str(path), *options, "--out", str(tmp_path / "o")]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "is no JSON"),
+        ("[1]", "no list 'unknowns'"),
+        ('{"unknowns": []}', "nothing was identified"),
+        (json.dumps(identified(joint="q", unknown="gear_play", low=1.0, high=2.0)), "'q'"),
+        (json.dumps(identified(unknown="restitution", low=0.1, high=0.2)), "is drawn for"),
+    ],
+)
+def test_files_that_identify_did_not_write_are_refused(path, tmp_path, capsys, content, message):
+    found = tmp_path / "identified.json"
+    found.write_text(content)
+    order = ["reduce", str(path), "--all", *OPTIONS, "--batch", "1", "--format", "urdf"]
+    assert main([*order, "--identified", str(found), "--out", str(tmp_path / "o")]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
+    path, tmp_path, capsys, monkeypatch
+):
+    import importlib.util
+
+    real = importlib.util.find_spec
+    hidden = ("mujoco", "newton_usd_schemas")
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *a: None if name in hidden else real(name, *a)
+    )
+    order = ["reduce", str(path), "--all", *OPTIONS]
+    assert main([*order, "--out", str(tmp_path / "o")]) == 0
+    said = capsys.readouterr().out
+    assert said.count("pip install 'jointplay[simulators]'") == 2
+    assert {one.name for one in (tmp_path / "o").iterdir()} == {
+        "robot.sdf",
+        "robot.urdf",
+        "robot.json",
+    }
+    assert main([*order, "--format", "mjcf", "--out", str(tmp_path / "p")]) == 2
+    assert "package mujoco is missing" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(JointplayError, match="pip install"):
+        find_play("<mujoco/>")
