@@ -371,3 +371,30 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(JointplayError, match="pip install"):
         find_play("<mujoco/>")
+
+
+def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    out = tmp_path / "out"
+    order = ["reduce", "so101", "--preset", "--all", "--format", "mjcf", "--period", "0.4"]
+    assert main([*order, "--quiet", "--out", str(out)]) == 0
+    text = (out / "robot.xml").read_text()
+    found = find_play(text)
+    arm = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
+    assert list(found) == arm
+    for one in found.values():
+        assert np.rad2deg(one.dead_band) == pytest.approx(0.5, rel=1e-3)
+        assert one.stiffness == pytest.approx(25.3, rel=1e-3)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    goal = 0.5
+    at = int(model.actuator_ctrladr[model.actuator("shoulder_pan").id])
+    data.ctrl[at] = goal
+    while data.time < 3.0:
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all()
+    motor, play = (
+        float(data.qpos[model.joint(n).qposadr[0]]) for n in ("shoulder_pan", "shoulder_pan_play")
+    )
+    assert motor == pytest.approx(goal, abs=0.05)
+    assert abs(play) < np.deg2rad(0.25) + 0.02

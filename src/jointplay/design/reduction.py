@@ -289,16 +289,17 @@ def reduce_all(
     mechanism: Mechanism,
     pose: Mapping[str, float] | None = None,
     *,
+    amplitude: float = AMPLITUDE,
+    period: float = PERIOD,
     progress: bool = False,
-    **reversals: float,
 ) -> tuple[list[Reduction], dict[str, str]]:
     """Reduce every joint that has play; each alone, as `reduce` does.
 
     Args:
         mechanism: the robot.
         pose: joint positions about which each reverses [rad or m]; the rest zero.
+        amplitude, period: of the reversals [rad, s].
         progress: show a bar.
-        reversals: `amplitude` [rad] and `period` [s] of `reduce`.
 
     Returns:
         The reductions, and why other joints with play have none, by joint.
@@ -320,7 +321,7 @@ def reduce_all(
     found = []
     with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
         for name in bar:
-            found.append(reduce(mechanism, name, pose, **reversals))
+            found.append(reduce(mechanism, name, pose, amplitude=amplitude, period=period))
     return found, refused
 
 

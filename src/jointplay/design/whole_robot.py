@@ -515,8 +515,9 @@ def intervals(
             bearing = max(one.friction - own, 0.0)
             dry = mine.get("dry_friction", (own, own, own))
             low, high, nominal = mine.get("friction", (1.0, 1.0, 1.0))
-            better["friction"] = tuple(
-                a + bearing * b / nominal for a, b in ((dry[0], low), (dry[1], high))
+            better["friction"] = (
+                dry[0] + bearing * low / nominal,
+                dry[1] + bearing * high / nominal,
             )
         used += len(better)
         for quantity in QUANTITIES:
@@ -593,7 +594,7 @@ def drawn(
     reductions: Iterable[Reduction], ranges: Sequence[Interval], row: np.ndarray
 ) -> list[Reduction]:
     """The joints with the values of a row of `draw`."""
-    changes: dict[str, dict[str, float]] = {}
+    changes: dict[str, dict[str, Any]] = {}
     for one, value in zip(ranges, row, strict=True):
         if one.quantity == "motor_friction":
             continue
