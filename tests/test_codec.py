@@ -227,6 +227,8 @@ def test_what_version_0_1_wrote_is_read():
     assert schema.read(Clearance, json.loads(OLD_JOINT)) == jp.RevoluteClearance(
         radial_clearance=2e-4,
         axial_clearance=2e-4,
+        bearing_material=jp.Material(),
+        journal_material=jp.Material(),
         normal=jp.contact.HuntCrossley(1.2, 1.5, 0.9),
         friction=jp.contact.GonthierFriction(),
         lubricant=jp.contact.ShortBearing(0.05, cavitation="sommerfeld"),

@@ -18,6 +18,7 @@ import numpy as np
 
 from jointplay import analysis
 from jointplay.analysis.claims import measure
+from jointplay.analysis.twins import hinges
 from jointplay.core import signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
@@ -352,7 +353,7 @@ def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
     found: dict[str, Measured] = {}
     judged = result.time >= result.judge_from
     # Hinges of flexible links hold their bodies by more than the force of their springs.
-    hinges = {name for its in result.simulation.mechanism.hinges.values() for name in its}
+    soft = hinges(result)
     if result.joints:
         forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
         names: Sequence[str] = result.joints
@@ -362,9 +363,9 @@ def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
     for how, force in forces.items():
         sizes = np.linalg.norm(force.values, axis=2)
         for k, name in enumerate(names):
-            if name in hinges:
+            if name in soft:
                 continue
-            at = "" if len(names) - len(hinges) == 1 else f", {name}"
+            at = "" if len(names) - len(soft) == 1 else f", {name}"
             found[f"{how} joint force{at}"] = _history(how, sizes[judged, k], "N")
     if ideal is not None:
         away = analysis.deviation(result, ideal)

@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
+from jointplay.analysis.twins import has_play, hinges, ideal_simulation, tool_motion
 from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few
@@ -62,9 +62,9 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     if ideal is not None and has_play(result):
         lines += _tool(result, ideal, deviation(result, ideal), start, since)
     if result.joints:
-        hinges = _hinges(result)
+        hinged = hinges(result)  # they hold bodies by more than the force of their springs
         lines += [
-            _force(result, joint, start, since) for joint in result.joints if joint not in hinges
+            _force(result, joint, start, since) for joint in result.joints if joint not in hinged
         ]
         lines += _bearings(result, since)
         with suppress(JointplayError):  # too few records
@@ -123,8 +123,8 @@ def _cause(result: Result) -> str:
     """What parts a mechanism from the ideal one, and where."""
     mechanism = result.simulation.mechanism
     joints, gears = mechanism.clearance, mechanism.gears
-    hinges = _hinges(result)
-    soft = [name for name, joint in joints.items() if joint.springs and name not in hinges]
+    hinged = hinges(result)
+    soft = [name for name, joint in joints.items() if joint.springs and name not in hinged]
     soft += [f"link {name}" for name in mechanism.hinges]
     elasticity = f"lasticity of {few(soft)}" if soft else ""
     sizes = {name: joint.play_words for name, joint in joints.items() if not joint.springs}
@@ -135,11 +135,6 @@ def _cause(result: Result) -> str:
     if len(set(sizes.values())) == 1:
         return f"Play of {next(iter(sizes.values()))} in {few(list(sizes))}{more}"
     return f"Play in {few([f'{name} ({size})' for name, size in sizes.items()])}{more}"
-
-
-def _hinges(result: Result) -> set[str]:
-    """Hinges of flexible links: they hold bodies by more than the force of their springs."""
-    return {name for its in result.simulation.mechanism.hinges.values() for name in its}
 
 
 def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from jointplay.core.errors import MissingName
 from jointplay.joints import JOINT_KINDS, VIRTUAL_LINK, RollingBearing, SlidingClearance, class_of
 from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.mechanism.flexible import HINGE
 from jointplay.mechanism.free_base import BASE, FREE
 from jointplay.result.result import Result
 from jointplay.result.stored import stored_coordinates
@@ -41,6 +42,16 @@ def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
     """The stored inputs of the joints that have clearance, by name."""
     given = inputs(result)["mechanism"]["clearance"]
     return {name: given[name] for name in result.joints if name in given}
+
+
+def hinges(result: Result) -> set[str]:
+    """Joints of a result that are hinges of flexible links.
+
+    Nothing is built unless a joint has the name of one.
+    """
+    if not any(HINGE in name for name in result.joints):
+        return set()
+    return {name for its in result.simulation.mechanism.hinges.values() for name in its}
 
 
 def rolls(result: Result, joint: str) -> bool:

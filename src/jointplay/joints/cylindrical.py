@@ -48,7 +48,7 @@ def touch(k, pose, bearing_radius, journal_radius, bearing_length):  # type: ign
     x, y, bulge = abs(along) * az * az, abs(across), bearing_radius * sine * sine
     norm = math.sqrt(x * x + y * y)
     c, s = (x / norm, y / norm) if norm > 1e-150 else (1.0, 0.0)
-    if 0.0 < bulge < _NEAR * norm:
+    if norm > 1e-150 and 0.0 < bulge < _NEAR * norm:
         for _ in range(5):
             slope = -y * s - x * c - bulge * (c * c - s * s)
             step = -(y * c - x * s - bulge * s * c) / slope
