@@ -123,10 +123,8 @@ def _part(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
-    from jointplay.design.reduced_files import SPREAD
-
-    options.spread = SPREAD if options.spread is None else options.spread
-    require_non_negative("--spread", options.spread, "")
+    if options.spread is not None:
+        require_non_negative("--spread", options.spread, "")
     return _run_all(options) if options.all else _run_one(options)
 
 
@@ -149,6 +147,9 @@ def _run_one(options: argparse.Namespace) -> int:
     from jointplay.design import reduced_files
     from jointplay.design.reduction import reduce
     from jointplay.plots.design import reversals
+
+    if options.spread is None:
+        options.spread = reduced_files.SPREAD
 
     scenario = str(options.robot).endswith(".toml")
     if length is None and options.clearance is None:
@@ -215,8 +216,10 @@ def _run_all(options: argparse.Namespace) -> int:
     stems = [STEM, *copies]
     names = [f"{stem}{ending}" for stem in stems for ending in endings if ending != ".json"]
     names += [f"{STEM}.json"] * (".json" in endings) + ["batch.csv"] * bool(count)
-    from jointplay.design import whole_robot
+    from jointplay.design import reduced_files, whole_robot
 
+    if options.spread is None:
+        options.spread = reduced_files.SPREAD
     out = Outputs(options.out, names + [whole_robot.MESHES] * (".xml" in endings))
     from jointplay.design.reduction import reduce_all
 
