@@ -1,10 +1,12 @@
 """The command line through its real entry point."""
 
+import os
 import pickle
 import re
 import signal
 import subprocess
 import sys
+import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -537,3 +539,18 @@ def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
     )
     there = {path.name for path in (tmp_path / "o").iterdir()}
     assert {"errors.md", "fig09.png", "fig15.pdf"} <= there
+
+
+def test_an_interrupt_that_a_library_reports_as_a_wrong_value_is_an_interrupt(monkeypatch, capsys):
+    """Converters of matplotlib, written in C, turn the KeyboardInterrupt into a ValueError."""
+
+    def stopped(options):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(1.0)
+        except KeyboardInterrupt:
+            raise ValueError("Invalid affine transformation matrix") from None
+
+    monkeypatch.setattr("jointplay.commands.robots.run", stopped)
+    assert main(["robots"]) == 130
+    assert "interrupted; nothing was written" in capsys.readouterr().err

@@ -69,6 +69,7 @@ def test_normal_and_arm_are_the_gradient_of_the_gap(pose, k):
         assert (there - back) / (2 * step) == pytest.approx(gradient[i], abs=2e-6)
 
 
+@example(pose=(0.0, 0.0, 0.02, 1.3e-86, 0.0135, -1.16))
 @given(pose=poses)
 def test_ends_are_mirror_images_of_each_other(pose):
     centre, turn = at(pose)
@@ -78,6 +79,9 @@ def test_ends_are_mirror_images_of_each_other(pose):
     assert other[0] == pytest.approx(one[0], abs=1e-15)
     if one[0] > PLAY - 1e-12:
         return  # a centred axis has no nearest point
+    crossing = centre + (ROD.bearing_length / 2 - centre[2]) / turn[2, 2] * turn[:, 2]
+    if np.hypot(crossing[0], crossing[1]) < 1e-12:
+        return  # a leaning axis that crosses the bearing's there has two, on either side
     assert np.allclose(mirror @ other[1], one[1], atol=1e-12)
     assert np.allclose(mirror @ other[2], one[2], atol=1e-12)
 

@@ -110,7 +110,12 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
             return int(importlib.import_module(f"jointplay.commands.{module}").run(options))
     except JointplayError as error:
         return _refuse(options, str(error))
+    except KeyboardInterrupt as error:
+        return _interrupted(str(error))
     except (ArithmeticError, ValueError) as error:
+        # Converters written in C, such as matplotlib's, report the interrupt as a wrong value.
+        if signals.stop_requested():
+            return _interrupted("")
         numpy = sys.modules.get("numpy")
         linear = () if numpy is None else (numpy.linalg.LinAlgError,)
         if not isinstance(error, (ArithmeticError, *linear)):
@@ -120,9 +125,12 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
     except MemoryError:
         less = "record less often, or simulate a shorter time"
         return _refuse(options, f"this machine has too little memory for it; {less}")
-    except KeyboardInterrupt as error:
-        print(f"\ninterrupted{_kept(str(error))}", file=sys.stderr)
-        return INTERRUPTED
+
+
+def _interrupted(lost: str) -> int:
+    """Say that the command was told to stop, and what is there of it."""
+    print(f"\ninterrupted{_kept(lost)}", file=sys.stderr)
+    return INTERRUPTED
 
 
 def _refuse(options: argparse.Namespace, reason: str) -> int:
