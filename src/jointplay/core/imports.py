@@ -1,4 +1,4 @@
-"""What upper layers offer on objects of lower ones: loaded by name, when first asked for.
+"""Imports at the moment of need: of upper layers by lower ones, and of libraries that are extras.
 
 Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies: such
 conveniences name their home instead of importing it.
@@ -7,10 +7,29 @@ conveniences name their home instead of importing it.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+from jointplay.core.errors import JointplayError
 
 
 def load_object(address: str) -> Any:
     """The object at "module:name" of this package, such as ``plots:Plots``."""
     module, _, name = address.partition(":")
     return getattr(importlib.import_module(f"jointplay.{module}"), name)
+
+
+@contextmanager
+def extra(name: str, package: str) -> Iterator[None]:
+    """Say of a library that the block cannot import which extra brings it.
+
+    Raises:
+        JointplayError: it is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise JointplayError(
+            f"this needs {package} ({error}); install it with pip install 'jointplay[{name}]'"
+        ) from None

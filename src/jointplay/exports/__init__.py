@@ -8,7 +8,6 @@ extras, imported when it is asked for.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -117,21 +116,6 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
     if not overwrite:
         files.check_new(path)
     return to
-
-
-@contextmanager
-def extra(name: str, package: str) -> Iterator[None]:
-    """Say of a library that the block cannot import which extra brings it.
-
-    Raises:
-        JointplayError: it is missing.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise JointplayError(
-            f"this needs {package} ({error}); install it with pip install 'jointplay[{name}]'"
-        ) from None
 
 
 def in_blocks(number: int, size: int, what: str, progress: bool) -> Iterator[slice]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay import exports
+from jointplay.core.imports import extra
 from jointplay.core.progress import ProgressBar
 from jointplay.exports.trajectory import encoders, joint_trajectory, message, stamp
 from jointplay.result.result import AXES, Result
@@ -65,7 +65,7 @@ def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: the library is not installed.
     """
-    with exports.extra("ros", "mcap-ros2-support"):
+    with extra("ros", "mcap-ros2-support"):
         from mcap_ros2.writer import Writer
     sink = io.BytesIO()
     schemas: dict[str, Any] = {}

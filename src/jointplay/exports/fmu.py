@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from jointplay import exports
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.imports import extra
 from jointplay.core.units import convert
 from jointplay.loads.controller import Controller
 from jointplay.loads.drive import ComputedTorque
@@ -121,7 +121,7 @@ def fmu(
         JointplayError: PythonFMU3 is not installed, no such inputs, a period that is no multiple of
             the step, or a law of the user's own, which a unit cannot bring along.
     """
-    with exports.extra("fmu", "pythonfmu3"):
+    with extra("fmu", "pythonfmu3"):
         from pythonfmu3.builder import FmuBuilder
     if inputs not in INPUTS:
         raise MissingName("kind of inputs", inputs, INPUTS)

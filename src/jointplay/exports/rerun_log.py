@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 import trimesh
 
-from jointplay import exports
+from jointplay.core.imports import extra
 from jointplay.core.progress import ProgressBar
 from jointplay.exports.table import columns
 from jointplay.mechanism.mechanism import Mechanism
@@ -31,7 +31,7 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: rerun is not installed, or the result's mechanism cannot be built.
     """
-    with exports.extra("rerun", "rerun-sdk"):
+    with extra("rerun", "rerun-sdk"):
         import rerun as rr
     escape = rr.escape_entity_path_part
     mechanism = result.simulation.mechanism

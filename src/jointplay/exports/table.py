@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay import exports
+from jointplay.core.imports import extra
 from jointplay.result.result import Result
 from jointplay.result.thinning import thinned
 
@@ -94,7 +95,7 @@ def parquet(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: pyarrow is not installed.
     """
-    with exports.extra("tables", "pyarrow"):
+    with extra("tables", "pyarrow"):
         import pyarrow as pa
         import pyarrow.parquet as pq
     frame = dataframe(result)

@@ -17,6 +17,7 @@ import numpy as np
 from jointplay import exports
 from jointplay.analysis.twins import inputs
 from jointplay.core.errors import JointplayError
+from jointplay.core.imports import extra
 from jointplay.joints import MOTOR, Coordinate, class_of
 from jointplay.mechanism.free_base import BASE, FREE
 from jointplay.result.result import Result
@@ -111,7 +112,7 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
         writer.writerow(["time_s", *motion.joints])
         writer.writerows(np.column_stack([motion.time, motion.position]).tolist())
         return text.getvalue().encode()
-    with exports.extra("ros", "PyYAML"):
+    with extra("ros", "PyYAML"):
         import yaml
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}

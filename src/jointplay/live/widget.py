@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.core.errors import JointplayError
-from jointplay.exports import extra
+from jointplay.core.imports import extra
 from jointplay.live import server
 from jointplay.live.server import plain, scripts, style, values_of
 from jointplay.live.state import State

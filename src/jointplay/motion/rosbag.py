@@ -6,8 +6,9 @@ Read by the library ``mcap-ros2-support``, which runs nothing that a file says.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
-from contextlib import redirect_stderr
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stderr
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.imports import extra
 
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 _STATE = "sensor_msgs/msg/JointState"
@@ -40,27 +42,58 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
             make no motion.
     """
     path = Path(path)
-    try:
+    with opened(path) as bag:
+        kind, chosen = _choose(bag.topics, path, topic)
+        messages = [one[3] for one in bag.reader.iter_decoded_messages([chosen])]
+        where = f"{path}, topic {chosen}"
+        if not messages:
+            raise JointplayError(f"{where}: there is no message")
+        return _trajectory(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag that is open."""
+
+    reader: Any
+    """Of the library mcap; its messages come decoded."""
+    topics: dict[str, str]
+    """Kind of the messages of each topic, such as ``sensor_msgs/msg/JointState``."""
+    messages: dict[str, int]
+    """Number of messages of each topic, as far as the bag says."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Bag]:
+    """A bag, and what its libraries raise in the block as one error.
+
+    Raises:
+        JointplayError: no such file, no bag, a bag without summary, a missing library.
+    """
+    with extra("ros", "mcap-ros2-support"):
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
-    except ImportError as error:
-        raise JointplayError(
-            f"reading {path.name!r} needs mcap-ros2-support ({error}); install it with "
-            "pip install 'jointplay[ros]'"
-        ) from None
     if not files.is_file(path):
         raise files.missing(path, "bag")
     try:
         files.check_plain(path, MOST_BYTES)
         with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to
-            factories = [DecoderFactory()]
-            reader = make_reader(file, validate_crcs=True, decoder_factories=factories)
-            kind, chosen = _choose(reader, path, topic)
-            messages = [one[3] for one in reader.iter_decoded_messages([chosen])]
-        where = f"{path}, topic {chosen}"
-        if not messages:
-            raise JointplayError(f"{where}: there is no message")
-        return _trajectory(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
+            reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            summary = reader.get_summary()
+            if summary is None:
+                raise JointplayError(
+                    f"the bag {str(path)!r} has no summary; `mcap recover` creates one"
+                )
+            kinds = {
+                channel.topic: summary.schemas[channel.schema_id].name
+                for channel in summary.channels.values()
+                if channel.schema_id in summary.schemas
+            }
+            counts = summary.statistics.channel_message_counts if summary.statistics else {}
+            numbers = {
+                channel.topic: counts.get(number, 0) for number, channel in summary.channels.items()
+            }
+            yield Bag(reader, kinds, numbers)
     except JointplayError:
         raise
     except Exception as error:  # its libraries raise whatever they stumble over
@@ -68,27 +101,20 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
         raise JointplayError(f"cannot read the bag {str(path)!r}: {reason}") from None
 
 
-def _choose(reader: Any, path: Path, topic: str | None) -> tuple[str, str]:
-    """Kind and name of the topic to read."""
-    summary = reader.get_summary()
-    if summary is None:
-        raise JointplayError(f"the bag {str(path)!r} has no summary; `mcap recover` creates one")
-    topics: dict[str, str] = {}
-    for channel in summary.channels.values():
-        schema = summary.schemas.get(channel.schema_id)
-        if schema is not None and schema.name in (_TRAJECTORY, _STATE):
-            topics[channel.topic] = schema.name
+def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
+    """Kind and name of the topic to read, of all topics with their kinds."""
+    fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, _STATE)}
     if topic is not None:
-        if topic not in topics:
-            raise MissingName("topic of joint positions", topic, topics)
-        return topics[topic], topic
+        if topic not in fit:
+            raise MissingName("topic of joint positions", topic, fit)
+        return fit[topic], topic
     for kind in (_TRAJECTORY, _STATE):
-        named = [name for name, one in topics.items() if one == kind]
+        named = [name for name, one in fit.items() if one == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
         if named:
             return kind, named[0]
-    held = ", ".join(sorted(schema.name for schema in summary.schemas.values())) or "nothing"
+    held = ", ".join(sorted(set(topics.values()))) or "nothing"
     raise JointplayError(f"{path}: neither a JointTrajectory nor a JointState; it holds {held}")
 
 
