@@ -10,6 +10,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import analysis
+from jointplay.analysis import comparison
 from jointplay.study import scara
 
 
@@ -55,12 +56,10 @@ def test_a_run_differs_from_itself_in_nothing(folder):
 
 
 def test_a_difference_within_the_numerical_errors_is_said_to_be(folder):
-    figure = analysis.comparison.CertifiedFigure
-    near = analysis.comparison.Pair(
-        "peak tool error", figure("", 1.0, 0.2, "m"), figure("", 1.3, 0.2, "m")
-    )
-    far = analysis.comparison.Pair("", near.first, figure("", 1.5, 0.2, "m"))
-    unknown = analysis.comparison.Pair("", near.first, figure("", 1.5, math.inf, "m"))
+    figure = comparison.CertifiedFigure
+    near = comparison.Pair("peak tool error", figure("", 1.0, 0.2, "m"), figure("", 1.3, 0.2, "m"))
+    far = comparison.Pair("", near.first, figure("", 1.5, 0.2, "m"))
+    unknown = comparison.Pair("", near.first, figure("", 1.5, math.inf, "m"))
     assert (near.beyond_errors, far.beyond_errors, unknown.beyond_errors) == (False, True, None)
     found = analysis.Comparison(("a", "b"), (), (near,), None)
     assert found.answer.endswith("1.3 times as much, no more than the numerical errors")
