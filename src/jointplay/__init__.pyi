@@ -22,6 +22,7 @@ from .design.static_budget import budget as budget
 from .design.wear import wear as wear
 from .exports import export as export
 from .identification import Measurement as Measurement
+from .identification import Recording as Recording
 from .identification import StaticPoses as StaticPoses
 from .identification import Term as Term
 from .identification import calibrate as calibrate

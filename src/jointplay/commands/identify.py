@@ -48,8 +48,9 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "data",
         nargs="?",
-        metavar="CSV",
-        help=("measurement with columns such as 'time [s]', 'tool x [mm]'"),
+        metavar="DATA",
+        help="measurement: CSV with columns such as 'time [s]', 'tool x [mm]'; ROS 2 bag (.mcap or "
+        "its folder); folder of a LeRobot dataset",
     )
     group = parser.add_argument_group("measurement")
     add_option(
@@ -95,6 +96,25 @@ def add(commands: Any) -> None:
         "degree of the polynomial in time by which readings may drift; 0: no drift",
         DRIFT,
     )
+    group = parser.add_argument_group("bags and datasets")
+    add_repeatable(
+        group,
+        "--source SIGNAL=TOPIC",
+        "topic of a bag that has a signal, or feature of a dataset and its unit: "
+        '"motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]", '
+        '"elbow reaction=/load_cell"; signals are motor, link, torque, tool, force, acceleration '
+        "and, of one joint, reaction; without the option, the error lists what there is",
+    )
+    add_repeatable(
+        group,
+        "--map JOINT=NAME",
+        "recorded name of a joint (or axis x, y, z), with a sign, factor and offset: "
+        '"elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"',
+    )
+    add_option(group, "--episode N", "episode of a dataset, counted from 0")
+    add_repeatable(
+        group, "--world FRAME", "frame of a bag whose axes are those of the robot's base"
+    )
     group = parser.add_argument_group("by simulated runs of the scenario")
     add_option(
         group,
@@ -139,7 +159,10 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError("give either --plan or a measurement, not both")
     processes.number_of(options.jobs)
     if not options.plan and options.data is None:
-        raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")
+        raise JointplayError(
+            "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
+        )
+    data = options.data if options.plan else _recording(options)
     names = ["identified.csv", "identified.json", "identified.png"]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
     work = task(options)
@@ -159,7 +182,7 @@ def run(options: argparse.Namespace) -> int:
         if options.out:
             out.write({"plan.txt": f"{text}\n"})
         return 0
-    fit = _identify(options, work, shared)
+    fit = _identify(options, data, work, shared)
     notes = list(work.notes)
     if options.gear and work.simulation is None:
         notes.append(
@@ -203,7 +226,7 @@ def _plan(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -> st
     return str(plan)
 
 
-def _identify(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -> Any:
+def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[str, Any]) -> Any:
     """What the measurement tells."""
     from jointplay.identification import identify
 
@@ -212,7 +235,7 @@ def _identify(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -
         machine = replace(work.simulation, mechanism=work.mechanism)
     return identify(
         machine,
-        options.data,
+        data,
         motion=work.motion,
         reference=options.reference,
         drift=options.drift,
@@ -221,6 +244,32 @@ def _identify(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -
         progress=not options.quiet,
         **shared,
     )
+
+
+def _recording(options: argparse.Namespace) -> Any:
+    """The bag or dataset that is measured, or the path of a CSV."""
+    from jointplay.identification.recordings import Recording, is_recording
+
+    about = (options.source, options.map, options.episode is not None, options.world)
+    if not any(about) and not is_recording(options.data):
+        return options.data
+    sources = _pairs(options.source, "--source SIGNAL=TOPIC, such as motor=/joint_states")
+    names = _pairs(options.map, "--map JOINT=NAME")
+    return Recording(options.data, sources, names, options.episode, tuple(options.world))
+
+
+def _pairs(entries: list[str], form: str) -> dict[str, str]:
+    """What stands before and after the sign of equality of a repeatable option."""
+    option, _, words = form.partition(" ")
+    pairs: dict[str, str] = {}
+    for text in entries:
+        first, equals, second = (part.strip() for part in text.partition("="))
+        if not (first and equals and second):
+            raise JointplayError(f"{option} must read {words}, got {text!r}")
+        if first in pairs:
+            raise JointplayError(f"{option} {first!r} appears twice")
+        pairs[first] = second
+    return pairs
 
 
 def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:

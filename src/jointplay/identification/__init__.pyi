@@ -9,4 +9,5 @@ from .measurement import Measurement as Measurement
 from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan
 from .planning import plan_measurement as plan_measurement
+from .recordings import Recording as Recording
 from .static_poses import StaticPoses as StaticPoses

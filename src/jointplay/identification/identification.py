@@ -52,6 +52,7 @@ from jointplay.identification.parameters import (
     known_gears,
     with_clearance,
 )
+from jointplay.identification.recordings import Recording, is_recording
 from jointplay.identification.restitution import (
     IMPACT_KINDS,
     Restitution,
@@ -389,7 +390,7 @@ class Identification:
 
 def identify(
     machine: Simulation | Mechanism,
-    measured: Measurement | str | Path,
+    measured: Measurement | Recording | str | Path,
     *,
     motion: Motion | None = None,
     reference: str = "place",
@@ -410,7 +411,7 @@ def identify(
 
     Args:
         machine: the scenario's simulation or the mechanism, with the play that is expected.
-        measured: signals, or the file that has them.
+        measured: signals, or the file that has them (CSV); of a bag or dataset, a `Recording`.
         motion: reference, if the machine has none of its own; for joints without encoder.
         reference: what is known of the tool's ideal place, one of `fit.REFERENCES`: ``place``
             (nothing, but the same at each visit), ``frame`` (all but where the tracker's frame
@@ -426,7 +427,7 @@ def identify(
         drift: degree of the polynomial in time by which readings may drift; 0: they do not.
         runs: simulations by which restitution is sought where flights do not identify it; 0: none.
         jobs: processes for them; None takes one for each core.
-        progress: show a bar for them.
+        progress: show a bar for them, and for reading.
 
     Raises:
         JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
@@ -435,7 +436,7 @@ def identify(
     mechanism, motion, friction = _inputs(machine, motion, joint_friction)
     if reference not in REFERENCES:
         raise MissingName("reference", reference, REFERENCES)
-    measured = _read(measured, mechanism, noise)
+    measured = _read(measured, mechanism, noise, progress)
     bounced = by_flights(mechanism, measured)
     if drift < 0:
         raise JointplayError(f"the degree of the drift must not be negative, got {drift}")
@@ -575,19 +576,26 @@ def _impacts_only(
     none, nothing = np.zeros((0, 0)), np.zeros(0)
     return Identification(
         (), nothing, nothing, (), (), mechanism, made, observed, none, none, none[..., None],
-        np.nan, reference, (note,), measured,
+        np.nan, reference, (*measured.notes, note), measured,
     )  # fmt: skip
 
 
 def _read(
-    measured: Measurement | str | Path, mechanism: Mechanism, noise: Mapping[str, float] | None
+    measured: Measurement | Recording | str | Path,
+    mechanism: Mechanism,
+    noise: Mapping[str, float] | None,
+    progress: bool,
 ) -> Measurement:
     """The measurement, of a file if it is one, with the noise that is given."""
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
         slides = {name: entries[name].slides for name in moving(mechanism)}
         slides = dict.fromkeys(mechanism.clearance, False) | slides
-        return Measurement.from_csv(measured, slides, noise)
+        if not isinstance(measured, Recording):
+            if not is_recording(measured):
+                return Measurement.from_csv(measured, slides, noise)
+            measured = Recording(measured, {})
+        return measured.measurement(slides, noise, progress)
     return replace(measured, noise={**measured.noise, **(noise or {})})
 
 
@@ -727,6 +735,7 @@ def _assumptions(
     if all(word.endswith(" rigid") for word in stated) and "tool rigid" in stated:
         stated = ["everything rigid but gears"]
     lines = [
+        *measured.notes,
         f"assumed (--reference {reference}): {_IDEAL[reference]}",
         f"assumed (--stiffness): {', '.join(stated) or 'nothing'}; other compliances are unknown",
     ]

@@ -73,6 +73,8 @@ class Measurement:
     """Where it came from, for messages."""
     sliding: frozenset[str] = frozenset()
     """Joints that slide: their signals are in m and N, those of others in rad and N m."""
+    notes: tuple[str, ...] = ()
+    """What was chosen or left out when it was read, a line each."""
 
     def __post_init__(self) -> None:
         """Check shapes and times."""
@@ -340,6 +342,8 @@ SETTLING = 0.4
 """Part of a stop that is left out at its beginning, while the machine calms down."""
 FEWEST_IN_VISIT = 3
 """Records that a visit must have."""
+_APART = 8
+"""Records over which the interval between records is taken."""
 MOST_PATH = 4000
 """Points to which the motors' paths are thinned."""
 _THRESHOLD = 6.0
@@ -479,7 +483,7 @@ def positions(
             counts = kind == "motor" or name not in mechanism.gears
             if counts and (kind, name) in measured.signals:
                 records = measured.signals[kind, name]
-                joint_positions[:, column] = _filled(records, measured.time, name)
+                joint_positions[:, column] = _filled(records, measured.time, f"{name} {kind}")
                 spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
                 limits[column] = max(spread, _SMALLEST)
                 break
@@ -491,10 +495,10 @@ def positions(
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
-    """Positions of an encoder (n,), gaps interpolated."""
+    """Positions or forces (n,), gaps interpolated."""
     good = ~np.isnan(values)
     if good.sum() < FEWEST_IN_VISIT:
-        raise JointplayError(f"the encoder of {name!r} has {good.sum()} records only")
+        raise JointplayError(f"{name} has {good.sum()} records only")
     return np.asarray(np.interp(time, time[good], values[good]))
 
 
@@ -612,9 +616,10 @@ def visits(
     for column in np.flatnonzero(ranges > 2.0 * limit):
         ways[:, column] = turns(q[:, column], limit[column])
     size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
-    force = np.column_stack(
-        [np.nan_to_num(measured.signals.get(("force", a), np.zeros(len(time)))) for a in AXES]
-    )
+    force = np.zeros((len(time), 3))
+    for axis, name in enumerate(AXES):
+        if not np.isnan(given := measured.signals.get(("force", name), force[:, axis])).all():
+            force[:, axis] = _filled(given, time, f"force {name}")
     course = _Course(time, q, ways, _standing(time, q, limit), size, force)
     pieces = course.pieces()
     if not pieces:
@@ -661,7 +666,10 @@ def visits(
 
 def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
     """Whether a record belongs to a while in which all joints stay within their limits, (n,)."""
-    width = max(int(np.ceil(STOP_S / np.median(np.diff(time)))), 2)
+    # Over several records: signals of different instruments come in pairs, and recordings pause.
+    apart = min(_APART, len(time) - 1)
+    interval = float(np.median(time[apart:] - time[:-apart])) / apart
+    width = max(int(np.ceil(STOP_S / interval)), 2)
     ranges = maximum_filter1d(q, width, axis=0) - minimum_filter1d(q, width, axis=0)
     still = (ranges <= limit).all(axis=1)
     # `still` marks the middles of such whiles: all records within one belong to it. Windows of even
