@@ -53,6 +53,8 @@ _VECTORS = {
 _KINDS = (*_JOINT_FIELDS, *_VECTORS)
 _IN_WORLD_AXES = ("tool", "force")
 """Kinds of signal whose directions count; of accelerations and reactions only sizes do."""
+_INPUTS = ("motor", "link", "force")
+"""Kinds of signal that must be known at the times of the others."""
 _SUFFIXES = {"motor": ("pos", "position"), "link": ("pos", "position"), "torque": ("effort",)}
 """What LeRobot puts behind the name of a motor, by kind of signal."""
 _MAP = re.compile(r"(?:([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*|(-)\s*)?(\S+)(?:\s+([-+])\s*(\S.*))?")
@@ -563,8 +565,8 @@ class _Signals:
     def _map(self, target: str) -> _Map | None:
         """What is recorded of a joint or axis; None for nothing."""
         names, kind = self.series.values, self.source.kind
-        if target in self.maps:
-            return self.maps[target] if self.maps[target].name in names else None
+        if target in self.maps and self.maps[target].name in names:
+            return self.maps[target]
         taken = {one.name for one in self.maps.values()}
         free = [name for name in names if name not in taken]
         if target in free:
@@ -615,12 +617,11 @@ def _together(
         key: (time[~np.isnan(values)][0], time[~np.isnan(values)][-1])
         for key, (time, values) in found.items()
     }
-    begin = max(span[0] for key, span in spans.items() if _between(key, spans))
-    end = min(span[1] for key, span in spans.items() if _between(key, spans))
-    start = min(span[0] for span in spans.values())
-    if begin >= end or all(
-        span[0] > end or span[1] < begin for key, span in spans.items() if not _between(key, spans)
-    ):
+    inputs = [spans[key] for key in spans if key[0] in _INPUTS] or list(spans.values())
+    begin, end = max(first for first, _ in inputs), min(last for _, last in inputs)
+    start = min(first for first, _ in spans.values())
+    others = [span for span in spans.values() if span not in inputs] or inputs
+    if begin >= end or not any(first <= end and last >= begin for first, last in others):
         said = dict.fromkeys(
             f"{' '.join(key)} {(span[0] - start) / _NANO:.6g} to {(span[1] - start) / _NANO:.6g} s"
             for key, span in spans.items()
@@ -642,9 +643,3 @@ def _together(
         inside = (time >= begin) & (time <= end)
         signals[key][np.searchsorted(kept, time[inside])] = values[inside]
     return (kept - kept[0]) / _NANO, signals
-
-
-def _between(key: Key, all_keys: Iterable[Key]) -> bool:
-    """Whether a signal must be known at the times of the others; all, if there is none such."""
-    inputs = ("motor", "link", "force")
-    return key[0] in inputs or not any(one[0] in inputs for one in all_keys)

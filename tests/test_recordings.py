@@ -1,0 +1,439 @@
+"""Bags written by the library rosbags and datasets laid out as LeRobot does, as measurements."""
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from test_identify import CLEARANCE, FRICTION, arm, planar, seen
+
+from jointplay import JointplayError, Mechanism, Recording, identify
+from jointplay.cli import main
+
+assert arm  # a fixture
+
+JOINTS = {"j": False, "rail": True}
+ROS = get_typestore(Stores.ROS2_HUMBLE)
+POSE = "geometry_msgs/msg/PoseStamped"
+START = 1_700_000_000_000_000_000
+
+
+def message(kind, time, frame="", **fields):
+    """A message with a header; of vectors x, y and z are given, all else is zero."""
+    types = ROS.types
+    stamp = types["builtin_interfaces/msg/Time"](*divmod(time, 1_000_000_000))
+    header = types["std_msgs/msg/Header"](stamp, frame)
+    vector, point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
+    turn, zero = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0), vector(0.0, 0.0, 0.0)
+    at = fields.get("at")
+    if kind == "sensor_msgs/msg/JointState":
+        empty = np.zeros(0)
+        numbers = [
+            np.array(fields.get(k, empty), float) for k in ("position", "velocity", "effort")
+        ]
+        return types[kind](header, fields["name"], *numbers)
+    if kind == "geometry_msgs/msg/PoseStamped":
+        return types[kind](header, types["geometry_msgs/msg/Pose"](point(*at), turn))
+    if kind == "geometry_msgs/msg/PointStamped":
+        return types[kind](header, point(*at))
+    if kind == "geometry_msgs/msg/TransformStamped":
+        moved = types["geometry_msgs/msg/Transform"](vector(*at), turn)
+        return types[kind](header, "tool", moved)
+    if kind == "geometry_msgs/msg/WrenchStamped":
+        return types[kind](header, types["geometry_msgs/msg/Wrench"](vector(*at), zero))
+    if kind == "geometry_msgs/msg/Vector3Stamped":
+        return types[kind](header, vector(*at))
+    none = np.zeros(9)
+    return types["sensor_msgs/msg/Imu"](header, turn, none, zero, none, vector(*at), none)
+
+
+def bag(folder, topics):
+    """A bag as `ros2 bag record` makes it, of rows (kind, time [s], fields) by topic."""
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, rows in topics.items():
+            channel = writer.add_connection(topic, rows[0][0], typestore=ROS)
+            for kind, time, fields in rows:
+                nano = START + round(1e9 * time)
+                fields = dict(fields)
+                stamp = 0 if fields.pop("unstamped", False) else nano
+                made = message(kind, stamp, **fields)
+                writer.write(channel, nano, ROS.serialize_cdr(made, kind))
+    return folder
+
+
+def states(time, **columns):
+    """Rows of JointState messages of joints' columns; `torques` are those of all."""
+    torques = columns.pop("torques", None)
+    return [
+        (
+            "sensor_msgs/msg/JointState",
+            t,
+            {
+                "name": list(columns),
+                "position": [values[i] for values in columns.values()],
+                "effort": [] if torques is None else [torques[i]] * len(columns),
+            },
+        )
+        for i, t in enumerate(time)
+    ]
+
+
+def vectors(kind, time, table, **fields):
+    return [
+        (kind, t, {"at": row, **fields}) for t, row in zip(time, np.asarray(table), strict=True)
+    ]
+
+
+def table(measured, kind):
+    return np.column_stack(
+        [measured.signals.get((kind, axis), np.zeros(len(measured.time))) for axis in "xyz"]
+    )
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """The arm's encoder and tracker, 3 ms apart, and half as many forces of a third clock."""
+    measured = seen()
+    time = measured.time
+    angle = measured.signals["motor", "j"]
+    forces, later = slice(0, None, 2), time + 3e-3
+    return bag(
+        tmp_path_factory.mktemp("bag") / "recorded",
+        {
+            "/joint_states": states(
+                time + 3e-3, j=np.interp(time + 3e-3, time, angle), gripper=0.0 * time
+            ),
+            "/tracker": vectors(POSE, time, table(measured, "tool")),
+            "/push": vectors(
+                "geometry_msgs/msg/WrenchStamped",
+                time[forces] + 1e-3,
+                table(measured, "force")[forces],
+                frame="base_link",
+            ),
+        },
+    )
+
+
+SOURCES = {"motor": "/joint_states", "tool": "/tracker", "force": "/push"}
+
+
+def test_a_bag_of_topics_with_times_of_their_own_is_identified(arm, recorded):
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    found = identify(mechanism, Recording(recorded, SOURCES, world=["base_link"]))
+    for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
+        value, half = found[label]
+        assert half < 0.2 * wanted
+        assert abs(value - wanted) < 2.0 * half
+    assert found.identified[:2].all()
+
+
+def test_signals_keep_the_times_of_their_records(recorded):
+    read = Recording(recorded, SOURCES, world=["base_link"]).measurement(JOINTS)
+    clean = seen()
+    assert read.time[0] == 0.0
+    n = len(clean.time)
+    for key, number in ((("force", "z"), n / 2), (("motor", "j"), n), (("tool", "x"), n)):
+        assert number - 3 < np.isfinite(read.signals[key]).sum() <= number
+    x = read.signals["tool", "x"]
+    known = ~np.isnan(x)
+    # Encoder and force begin later than the tracker: its second record is the first that is kept.
+    assert np.array_equal(x[known], clean.signals["tool", "x"][1 : 1 + known.sum()])
+    steps = np.diff(read.time[known])
+    assert steps == pytest.approx(0.01, abs=2e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "signal"),
+    [
+        ("geometry_msgs/msg/PoseStamped", "tool"),
+        ("geometry_msgs/msg/PointStamped", "tool"),
+        ("geometry_msgs/msg/TransformStamped", "tool"),
+        ("geometry_msgs/msg/WrenchStamped", "force"),
+        ("geometry_msgs/msg/Vector3Stamped", "force"),
+        ("sensor_msgs/msg/Imu", "acceleration"),
+        ("geometry_msgs/msg/Vector3Stamped", "acceleration"),
+        ("geometry_msgs/msg/WrenchStamped", "j reaction"),
+    ],
+)
+def test_vectors_are_read_from_the_messages_that_have_them(tmp_path, kind, signal):
+    time = 0.01 * np.arange(30)
+    rows = np.column_stack([time, 2.0 + time, 3.0 - time])
+    path = bag(tmp_path / "b", {"/v": vectors(kind, time, rows)})
+    read = Recording(path, {signal: "/v"}).measurement(JOINTS)
+    assert read.time == pytest.approx(time, abs=1e-9)
+    if signal == "j reaction":
+        assert read.signals["reaction", "j"] == pytest.approx(np.linalg.norm(rows, axis=1))
+    else:
+        assert np.array_equal(table(read, signal), rows)
+
+
+def test_joints_are_renamed_turned_and_shifted(tmp_path):
+    time = 0.01 * np.arange(30)
+    path = bag(
+        tmp_path / "b",
+        {"/s": states(time, motor_1=0.1 * time, motor_2=time, torques=1.0 + time)},
+    )
+    names = {"j": "-2*motor_1 + 90 deg", "rail": "motor_2 - 5 mm"}
+    read = Recording(path, {"motor": "/s", "torque": "/s"}, names).measurement(JOINTS)
+    assert read.signals["motor", "j"] == pytest.approx(np.pi / 2 - 0.2 * time)
+    assert read.signals["motor", "rail"] == pytest.approx(time - 5e-3)
+    assert read.signals["torque", "j"] == pytest.approx(-0.5 * (1.0 + time))  # the same power
+    assert read.signals["torque", "rail"] == pytest.approx(1.0 + time)
+    assert read.sliding == {"rail"}
+
+
+def test_one_joint_may_have_a_topic_of_its_own(tmp_path):
+    time = 0.01 * np.arange(30)
+    path = bag(tmp_path / "b", {"/m": states(time, j=time), "/l": states(time, encoder=2.0 * time)})
+    sources = {"motor": "/m", "j link": "/l"}
+    read = Recording(path, sources, {"j": "encoder"}).measurement(JOINTS)
+    assert read.signals["motor", "j"] == pytest.approx(time)
+    assert read.signals["link", "j"] == pytest.approx(2.0 * time)
+
+
+def test_messages_without_stamps_have_the_times_of_their_recording(tmp_path):
+    time = 0.01 * np.arange(30)
+    rows = [(kind, t, fields | {"unstamped": True}) for kind, t, fields in states(time, j=time)]
+    read = Recording(bag(tmp_path / "b", {"/s": rows}), {"motor": "/s"}).measurement(JOINTS)
+    assert read.time == pytest.approx(time, abs=1e-9)
+    assert "those of their recording" in read.notes[0]
+
+
+def test_messages_at_the_same_time_count_once_and_order_does_not_matter(tmp_path):
+    time = 0.01 * np.arange(30)
+    rows = states(time, j=time)
+    path = bag(tmp_path / "b", {"/s": [*rows[::-1], *rows[:3]]})
+    read = Recording(path, {"motor": "/s"}).measurement(JOINTS)
+    assert read.signals["motor", "j"] == pytest.approx(time)
+    assert "3 of 33 messages" in read.notes[0]
+
+
+def dataset(folder, version="v2.1", episodes=2, names="list", unit=np.degrees, **more):
+    """A LeRobot dataset in which the last episode is the arm's measurement."""
+    measured = seen()
+    time = measured.time
+    angle = unit(measured.signals["motor", "j"])
+    tool, force = 1e3 * table(measured, "tool"), table(measured, "force")
+    named = {
+        "list": ["j.pos", "gripper.pos"],
+        "dict": {"motors": ["j.pos", "gripper.pos"]},
+        "none": None,
+    }[names]
+    features = {
+        "observation.state": {"dtype": "float32", "shape": [2], "names": named},
+        "observation.tool": {"dtype": "float32", "shape": [3], "names": ["ee.x", "ee.y", "ee.z"]},
+        "observation.force": {"dtype": "float32", "shape": [3], "names": {"axes": ["x", "y", "z"]}},
+        "observation.images.wrist": {"dtype": "video", "shape": [4, 4, 3], "names": None},
+        "action": {"dtype": "float32", "shape": [2], "names": named},
+    }
+    info = {
+        "codebase_version": version, "fps": 100, "total_episodes": episodes, "chunks_size": 1000,
+        "data_path": {
+            "2": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+            "3": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        }[version[1]],
+        "features": features,
+    } | more  # fmt: skip
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    tables = []
+    for episode in range(episodes):
+        real = episode == episodes - 1
+        rows = range(len(time) if real else 40)
+        last = [float(real)] * len(rows)
+        tables.append(
+            pa.table(
+                {
+                    "observation.state": [[angle[i] * last[0], 50.0] for i in rows],
+                    "observation.tool": [list(tool[i]) for i in rows],
+                    "observation.force": [list(force[i]) for i in rows],
+                    "action": [[0.0, 0.0] for _ in rows],
+                    "timestamp": [i / 100.0 for i in rows],
+                    "frame_index": list(rows),
+                    "episode_index": [episode] * len(rows),
+                }
+            )
+        )
+    (folder / "data/chunk-000").mkdir(parents=True)
+    if version.startswith("v2"):
+        for episode, one in enumerate(tables):
+            parquet.write_table(one, folder / f"data/chunk-000/episode_{episode:06d}.parquet")
+    else:
+        parquet.write_table(pa.concat_tables(tables), folder / "data/chunk-000/file-000.parquet")
+        (folder / "meta/episodes/chunk-000").mkdir(parents=True)
+        index = pa.table(
+            {
+                "episode_index": list(range(episodes)),
+                "data/chunk_index": [0] * episodes,
+                "data/file_index": [0] * episodes,
+            }
+        )
+        parquet.write_table(index, folder / "meta/episodes/chunk-000/file-000.parquet")
+    return folder
+
+
+FEATURES = {
+    "motor": "observation.state [deg]",
+    "tool": "observation.tool [mm]",
+    "force": "observation.force [N]",
+}
+
+
+@pytest.mark.parametrize(
+    ("version", "names"), [("v2.0", "dict"), ("v2.1", "list"), ("v3.0", "list"), ("v3.1", "none")]
+)
+def test_a_dataset_is_identified(arm, tmp_path, version, names):
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    path = dataset(tmp_path / "d", version, names=names)
+    maps = {"j": "0"} if names == "none" else {}
+    found = identify(mechanism, Recording(path, FEATURES, maps, episode=1))
+    value, half = found["j radial clearance"]
+    assert half < 0.2 * CLEARANCE
+    assert abs(value - CLEARANCE) < 2.0 * half
+    assert "100 a second" in str(found)
+    assert "episode 1" in str(found)
+
+
+def test_the_gripper_in_per_cent_is_left_out_unless_it_is_mapped(tmp_path):
+    path = dataset(tmp_path / "d", episodes=1)
+    joints = {"j": False, "gripper": False}
+    source = {"motor": "observation.state [deg]"}
+    read = Recording(path, source).measurement(joints)
+    assert read.has("motor") == ["j"]
+    assert any("per cent" in note for note in read.notes)
+    read = Recording(path, source, {"gripper": "1.1*gripper.pos - 10 deg"}).measurement(joints)
+    assert read.signals["motor", "gripper"] == pytest.approx(np.radians(45.0))
+
+
+def test_a_sliding_joint_is_not_read_in_degrees(tmp_path):
+    path = dataset(tmp_path / "d", episodes=1)
+    source = {"motor": "observation.state [deg]"}
+    read = Recording(path, source, {"rail": "gripper.pos"}).measurement(JOINTS)
+    assert read.has("motor") == ["j"]
+    assert "'rail motor=observation.state [m]'" in read.notes[-1]
+
+
+def test_what_cannot_be_read_from_a_bag_is_said_in_one_line(tmp_path, recorded, capsys):
+    time = 0.01 * np.arange(30)
+    later = bag(
+        tmp_path / "later",
+        {
+            "/a": states(time, j=time),
+            "/b": vectors(POSE, time + 9, np.ones((30, 3))),
+        },
+    )
+    nothing = bag(tmp_path / "nothing", {"/a": states(time, j=time)})
+    motor = {"motor": "/joint_states"}
+    for path, sources, more, words in (
+        (recorded, {}, {}, r"say which topic is which signal .*/push \(WrenchStamped\)"),
+        (recorded, {"motor": "/states"}, {}, r"no topic '/states'; available: /joint_states"),
+        (recorded, {"speed": "/s"}, {}, "no signal 'speed'; available: motor, link"),
+        (recorded, {"tool": "/joint_states"}, {}, "it is read from geometry_msgs/msg/PoseStamped"),
+        (recorded, {"reaction": "/push"}, {}, "say whose reaction"),
+        (recorded, {"j tool": "/tracker"}, {}, "tool is of the tool, not of a joint"),
+        (recorded, {"k motor": "/joint_states"}, {}, "no joint 'k'; available: j, rail"),
+        (recorded, {"motor": "/joint_states [deg]"}, {}, r"SI units: write '/joint_states'"),
+        (recorded, {"force": "/push"}, {}, "in the frame 'base_link'; .*--world base_link"),
+        (recorded, motor, {"episode": 1}, "a bag has no episodes"),
+        (recorded, motor, {"names": {"j": "elbow"}}, "no recorded name 'elbow'; available: j, gr"),
+        (recorded, motor, {"names": {"k": "j"}}, "no joint or axis 'k'"),
+        (recorded, motor, {"names": {"j": "2 j"}}, "must read NAME, -NAME or FACTOR"),
+        (recorded, motor, {"names": {"j": "0*j"}}, "must read NAME, -NAME or FACTOR"),
+        (recorded, motor, {"names": {"j": "j + 3 kg"}}, "offset of 'j': .*kg"),
+        (recorded, motor, {"names": {"rail": "j"}}, None),
+        (recorded, {"torque": "/joint_states"}, {}, "none of its names is a joint"),
+        (later, {"motor": "/a", "tool": "/b"}, {}, "do not overlap in time .*tool x 9 to"),
+        (nothing, {"torque": "/a"}, {}, "none of its names is a joint"),
+        (tmp_path / "none.mcap", motor, {}, "no bag"),
+        (tmp_path / "none", motor, {}, "no recording"),
+    ):  # fmt: skip
+        if words is None:
+            assert Recording(path, sources, **more).measurement(JOINTS).has("motor") == ["rail"]
+            continue
+        with pytest.raises(JointplayError, match=words) as caught:
+            Recording(path, sources, **more).measurement(JOINTS)
+        assert "\n" not in str(caught.value)
+    for name in ("old.bag", "old.db3", "table.csv"):
+        (tmp_path / name).write_text("")
+        with pytest.raises(JointplayError, match=r"ros2 bag convert|neither a ROS 2 bag"):
+            Recording(tmp_path / name, motor)
+    split = tmp_path / "split"
+    split.mkdir()
+    (split / "metadata.yaml").write_text("")
+    with pytest.raises(JointplayError, match=r"must have one file \.mcap, it has none"):
+        Recording(split, motor).measurement(JOINTS)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_what_cannot_be_read_from_a_dataset_is_said_in_one_line(tmp_path):
+    good = dataset(tmp_path / "good")
+    old = dataset(tmp_path / "old", version="v2.1", codebase_version="v1.6")
+    moved = dataset(tmp_path / "moved", data_path="../{episode_index}.parquet")
+    pointer = dataset(tmp_path / "pointer", episodes=1)
+    file = "data/chunk-000/episode_000000.parquet"
+    (pointer / file).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    broken = dataset(tmp_path / "broken", episodes=1)
+    (broken / file).write_bytes((broken / file).read_bytes()[:500])
+    gone = dataset(tmp_path / "gone", episodes=1)
+    (gone / file).unlink()
+    empty = dataset(tmp_path / "empty", episodes=1)
+    (empty / "meta/info.json").write_text("{}")
+    odd = dataset(tmp_path / "odd", episodes=1)
+    (odd / "meta/info.json").write_text("[1]")
+    state = {"motor": "observation.state [deg]"}
+    for path, sources, more, words in (
+        (good, state, {}, "has 2 episodes: name one by --episode, 0 to 1$"),
+        (good, state, {"episode": 7}, "0 to 1, got 7"),
+        (good, {"motor": "observation.state"}, {}, "does not say its units"),
+        (good, {"motor": "observation.state [kg]"}, {"episode": 1}, "source 'obs.*kg"),
+        (good, {"motor": "action [deg]"}, {}, "what was commanded"),
+        (good, {"motor": "observation.speed [deg]"}, {}, "available: observation.state, obs"),
+        (good, {}, {}, "say which feature is which signal"),
+        (good, state, {"world": ["base"]}, "has no frames"),
+        (old, state, {"episode": 1}, r"of format 'v1\.6'; v2\.0, v2\.1 and v3\.0 are read"),
+        (moved, state, {"episode": 1}, "has its data in '../{episode_index}"),
+        (pointer, state, {}, "git lfs pull"),
+        (broken, state, {}, "cannot read the LeRobot dataset"),
+        (gone, state, {}, "no file of the dataset"),
+        (empty, state, {}, "no 'features'"),
+        (odd, state, {}, "cannot read the LeRobot dataset"),
+    ):  # fmt: skip
+        with pytest.raises(JointplayError, match=words) as caught:
+            Recording(path, sources, **more).measurement(JOINTS)
+        assert "\n" not in str(caught.value)
+
+
+def test_the_command_reads_bags_and_datasets(arm, recorded, tmp_path, capsys):
+    play = ["--joint", "j=0.1 mm", "--tool", "tool", "--quiet"]
+    topics = [f"--source={name}={topic}" for name, topic in SOURCES.items()]
+    order = ["identify", str(arm), str(recorded), *topics, "--world", "base_link", *play]
+    assert main([*order, "--out", str(tmp_path / "out")]) == 0
+    assert "j radial clearance" in capsys.readouterr().out
+    assert (tmp_path / "out/identified.csv").exists()
+    path = dataset(tmp_path / "d", "v3.0")
+    features = [f"--source={name}={feature}" for name, feature in FEATURES.items()]
+    order = ["identify", str(arm), str(path), *features, "--episode", "1", *play]
+    assert main(order) == 0
+    assert "j radial clearance" in capsys.readouterr().out
+    csv = tmp_path / "m.csv"
+    csv.write_text(seen(rate=40.0).csv())
+    for order, words in (
+        (["identify", str(arm), str(recorded)], "say which topic is which signal"),
+        (["identify", str(arm), str(csv), "--source=motor=/s"], "neither a ROS 2 bag"),
+        (
+            ["identify", str(arm), str(recorded), "--source=motor"],
+            "--source must read SIGNAL=TOPIC",
+        ),
+        (["identify", str(arm), str(recorded), "--map=j"], "--map must read JOINT=NAME"),
+        (
+            ["identify", str(arm), str(recorded), "--source=motor=/a", "--source=motor=/b"],
+            "'motor' appears twice",
+        ),
+    ):
+        assert main([*order, *play]) == 2
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.count("\n") == 1
