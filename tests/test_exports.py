@@ -2,7 +2,9 @@
 
 import dataclasses
 import io
+import json
 import sys
+from xml.etree import ElementTree
 
 import hypothesis
 import hypothesis.strategies as st
@@ -15,6 +17,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError, Motion, Result, cli
+from jointplay.exports import layouts
 from jointplay.joints import SphericalClearance
 from jointplay.motion import rosbag
 from jointplay.result.thinning import thinned
@@ -237,6 +240,78 @@ def test_a_giant_bag_is_not_read(tmp_path):
         Motion.from_mcap(path)
     with pytest.raises(JointplayError, match="it is a folder"):
         Motion.from_mcap(tmp_path)
+
+
+def layout_curves(result):
+    """Topic, fields and index of all curves, as each of the programs writes them, by tab."""
+    xml = ElementTree.fromstring(layouts.plotjuggler(result, ".xml", False))
+    assert xml.tag == "root"
+    (window,) = xml.findall("tabbed_widget[@parent='main_window']")
+    jugglers = {}
+    for tab in window.findall("Tab"):
+        for splitter in tab.iter("DockSplitter"):
+            assert (
+                len(splitter) == int(splitter.get("count")) == len(splitter.get("sizes").split(";"))
+            )
+        curves = list(tab.iter("curve"))
+        found = [curve.get(key) for curve in curves for key in ("name", "curve_x", "curve_y")]
+        jugglers[tab.get("tab_name")] = {name for name in found if name and name.startswith("/")}
+    layout = json.loads(layouts.foxglove(result, ".json", False))
+    panels = layout["configById"]
+    glove = {}
+    for tab in panels[layout["layout"]]["tabs"]:
+        waiting, paths = [tab["layout"]], []
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, dict):
+                assert 0.0 < node["splitPercentage"] < 100.0
+                waiting += [node["first"], node["second"]]
+                continue
+            panel = panels[node]
+            paths += [one["value"] for one in (*panel["paths"], panel.get("xAxisPath", {})) if one]
+        glove[tab["title"]] = set(paths)
+    return jugglers, glove
+
+
+def numbers_of_bag(path):
+    """Names of all numbers of a bag as PlotJuggler and Foxglove call them."""
+    juggled, gloved = set(), set()
+
+    def walk(prefix, value):
+        if isinstance(value, float):
+            juggled.add("/".join(prefix))
+            gloved.add(".".join(prefix))
+        for name in getattr(value, "__slots__", ()):
+            walk([*prefix, name], getattr(value, name))
+
+    for topic, messages in bag(path).items():
+        message = messages[0][1]
+        if hasattr(message, "effort"):
+            for field in ("position", "velocity", "effort"):
+                for i, name in enumerate(message.name):
+                    assert isinstance(getattr(message, field)[i], float)
+                    juggled.add(f"{topic}/{name}/{field}")
+                    gloved.add(f"{topic}.{field}[{i}]")
+        walk([topic], message)
+    return juggled, gloved
+
+
+def test_layouts_show_numbers_that_the_bag_has(result, bagged):
+    for curves, numbers in zip(layout_curves(result), numbers_of_bag(bagged), strict=True):
+        assert list(curves) == ["machine", "joint_b"]
+        for shown in curves.values():
+            assert len(shown) > 5
+            assert shown <= numbers
+        assert any("stroke" in name or "effort[" in name for name in curves["machine"])
+
+
+def test_layouts_are_written_by_their_endings(result, tmp_path):
+    assert result.export(tmp_path / "l.xml").read_bytes().startswith(b"<?xml")
+    layout = json.loads(result.export(tmp_path / "l.json").read_text())
+    titles = [one["foxglovePanelTitle"] for one in layout["configById"].values() if "paths" in one]
+    assert "Sliding joints, drive [N]" in titles
+    assert "Joints, drive [N m]" in titles
+    assert len(titles) == len(set(titles))
 
 
 def written(path, *messages):

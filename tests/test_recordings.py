@@ -103,9 +103,7 @@ def recorded(tmp_path_factory):
     return bag(
         tmp_path_factory.mktemp("bag") / "recorded",
         {
-            "/joint_states": states(
-                time + 3e-3, j=np.interp(time + 3e-3, time, angle), gripper=0.0 * time
-            ),
+            "/joint_states": states(later, j=np.interp(later, time, angle), gripper=time),
             "/tracker": vectors(POSE, time, table(measured, "tool")),
             "/push": vectors(
                 "geometry_msgs/msg/WrenchStamped",

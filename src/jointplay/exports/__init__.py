@@ -1,4 +1,4 @@
-"""Results out to where users work: tables, joint trajectories, bags, rerun, notebooks.
+"""Results out to where users work: tables, joint trajectories, bags and their layouts, rerun.
 
 Each kind of file is a `Kind` of one function that turns a result into bytes; `export` names it,
 thins the records and writes the file whole or not at all. Libraries that only one kind needs are
@@ -45,6 +45,12 @@ KINDS = {
     ),
     "mcap": Kind(
         "exports.bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"
+    ),
+    "plotjuggler": Kind(
+        "exports.layouts:plotjuggler", (".xml",), "layout of charts of the bag for PlotJuggler 3"
+    ),
+    "foxglove": Kind(
+        "exports.layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"
     ),
     "fmu": Kind(
         "exports.fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"

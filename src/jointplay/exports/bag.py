@@ -120,12 +120,17 @@ def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
     ]
     kind = "geometry_msgs/msg/Vector3Stamped"
     for joint in result.joints:
-        place = f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
+        place = joint_topic(joint)
         force = _vector(result["joint_force"].sel(joint=joint).values)
         centre = _vector(result["journal_centre"].sel(joint=joint).values)
         topics.append((f"{place}/force", kind, "world", "vector", force))
         topics.append((f"{place}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
     return topics
+
+
+def joint_topic(joint: str) -> str:
+    """Beginning of the topics of a joint with clearance."""
+    return f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
 
 
 def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str, list[float]]:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 _BLOCK = 1000
 """Rows that are written before the progress is shown."""
-_EFFORT = {"rad": "N m", "m": "N"}
+EFFORT_UNITS = {"rad": "N m", "m": "N"}
+"""Units of drives by those of their coordinates."""
 
 
 def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
@@ -49,7 +50,7 @@ def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
     """Unit of one number of a variable; coordinates have each their own."""
     if name in ("q", "v", "drive"):
         unit = str(result.dataset["coordinate_unit"].values[index[0]])
-        return {"q": unit, "v": f"{unit}/s", "drive": _EFFORT[unit]}[name]
+        return {"q": unit, "v": f"{unit}/s", "drive": EFFORT_UNITS[unit]}[name]
     return str(result[name].attrs.get("units", ""))
 
 
