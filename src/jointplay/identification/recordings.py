@@ -10,7 +10,7 @@ import json
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -114,9 +114,9 @@ class Recording:
     """Topic of a bag, or feature and unit of a dataset (``"observation.state [deg]"``), by signal:
     ``motor``, ``link`` or ``torque`` of all joints that it names, ``tool``, ``force`` or
     ``acceleration``, or one joint's: ``"elbow reaction"``, ``"elbow link"``."""
-    names: Mapping[str, str] = ()  # type: ignore[assignment]
-    """Recorded name by joint (or axis x, y, z), where they differ; with a factor and an offset
-    where zeros, directions or units do: ``{"elbow": "-elbow_flex.pos + 90 deg"}``."""
+    names: Mapping[str, str] = field(default_factory=dict)
+    """Recorded name by joint (or axis x, y, z), where they differ; with a factor and an offset if
+    zeros, directions or units differ: ``{"elbow": "-elbow_flex.pos + 90 deg"}``."""
     episode: int | None = None
     """Of a dataset; None takes the only one."""
     world: Sequence[str] = ()
@@ -124,7 +124,6 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Understand the sources and the maps before anything slow is loaded."""
-        object.__setattr__(self, "names", dict(self.names))
         if not is_recording(self.path):
             path = Path(self.path)
             if path.suffix in (".bag", ".db3"):
