@@ -271,7 +271,7 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
     assert main(order) == 0
     said = capsys.readouterr().out
     assert "a turns freely by 6 mrad (written: 6)" in said
-    assert "3 copies, uniform within the intervals of a half_play [rad]" in said
+    assert "3 random copies, uniform within the intervals of a half_play [rad]" in said
     rows = list(csv.DictReader((out / "batch.csv").open()))
     assert [row["copy"] for row in rows] == ["robot_1", "robot_2", "robot_3"]
     for row in rows:

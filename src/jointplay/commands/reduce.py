@@ -210,6 +210,8 @@ def _run_all(options: argparse.Namespace) -> int:
     for option in ("seed", "identified"):
         if getattr(options, option) is not None and not count:
             raise JointplayError(f"--{option} is for random copies: add --batch N")
+    if count and options.spread == 0.0 and options.identified is None:
+        raise JointplayError("--spread 0 makes all copies alike: give one above 0, or --identified")
     endings, notes = _endings(options)
     width = len(str(count))
     copies = [f"{STEM}_{i:0{width}d}" for i in range(1, count + 1)]
@@ -253,11 +255,10 @@ def _run_all(options: argparse.Namespace) -> int:
             contents |= writer.files(name, ones, whole_robot.drawn_servos(servos, ranges, row))
         contents["batch.csv"] = whole_robot.table(ranges, values, copies)
         known = [one.label for one in ranges if one.origin == "identified"]
-        print(
-            f"{count} copies, uniform within the intervals of "
-            f"{', '.join(known) or 'nothing that was identified'}; all others within "
-            f"+-{100.0 * options.spread:g} %, assumed"
-        )
+        assumed = f"within +-{100.0 * options.spread:g} %, assumed"
+        if known:
+            assumed = f"within the intervals of {', '.join(known)}, all others {assumed}"
+        print(f"{count} random copies, uniform {assumed}")
     print("\n".join([*notes, *writer.notes]))
     writer.write_meshes()
     out.write(contents)
