@@ -46,6 +46,8 @@ def message(kind, time, frame="", **fields):
         return types[kind](header, types["geometry_msgs/msg/Wrench"](vector(*at), zero))
     if kind == "geometry_msgs/msg/Vector3Stamped":
         return types[kind](header, vector(*at))
+    if kind == "geometry_msgs/msg/AccelStamped":
+        return types[kind](header, types["geometry_msgs/msg/Accel"](vector(*at), zero))
     none = np.zeros(9)
     return types["sensor_msgs/msg/Imu"](header, turn, none, zero, none, vector(*at), none)
 
@@ -128,6 +130,38 @@ def test_a_bag_of_topics_with_times_of_their_own_is_identified(arm, recorded):
     assert found.identified[:2].all()
 
 
+def test_a_tracker_that_is_late_does_not_pass_for_play(arm, tmp_path):
+    measured = seen(seed=7)
+    time, late = measured.time, 3e-3
+    path = bag(
+        tmp_path / "late",
+        {
+            "/s": states(time, j=measured.signals["motor", "j"]),
+            "/t": vectors(POSE, time + late, table(measured, "tool")),
+            "/f": vectors("geometry_msgs/msg/WrenchStamped", time, table(measured, "force")),
+        },
+    )
+    recording = Recording(path, {"motor": "/s", "tool": "/t", "force": "/f"})
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    for lag in (None, 5e-3):
+        found = identify(mechanism, recording, lag=lag)
+        value, half = found["j radial clearance"]
+        assert abs(value - CLEARANCE) < half < 0.3 * CLEARANCE
+        words = "an unknown time" if lag is None else "some 5 ms"
+        assert f"readings of tool and links are late by {words}" in str(found)
+    value, half = identify(mechanism, recording, lag=0.0)["j radial clearance"]
+    assert value - CLEARANCE > 3.0 * half
+    with pytest.raises(JointplayError, match="the lag must not be negative"):
+        identify(mechanism, recording, lag=-1e-3)
+
+
+def test_at_one_speed_a_lag_is_not_told_from_play_and_friction(arm):
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    known = ["friction"]
+    assert identify(mechanism, seen(stops=False), known=known).identified[0]
+    assert not identify(mechanism, seen(stops=False), known=known, lag=np.inf).identified[0]
+
+
 def test_signals_keep_the_times_of_their_records(recorded):
     read = Recording(recorded, SOURCES, world=["base_link"]).measurement(JOINTS)
     clean = seen()
@@ -152,6 +186,7 @@ def test_signals_keep_the_times_of_their_records(recorded):
         ("geometry_msgs/msg/WrenchStamped", "force"),
         ("geometry_msgs/msg/Vector3Stamped", "force"),
         ("sensor_msgs/msg/Imu", "acceleration"),
+        ("geometry_msgs/msg/AccelStamped", "acceleration"),
         ("geometry_msgs/msg/Vector3Stamped", "acceleration"),
         ("geometry_msgs/msg/WrenchStamped", "j reaction"),
     ],
@@ -414,8 +449,12 @@ def test_the_command_reads_bags_and_datasets(arm, recorded, tmp_path, capsys):
     path = dataset(tmp_path / "d", "v3.0")
     features = [f"--source={name}={feature}" for name, feature in FEATURES.items()]
     order = ["identify", str(arm), str(path), *features, "--episode", "1", *play]
-    assert main(order) == 0
-    assert "j radial clearance" in capsys.readouterr().out
+    assert main([*order, "--lag", "0"]) == 0
+    said = capsys.readouterr().out
+    assert "j radial clearance" in said
+    assert "assumed (--lag 0): readings of tool and links are simultaneous" in said
+    assert main([*order, "--lag", "2 ms", "--quiet"]) == 0
+    assert "late by some 2 ms" in capsys.readouterr().out
     csv = tmp_path / "m.csv"
     csv.write_text(seen(rate=40.0).csv())
     for order, words in (

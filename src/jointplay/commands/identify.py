@@ -15,6 +15,7 @@ from jointplay.commands import (
     add_shared,
     add_switch,
     given,
+    in_unit,
     quantity,
 )
 from jointplay.commands.mechanism import Task, add_robot, task
@@ -95,6 +96,13 @@ def add(commands: Any) -> None:
         "--drift N",
         "degree of the polynomial in time by which readings may drift; 0: no drift",
         DRIFT,
+    )
+    add_option(
+        group,
+        "--lag TIME",
+        "about how late readings of the tool, and of links, may be behind the motors' encoders; 0: "
+        "simultaneous, inf: unknown (default: 0, of bags and datasets inf)",
+        type=_lag,
     )
     group = parser.add_argument_group("bags and datasets")
     add_repeatable(
@@ -239,11 +247,17 @@ def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[s
         motion=work.motion,
         reference=options.reference,
         drift=options.drift,
+        lag=options.lag,
         runs=options.restitution or 0,
         jobs=options.jobs,
         progress=not options.quiet,
         **shared,
     )
+
+
+def _lag(text: str) -> float:
+    """A time [s], or inf."""
+    return math.inf if text == "inf" else in_unit("s")(text)
 
 
 def _recording(options: argparse.Namespace) -> Any:

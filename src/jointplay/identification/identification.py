@@ -35,6 +35,9 @@ from jointplay.identification.measurement import (
     TooLittle,
     Visits,
     no_visits,
+    signal_effect,
+    stacked,
+    tool_effect,
     tool_positions,
     visits,
 )
@@ -400,6 +403,7 @@ def identify(
     known: Sequence[str] = (),
     stiffness: Given | None = None,
     drift: int = DRIFT,
+    lag: float | None = None,
     runs: int = 0,
     jobs: int | None = None,
     progress: bool = False,
@@ -425,6 +429,9 @@ def identify(
             ``"tool"`` [N/m], alone or with its relative standard deviation; ``inf`` is rigid, and
             ``{"all": inf}`` are all but gears. What is not said is unknown.
         drift: degree of the polynomial in time by which readings may drift; 0: they do not.
+        lag: standard deviation of the time by which readings of the tool, and of links, may be late
+            behind the motors' encoders [s]; 0: they are simultaneous; ``inf``: nothing is known.
+            None takes the measurement's: 0, but ``inf`` of a `Recording`.
         runs: simulations by which restitution is sought where flights do not identify it; 0: none.
         jobs: processes for them; None takes one for each core.
         progress: show a bar for them, and for reading.
@@ -440,6 +447,10 @@ def identify(
     bounced = by_flights(mechanism, measured)
     if drift < 0:
         raise JointplayError(f"the degree of the drift must not be negative, got {drift}")
+    if lag is not None:
+        if not lag >= 0.0:
+            raise JointplayError(f"the lag must not be negative, got {lag:g} s")
+        measured = replace(measured, lag=lag)
     prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     try:
         found = _by_means(prior, measured, motion, reference, also, known, drift)
@@ -493,8 +504,8 @@ def _by_means(
     _check(measured, model, use, reference)
     smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
-    nuisance, labels = nuisances(model, reference, drift)
-    problem = _problem(model, observed.mean, records, nuisance, labels)
+    nuisance, labels = nuisances(model, reference, drift, measured.lag > 0.0)
+    problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
     start = np.array([one.nominal or 0.5 * one.scale for one in unknowns])
     count = int(use.sum())
     numbers = np.full(len(problem.measured), -1)
@@ -503,7 +514,7 @@ def _by_means(
     if fit.freedom < 1:
         raise TooLittle(
             f"{measured.source}: {count} means at {len(made)} visits are too few for "
-            f"{len(start)} unknowns and {problem.projected.shape[1]} offsets, drifts and "
+            f"{len(start)} unknowns and {problem.projected.shape[1]} offsets, drifts, lags and "
             "compliances; visit places more often, from both sides"
         )
     error = records.copy()
@@ -619,14 +630,18 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
         )
 
 
-def nuisances(model: StaticModel, reference: str, drift: int) -> tuple[np.ndarray, list[str]]:
+def nuisances(
+    model: StaticModel, reference: str, drift: int, late: bool
+) -> tuple[np.ndarray, list[str]]:
     """What moves the signals and is not sought: its effect (n, keys, columns).
 
-    Offsets, drift, what friction holds anywhere, and last the compliances, by their labels.
+    First that readings are late, then offsets, drift, what friction holds anywhere, and last the
+    compliances, by their labels.
     """
     made, keys = model.visits, model.keys
     tool = tool_positions(model.mechanism, made.joints, made.position)
     parts = [
+        lags(model) if late else stacked([], len(made), keys),
         offsets(keys, made.cell, made.position, tool, reference),
         drifts(keys, made.time.mean(axis=1), drift),
         model.loose(),
@@ -636,12 +651,33 @@ def nuisances(model: StaticModel, reference: str, drift: int) -> tuple[np.ndarra
     return np.concatenate(parts, axis=2), labels
 
 
+def lags(model: StaticModel) -> np.ndarray:
+    """What readings of the tool and of links show that are late by a second, (n, keys, columns).
+
+    A column for each kind of reading: its instrument has a clock of its own.
+    """
+    made, keys, step = model.visits, model.keys, 1e-4
+    before, after = (
+        tool_positions(model.mechanism, made.joints, made.position + side * step * made.speed)
+        for side in (-1.0, 1.0)
+    )
+    columns = []
+    if any(kind == "tool" for kind, _ in keys):
+        columns.append(tool_effect(keys, (before - after) / (2.0 * step)))
+    links = [key for key in keys if key[0] == "link"]
+    if links:
+        late = [signal_effect(keys, k, -made.speed[:, made.joints.index(k[1])]) for k in links]
+        columns.append(np.sum(late, axis=0))
+    return stacked(columns, len(made), keys)
+
+
 def _problem(
     model: StaticModel,
     mean: np.ndarray,
     error: np.ndarray,
     nuisance: np.ndarray,
     labels: Sequence[str],
+    lag: float,
 ) -> LeastSquares:
     """Least squares of the means that have an error, and of what was known before."""
     made, unknowns = model.visits, model.unknowns
@@ -656,6 +692,9 @@ def _problem(
     stated = [i for i, one in enumerate(unknowns) if np.isfinite(one.spread)]
     soft = [one for one in model.elastic if np.isfinite(one.known.spread)]
     rows = [(k, one.known.spread) for one in soft for k in columns[one.label]]
+    if 0.0 < lag < np.inf:
+        late = len({kind for kind, _ in model.keys if kind in ("tool", "link")})
+        rows += [(k, lag) for k in range(late)]
     more = np.zeros((len(stated) + len(rows), free.shape[1]))
     for row, (k, _) in enumerate(rows, len(stated)):
         more[row, k] = 1.0
@@ -746,6 +785,10 @@ def _assumptions(
         lines.append(f"assumed (--stiffness) of compliances: {', '.join([*softest, *weak])}")
     words = f"like a polynomial in time of degree {drift}" if drift else "not at all"
     lines.append(f"assumed (--drift {drift}): readings drift {words}")
+    lag = measured.lag
+    words = f"late by some {1e3 * lag:.4g} ms" if np.isfinite(lag) else "late by an unknown time"
+    words = f"{words} behind the motors' encoders" if lag else "simultaneous with motors' encoders"
+    lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
         factor, unit = _NOISE[kind]

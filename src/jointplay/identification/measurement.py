@@ -73,6 +73,9 @@ class Measurement:
     """Where it came from, for messages."""
     sliding: frozenset[str] = frozenset()
     """Joints that slide: their signals are in m and N, those of others in rad and N m."""
+    lag: float = 0.0
+    """Standard deviation of the time by which readings of the tool, and of links, may be late
+    behind the motors' encoders [s]; ``inf``: nothing is known of it."""
     notes: tuple[str, ...] = ()
     """What was chosen or left out when it was read, a line each."""
 

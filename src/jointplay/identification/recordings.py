@@ -1,12 +1,14 @@
 """Measurements out of recordings: ROS 2 bags (MCAP) and LeRobot datasets.
 
 Neither says which of its signals is which of a mechanism's, and a LeRobot dataset has no units:
-`Recording` states both, and nothing is guessed. Signals keep the times of their own records.
+`Recording` states both, and nothing is guessed. Signals keep the times of their own records; that
+their instruments' clocks agree is not assumed.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -247,7 +249,9 @@ class Recording:
                 found[key] = (series[source].time, values)
         time, together = _together(str(self.path), found, notes)
         sliding = frozenset(name for name, slides in joints.items() if slides)
-        return Measurement(time, together, noise or {}, str(self.path), sliding, tuple(notes))
+        return Measurement(
+            time, together, noise or {}, str(self.path), sliding, math.inf, tuple(notes)
+        )
 
     def _bag(
         self, sources: Iterable[_Source], progress: bool
