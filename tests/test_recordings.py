@@ -125,8 +125,7 @@ def test_a_bag_of_topics_with_times_of_their_own_is_identified(arm, recorded):
     found = identify(mechanism, Recording(recorded, SOURCES, world=["base_link"]))
     for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
         value, half = found[label]
-        assert half < 0.2 * wanted
-        assert abs(value - wanted) < 2.0 * half
+        assert abs(value - wanted) < half < 0.4 * wanted
     assert found.identified[:2].all()
 
 
@@ -146,7 +145,7 @@ def test_a_tracker_that_is_late_does_not_pass_for_play(arm, tmp_path):
     for lag in (None, 5e-3):
         found = identify(mechanism, recording, lag=lag)
         value, half = found["j radial clearance"]
-        assert abs(value - CLEARANCE) < half < 0.3 * CLEARANCE
+        assert abs(value - CLEARANCE) < half < 0.4 * CLEARANCE
         words = "an unknown time" if lag is None else "some 5 ms"
         assert f"readings of tool and links are late by {words}" in str(found)
     value, half = identify(mechanism, recording, lag=0.0)["j radial clearance"]
@@ -155,11 +154,16 @@ def test_a_tracker_that_is_late_does_not_pass_for_play(arm, tmp_path):
         identify(mechanism, recording, lag=-1e-3)
 
 
-def test_at_one_speed_a_lag_is_not_told_from_play_and_friction(arm):
+def test_an_unknown_lag_widens_the_interval(arm):
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     known = ["friction"]
-    assert identify(mechanism, seen(stops=False), known=known).identified[0]
-    assert not identify(mechanism, seen(stops=False), known=known, lag=np.inf).identified[0]
+    measured = seen(stops=False)
+    half = [
+        identify(mechanism, measured, known=known, lag=lag)["j radial clearance"][1]
+        for lag in (0.0, 1e-4, 1e-2, np.inf)
+    ]
+    assert half == sorted(half)
+    assert half[-1] > 1.5 * half[0]
 
 
 def test_signals_keep_the_times_of_their_records(recorded):
@@ -324,8 +328,7 @@ def test_a_dataset_is_identified(arm, tmp_path, version, names):
     maps = {"j": "0"} if names == "none" else {}
     found = identify(mechanism, Recording(path, FEATURES, maps, episode=1))
     value, half = found["j radial clearance"]
-    assert half < 0.2 * CLEARANCE
-    assert abs(value - CLEARANCE) < 2.0 * half
+    assert abs(value - CLEARANCE) < half < 0.4 * CLEARANCE
     assert "100 a second" in str(found)
     assert "episode 1" in str(found)
 

@@ -122,7 +122,7 @@ WIDE = {
     "loads/controller.py:torques": "a user's controller raises anything: said",
     "live/workers.py:_answer": "said on the page, with its lines on the standard error",
     "mechanism/meshes.py:_read": "trimesh on damaged bytes: said",
-    "motion/rosbag.py:read": "its libraries on damaged bytes: said",
+    "motion/rosbag.py:opened": "its libraries on damaged bytes: said",
     "result/netcdf.py:_examined": "HDF5 on damaged bytes: said",
     "sweeps/case.py:run": "a user's measure raises anything: the case failed, and why is kept",
     "sweeps/cluster.py:__init__": "raised again after cleaning up",

@@ -35,9 +35,7 @@ from jointplay.identification.measurement import (
     TooLittle,
     Visits,
     no_visits,
-    signal_effect,
     stacked,
-    tool_effect,
     tool_positions,
     visits,
 )
@@ -504,7 +502,7 @@ def _by_means(
     _check(measured, model, use, reference)
     smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
-    nuisance, labels = nuisances(model, reference, drift, measured.lag > 0.0)
+    nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
     start = np.array([one.nominal or 0.5 * one.scale for one in unknowns])
     count = int(use.sum())
@@ -631,7 +629,7 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
 
 
 def nuisances(
-    model: StaticModel, reference: str, drift: int, late: bool
+    model: StaticModel, observed: Observed, reference: str, drift: int, late: bool
 ) -> tuple[np.ndarray, list[str]]:
     """What moves the signals and is not sought: its effect (n, keys, columns).
 
@@ -641,7 +639,7 @@ def nuisances(
     made, keys = model.visits, model.keys
     tool = tool_positions(model.mechanism, made.joints, made.position)
     parts = [
-        lags(model) if late else stacked([], len(made), keys),
+        lags(observed) if late else stacked([], len(made), keys),
         offsets(keys, made.cell, made.position, tool, reference),
         drifts(keys, made.time.mean(axis=1), drift),
         model.loose(),
@@ -651,24 +649,18 @@ def nuisances(
     return np.concatenate(parts, axis=2), labels
 
 
-def lags(model: StaticModel) -> np.ndarray:
+def lags(observed: Observed) -> np.ndarray:
     """What readings of the tool and of links show that are late by a second, (n, keys, columns).
 
-    A column for each kind of reading: its instrument has a clock of its own.
+    A column for each kind of reading: its instrument has a clock of its own. The speed is that of
+    the readings, not the ideal mechanism's: errors of its geometry would count as play.
     """
-    made, keys, step = model.visits, model.keys, 1e-4
-    before, after = (
-        tool_positions(model.mechanism, made.joints, made.position + side * step * made.speed)
-        for side in (-1.0, 1.0)
-    )
     columns = []
-    if any(kind == "tool" for kind, _ in keys):
-        columns.append(tool_effect(keys, (before - after) / (2.0 * step)))
-    links = [key for key in keys if key[0] == "link"]
-    if links:
-        late = [signal_effect(keys, k, -made.speed[:, made.joints.index(k[1])]) for k in links]
-        columns.append(np.sum(late, axis=0))
-    return stacked(columns, len(made), keys)
+    for kind in _LATE:
+        of_kind = np.array([one == kind for one, _ in observed.keys])
+        if of_kind.any():
+            columns.append(np.where(of_kind, -observed.rate, 0.0))
+    return stacked(columns, len(observed.rate), observed.keys)
 
 
 def _problem(
@@ -693,7 +685,7 @@ def _problem(
     soft = [one for one in model.elastic if np.isfinite(one.known.spread)]
     rows = [(k, one.known.spread) for one in soft for k in columns[one.label]]
     if 0.0 < lag < np.inf:
-        late = len({kind for kind, _ in model.keys if kind in ("tool", "link")})
+        late = len({kind for kind, _ in model.keys if kind in _LATE})
         rows += [(k, lag) for k in range(late)]
     more = np.zeros((len(stated) + len(rows), free.shape[1]))
     for row, (k, _) in enumerate(rows, len(stated)):
@@ -747,6 +739,8 @@ def apply(
     return mechanism.with_clearance(joints, gears)
 
 
+_LATE = ("tool", "link")
+"""Kinds of signal whose clocks may differ from that of the motors' encoders."""
 _IDEAL = {
     "place": "the tool's ideal place is the same at each visit of a place",
     "frame": "the tool's ideal place is known except for the tracker's frame",

@@ -345,6 +345,8 @@ SETTLING = 0.4
 """Part of a stop that is left out at its beginning, while the machine calms down."""
 FEWEST_IN_VISIT = 3
 """Records that a visit must have."""
+LARGEST_LAG = 0.03
+"""By which readings are late whose lag is unknown, at most [s]."""
 _APART = 8
 """Records over which the interval between records is taken."""
 MOST_PATH = 4000
@@ -401,7 +403,7 @@ def no_visits() -> tuple[Visits, Observed]:
         (), np.zeros((0, 2)), table, table, table, table, sides, np.zeros((0, 3)), numbers,
         table, numbers, numbers, np.zeros((0, 3)),
     )  # fmt: skip
-    return made, Observed((), table, table, ())
+    return made, Observed((), table, table, (), table)
 
 
 @dataclass(frozen=True)
@@ -416,6 +418,8 @@ class Observed:
     """Standard errors of the means from the records' own scatter, shape (n, keys)."""
     noise: tuple[float, ...]
     """Spread of single records [SI]."""
+    rate: np.ndarray
+    """How fast the readings themselves change, 0 at stops, shape (n, keys) [m/s, rad/s]."""
 
 
 def signal_effect(keys: Sequence[Key], key: Key, values: np.ndarray) -> np.ndarray:
@@ -713,7 +717,8 @@ def _observe(
         if key[0] in ("tool", "torque") or (key[0] == "link" and key[1] in mechanism.gears)
     )
     mean = np.full((len(pieces), len(keys)), np.nan)
-    error, noise = mean.copy(), []
+    error, rate, noise = mean.copy(), np.zeros(mean.shape), []
+    inner = [_inner(measured, piece) for piece in pieces]
     tools = [key for key in keys if key[0] == "tool"]
     ideal = tool_positions(mechanism, made.joints, q if tools else q[:0])
     for column, (kind, name) in enumerate(keys):
@@ -726,8 +731,28 @@ def _observe(
         floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
         noise.append(max(spread, floor))
         for i, piece in enumerate(pieces):
-            known = values[piece][~np.isnan(values[piece])]
+            piece = inner[i] if kind in ("tool", "link") else piece
+            good = ~np.isnan(values[piece])
+            known = values[piece][good]
             if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
                 mean[i, column] = known.mean()
                 error[i, column] = np.hypot(noise[-1] / np.sqrt(len(known)), floor)
-    return Observed(keys, mean, error, tuple(noise))
+                if not made.stopped[i]:
+                    at = measured.time[piece][good]
+                    rate[i, column] = np.polyfit(
+                        at - at.mean(), measured.signals[kind, name][piece][good], 1
+                    )[0]
+    return Observed(keys, mean, error, tuple(noise), rate)
+
+
+def _inner(measured: Measurement, piece: slice) -> slice:
+    """Records of a visit that belong to it even if they are late, where enough are left.
+
+    Within them speed and loads are steady: what is late is moved, and nothing else.
+    """
+    if not measured.lag:
+        return piece
+    time, margin = measured.time, min(2.0 * measured.lag, LARGEST_LAG)
+    first = int(np.searchsorted(time, time[piece.start] + margin))
+    last = int(np.searchsorted(time, time[piece.stop - 1] - margin, "right"))
+    return slice(first, last) if last - first >= FEWEST_IN_VISIT else piece
