@@ -231,6 +231,22 @@ def test_one_joint_may_have_a_topic_of_its_own(tmp_path):
     assert read.signals["link", "j"] == pytest.approx(2.0 * time)
 
 
+def test_a_signal_that_begins_too_late_does_not_hide_the_others(tmp_path):
+    time = 0.01 * np.arange(30)
+    path = bag(
+        tmp_path / "b",
+        {
+            "/s": states(time, j=time),
+            "/t": vectors(POSE, time, np.ones((30, 3))),
+            "/a": vectors("sensor_msgs/msg/Imu", time + 9.0, np.ones((30, 3))),
+        },
+    )
+    sources = {"motor": "/s", "tool": "/t", "acceleration": "/a"}
+    read = Recording(path, sources).measurement(JOINTS)
+    assert np.isfinite(read.signals["tool", "x"]).all()
+    assert np.isnan(read.signals["acceleration", "x"]).all()
+
+
 def test_messages_without_stamps_have_the_times_of_their_recording(tmp_path):
     time = 0.01 * np.arange(30)
     rows = [(kind, t, fields | {"unstamped": True}) for kind, t, fields in states(time, j=time)]
@@ -361,6 +377,8 @@ def test_what_cannot_be_read_from_a_bag_is_said_in_one_line(tmp_path, recorded, 
             "/b": vectors(POSE, time + 9, np.ones((30, 3))),
         },
     )
+    empty = np.full((30, 3), np.nan)
+    void = bag(tmp_path / "void", {"/a": vectors("geometry_msgs/msg/Vector3Stamped", time, empty)})
     nothing = bag(tmp_path / "nothing", {"/a": states(time, j=time)})
     motor = {"motor": "/joint_states"}
     for path, sources, more, words in (
@@ -376,6 +394,8 @@ def test_what_cannot_be_read_from_a_bag_is_said_in_one_line(tmp_path, recorded, 
         (recorded, motor, {"episode": 1}, "a bag has no episodes"),
         (recorded, motor, {"names": {"j": "elbow"}}, "no recorded name 'elbow'; available: j, gr"),
         (recorded, motor, {"names": {"k": "j"}}, "no joint or axis 'k'"),
+        (recorded, motor, {"names": {"xy": "j"}}, "no joint or axis 'xy'"),
+        (void, {"j reaction": "/a"}, {}, "there is no reaction of 'j'"),
         (recorded, motor, {"names": {"j": "2 j"}}, "must read NAME, -NAME or FACTOR"),
         (recorded, motor, {"names": {"j": "0*j"}}, "must read NAME, -NAME or FACTOR"),
         (recorded, motor, {"names": {"j": "j + 3 kg"}}, "offset of 'j': .*kg"),

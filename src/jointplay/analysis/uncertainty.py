@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, require_share, require_whole
+from jointplay.core.imports import extra
 from jointplay.core.schema import choice, one_of, quantity, read
 
 STATISTICS = ("mean", "quantile", "std")
@@ -191,12 +192,8 @@ def salib(part: str) -> Any:
     Raises:
         JointplayError: it is not installed.
     """
-    try:
+    with extra("sensitivity", "SALib"):
         return import_module(f"SALib.{part}.sobol")
-    except ImportError as error:
-        raise JointplayError(
-            f"Sobol indices need SALib ({error}): pip install 'jointplay[sensitivity]'"
-        ) from None
 
 
 def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
+from jointplay.core.imports import extra
 from jointplay.design.reduced_files import (
     bodies,
     check_encoder,
@@ -73,12 +74,8 @@ def load_mujoco() -> Any:
     Raises:
         JointplayError: it cannot be imported.
     """
-    try:
+    with extra("simulators", "mujoco"):
         import mujoco
-    except ImportError as error:
-        raise JointplayError(
-            f"MuJoCo cannot be imported ({error}): pip install 'jointplay[simulators]'"
-        ) from None
     return mujoco
 
 

@@ -23,7 +23,13 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.identification.measurement import Key, signal_effect, stacked, tool_effect
+from jointplay.identification.measurement import (
+    READINGS,
+    Key,
+    signal_effect,
+    stacked,
+    tool_effect,
+)
 from jointplay.identification.parameters import Parameter
 
 REFERENCES = ("place", "frame", "ideal")
@@ -114,10 +120,7 @@ def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
     middle, half = 0.5 * (time.min() + time.max()), max(0.5 * float(np.ptp(time)), 1e-12)
     shapes = legvander((time - middle) / half, degree)[:, 1:]
     columns = [
-        signal_effect(keys, key, shape)
-        for key in keys
-        if key[0] in ("tool", "link")
-        for shape in shapes.T
+        signal_effect(keys, key, shape) for key in keys if key[0] in READINGS for shape in shapes.T
     ]
     return stacked(columns, len(time), keys)
 

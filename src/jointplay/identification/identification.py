@@ -30,6 +30,7 @@ from jointplay.identification.fit import (
     search,
 )
 from jointplay.identification.measurement import (
+    READINGS,
     Measurement,
     Observed,
     TooLittle,
@@ -656,7 +657,7 @@ def lags(observed: Observed) -> np.ndarray:
     the readings, not the ideal mechanism's: errors of its geometry would count as play.
     """
     columns = []
-    for kind in _LATE:
+    for kind in READINGS:
         of_kind = np.array([one == kind for one, _ in observed.keys])
         if of_kind.any():
             columns.append(np.where(of_kind, -observed.rate, 0.0))
@@ -685,7 +686,7 @@ def _problem(
     soft = [one for one in model.elastic if np.isfinite(one.known.spread)]
     rows = [(k, one.known.spread) for one in soft for k in columns[one.label]]
     if 0.0 < lag < np.inf:
-        late = len({kind for kind, _ in model.keys if kind in _LATE})
+        late = len({kind for kind, _ in model.keys if kind in READINGS})
         rows += [(k, lag) for k in range(late)]
     more = np.zeros((len(stated) + len(rows), free.shape[1]))
     for row, (k, _) in enumerate(rows, len(stated)):
@@ -739,8 +740,6 @@ def apply(
     return mechanism.with_clearance(joints, gears)
 
 
-_LATE = ("tool", "link")
-"""Kinds of signal whose clocks may differ from that of the motors' encoders."""
 _IDEAL = {
     "place": "the tool's ideal place is the same at each visit of a place",
     "frame": "the tool's ideal place is known except for the tracker's frame",

@@ -41,6 +41,9 @@ JOINT_UNITS = {
     "reaction": ("N", "N"),
 }
 """Signals of a joint, and their units for one that turns and one that slides."""
+READINGS = ("tool", "link")
+"""Kinds of signal of instruments of their own: they drift, and may be late behind the motors'
+encoders."""
 FEWEST_RECORDS = 20
 """Records that a measurement must have."""
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
@@ -346,7 +349,7 @@ SETTLING = 0.4
 FEWEST_IN_VISIT = 3
 """Records that a visit must have."""
 LARGEST_LAG = 0.03
-"""By which readings are late whose lag is unknown, at most [s]."""
+"""For which readings whose lag is unknown leave records out, at both ends of a visit [s]."""
 _APART = 8
 """Records over which the interval between records is taken."""
 MOST_PATH = 4000
@@ -731,7 +734,7 @@ def _observe(
         floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
         noise.append(max(spread, floor))
         for i, piece in enumerate(pieces):
-            piece = inner[i] if kind in ("tool", "link") else piece
+            piece = inner[i] if kind in READINGS else piece
             good = ~np.isnan(values[piece])
             known = values[piece][good]
             if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):

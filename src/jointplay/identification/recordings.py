@@ -23,12 +23,12 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.imports import extra
 from jointplay.core.progress import ProgressBar
+from jointplay.motion import rosbag
 
 if TYPE_CHECKING:
     from jointplay.identification.measurement import Key, Measurement
 
 _NANO = 1_000_000_000
-_STATE = "sensor_msgs/msg/JointState"
 _JOINT_FIELDS = {"motor": "position", "link": "position", "torque": "effort"}
 """Field of a JointState by kind of signal."""
 _VECTORS = {
@@ -59,8 +59,15 @@ _INPUTS = ("motor", "link", "force")
 """Kinds of signal that must be known at the times of the others."""
 _SUFFIXES = {"motor": ("pos", "position"), "link": ("pos", "position"), "torque": ("effort",)}
 """What LeRobot puts behind the name of a motor, by kind of signal."""
+_EXAMPLES = {
+    "motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "force": "N",
+    "acceleration": "m/s^2", "reaction": "N",
+}  # fmt: skip
+"""Units by kind of signal, for messages."""
 _MAP = re.compile(r"(?:([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*|(-)\s*)?(\S+)(?:\s+([-+])\s*(\S.*))?")
+"""FACTOR * NAME + OFFSET: factor, sign, name, sign of the offset, offset."""
 _LFS = b"version https://git-lfs"
+"""How the text begins that Git puts in the place of a large file."""
 _LAYOUTS = {
     2: "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
     3: "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
@@ -231,7 +238,7 @@ class Recording:
         read = self._dataset if self.is_dataset else self._bag
         series, notes = read(sources, progress)
         for target in maps:
-            if target not in joints and target not in "xyz":
+            if target not in (*joints, *"xyz"):
                 raise MissingName("joint or axis", target, [*joints, "x", "y", "z"])
         recorded = dict.fromkeys(name for one in series.values() for name in one.values)
         for one in maps.values():
@@ -257,11 +264,9 @@ class Recording:
         self, sources: Iterable[_Source], progress: bool
     ) -> tuple[dict[_Source, _Series], list[str]]:
         """Records of a bag's topics."""
-        from jointplay.motion import rosbag
-
         path, notes, shown = _bag_file(Path(self.path)), [], sys.stderr
         with rosbag.opened(path) as bag:
-            readable = {_STATE: ["motor", "link", "torque"]}
+            readable = {rosbag.STATE: ["motor", "link", "torque"]}
             for kind, messages in _VECTORS.items():
                 for message in messages:
                     readable.setdefault(message, []).append(kind)
@@ -360,6 +365,8 @@ class Recording:
             if not len(table):
                 raise JointplayError(f"{file} has no frame of episode {episode}")
             seconds = np.array(table["timestamp"].to_pylist(), float).reshape(-1)
+            if not np.isfinite(seconds).all():
+                raise JointplayError(f"{file} has frames without a timestamp")
             time = np.round(seconds * _NANO).astype(np.int64)
             made = {}
             for source, known in names.items():
@@ -371,7 +378,10 @@ class Recording:
                 made[source] = _Series(time, dict(zip(known, rows.T, strict=True)))
         except JointplayError:
             raise
-        except (OSError, KeyError, TypeError, AttributeError, ValueError, ArrowException) as error:
+        except (
+            *(OSError, KeyError, TypeError, AttributeError, ValueError, RecursionError),
+            ArrowException,
+        ) as error:
             words = f"no {error}" if isinstance(error, KeyError) else str(error)
             raise JointplayError(
                 f"cannot read the LeRobot dataset {str(root)!r}: {words or type(error).__name__}"
@@ -410,20 +420,12 @@ class Recording:
         file = root / layout.format(**place)
         if not files.is_file(file):
             raise files.missing(file, "file of the dataset")
-        files.check_plain(file, MOST_BYTES)
+        files.check_plain(file, rosbag.MOST_BYTES)
         if files.begins(file, _LFS):
             raise JointplayError(
                 f"{file} stands for a file that was not downloaded; `git lfs pull` brings it"
             )
         return file, episode
-
-
-MOST_BYTES = 1 << 32
-"""Size of a file of a dataset that is read, at most [bytes]."""
-_EXAMPLES = {
-    "motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "force": "N",
-    "acceleration": "m/s^2", "reaction": "N",
-}  # fmt: skip
 
 
 def is_recording(path: str | Path) -> bool:
@@ -451,13 +453,13 @@ def _bag_file(path: Path) -> Path:
 def _getter(kind: str, message: str) -> Callable[[Any], dict[str, float]]:
     """What takes the values out of a message, by name."""
     if kind in _JOINT_FIELDS:
-        field = _JOINT_FIELDS[kind]
+        part = _JOINT_FIELDS[kind]
 
         def values(state: Any) -> dict[str, float]:
-            numbers = getattr(state, field)
+            numbers = getattr(state, part)
             if numbers and len(numbers) != len(state.name):
                 raise JointplayError(
-                    f"a message has {len(numbers)} values of {field} for {len(state.name)} joints"
+                    f"a message has {len(numbers)} values of {part} for {len(state.name)} joints"
                 )
             return dict(zip(state.name, numbers, strict=bool(numbers)))
 
@@ -493,7 +495,7 @@ def _place(root: Path, episode: int, parquet: Any) -> dict[str, int]:
     """Numbers of the chunk and file that have an episode of a dataset v3."""
     columns = ["data/chunk_index", "data/file_index"]
     for file in sorted((root / "meta/episodes").glob("chunk-*/file-*.parquet")):
-        files.check_plain(file, MOST_BYTES)
+        files.check_plain(file, rosbag.MOST_BYTES)
         table = parquet.read_table(file, columns=columns, filters=[("episode_index", "=", episode)])
         if len(table):
             chunk, number = (int(table[name][0].as_py()) for name in columns)
@@ -521,7 +523,7 @@ class _Signals:
         found: dict[Key, np.ndarray] = {}
         if kind == "reaction":
             size = np.linalg.norm(np.column_stack(list(self.series.values.values())), axis=1)
-            return {(kind, joint): size * self._factor(units[0])}
+            return self._checked({(kind, joint): size * self._factor(units[0])})
         targets = [joint] if joint else list(self.joints if kind in _JOINT_FIELDS else "xyz")
         for target in targets:
             one = self._map(target)
@@ -544,20 +546,27 @@ class _Signals:
             else:
                 offset = _si(one.offset, goal, f"offset of {target!r}") if one.offset else 0.0
                 found[kind, target] = one.factor * factor * values + offset
-        where = f"{self.recording.path}, {name}"
         if not found:
             wanted, named = "joint of the robot", f"{next(iter(targets), 'JOINT')}=NAME"
             if kind not in _JOINT_FIELDS:
                 wanted, named = "axis", "x=NAME"
             raise JointplayError(
-                f"{where}: none of its names is a {wanted}: {', '.join(self.series.values)}; "
+                f"{self._where}: none of its names is a {wanted}: {', '.join(self.series.values)}; "
                 f"available: {', '.join(targets)}; --map {named} says which is which"
             )
-        for (_, target), values in found.items():
+        return self._checked(found)
+
+    @property
+    def _where(self) -> str:
+        return f"{self.recording.path}, {self.source.name}"
+
+    def _checked(self, found: dict[Key, np.ndarray]) -> dict[Key, np.ndarray]:
+        """Signals that say something."""
+        for (kind, target), values in found.items():
             if np.isnan(values).all():
-                raise JointplayError(f"{where}: there is no {kind} of {target!r}")
+                raise JointplayError(f"{self._where}: there is no {kind} of {target!r}")
             if np.isinf(values).any():
-                raise JointplayError(f"{where}: {target!r} is infinite in a record")
+                raise JointplayError(f"{self._where}: {target!r} is infinite in a record")
         return found
 
     def _factor(self, goal: str) -> float:
@@ -580,7 +589,7 @@ class _Signals:
             fit = [name for name in free if name.rpartition(".")[2] == target]
         if len(fit) > 1:
             raise JointplayError(
-                f"{self.recording.path}, {self.source.name}: {', '.join(fit)} may all be "
+                f"{self._where}: {', '.join(fit)} may all be "
                 f"{target!r}; --map {target}=NAME says which"
             )
         if not fit:
@@ -620,10 +629,10 @@ def _together(
         key: (time[~np.isnan(values)][0], time[~np.isnan(values)][-1])
         for key, (time, values) in found.items()
     }
-    inputs = [spans[key] for key in spans if key[0] in _INPUTS] or list(spans.values())
+    inputs = [span for key, span in spans.items() if key[0] in _INPUTS] or list(spans.values())
     begin, end = max(first for first, _ in inputs), min(last for _, last in inputs)
     start = min(first for first, _ in spans.values())
-    others = [span for span in spans.values() if span not in inputs] or inputs
+    others = [span for key, span in spans.items() if key[0] not in _INPUTS] or inputs
     if begin >= end or not any(first <= end and last >= begin for first, last in others):
         said = dict.fromkeys(
             f"{' '.join(key)} {(span[0] - start) / _NANO:.6g} to {(span[1] - start) / _NANO:.6g} s"

@@ -19,7 +19,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.imports import extra
 
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-_STATE = "sensor_msgs/msg/JointState"
+STATE = "sensor_msgs/msg/JointState"
 
 MOST_BYTES = 1 << 32
 """Size of a bag that is read, at most [bytes]."""
@@ -103,12 +103,12 @@ def opened(path: Path) -> Iterator[Bag]:
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
     """Kind and name of the topic to read, of all topics with their kinds."""
-    fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, _STATE)}
+    fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, STATE)}
     if topic is not None:
         if topic not in fit:
             raise MissingName("topic of joint positions", topic, fit)
         return fit[topic], topic
-    for kind in (_TRAJECTORY, _STATE):
+    for kind in (_TRAJECTORY, STATE):
         named = [name for name, one in fit.items() if one == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")

@@ -11,6 +11,7 @@ from itertools import islice
 from typing import Any
 
 from jointplay.core.errors import JointplayError, one_line
+from jointplay.core.imports import extra
 from jointplay.result.stored import versions
 from jointplay.sweeps.case import COST, FAILED, Case, Job, Outcome, run_cases
 
@@ -54,12 +55,8 @@ class ClusterWorkers:
 
     def __init__(self, job: Job, address: str) -> None:
         """Connect, and ask every worker for its version."""
-        try:
+        with extra("cluster", "dask.distributed"):
             from distributed import Client
-        except ImportError as error:
-            raise JointplayError(
-                f"a cluster needs dask.distributed ({error}): pip install 'jointplay[cluster]'"
-            ) from None
         for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.job, self.address = job, address
