@@ -22,6 +22,19 @@ class Terminal(io.StringIO):
         return True
 
 
+def test_nothing_is_estimated_from_a_start_that_compiles(monkeypatch):
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
+    file = io.StringIO()
+    bar = progress.ProgressBar(total=100, desc="wear", unit="run", file=file)
+    for _ in range(4):
+        bar.update()
+        bar.refresh()
+    bar.close()
+    first, *_, last = file.getvalue().splitlines()
+    assert first.endswith("? left")
+    assert re.search(r"\d\d:\d\d left$", last)
+
+
 def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
     monkeypatch.delenv("JOINTPLAY_PROGRESS_S")
     file = io.StringIO()

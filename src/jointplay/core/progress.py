@@ -19,6 +19,9 @@ LINE_EVERY_S = 10.0
 """Interval at which progress is said where there is no terminal [s]; `JOINTPLAY_PROGRESS_S` of the
 environment replaces it."""
 
+_EARLY_S, _EARLY = 60.0, 0.02
+"""How long [s], and up to which part of the work, nothing is said of the time that is left."""
+
 _LINE = "{desc} {percentage:3.0f} %, {n_fmt}/{total_fmt} {unit}{postfix}, {remaining} left"
 _COUNT = "{desc} {n_fmt} {unit}{postfix}, {elapsed} gone"
 
@@ -44,6 +47,14 @@ class ProgressBar(tqdm):
             options |= {"mininterval": every, "maxinterval": max(every, 0.1), "miniters": 0}
             options["delay"] = max(options.get("delay", 0.0), every)
         super().__init__(*args, **options)
+
+    @property
+    def format_dict(self) -> dict[str, Any]:
+        """What the bar shows; no estimate from a start in which kernels were compiled or loaded."""
+        shown: dict[str, Any] = super().format_dict
+        if shown["elapsed"] < _EARLY_S and shown["n"] < _EARLY * (shown["total"] or 0.0):
+            shown["rate"] = 0.0  # tqdm then writes "?"
+        return shown
 
     def close(self) -> None:
         """End it; a bar stays as it is, and of lines there is a last one if there was any."""
