@@ -56,6 +56,27 @@ def test_hunt_crossley_keeps_equation_14_at_the_reference_depth():
         assert value(law, 1e-5, -0.2, 0.2) == pytest.approx(elastic - damping)
 
 
+def test_equation_10_has_equations_15_to_18_as_cases():
+    k, b, c = 3e8, 50.0, 0.75 * (1 - 0.8**2)
+    general, hertz = jp.contact.HuntCrossley, STEEL.stiffness
+    for n, p, damping, stiffness, law in (
+        (1.5, 0.0, 0.0, None, jp.contact.Hertz()),
+        (1.0, 0.0, 0.0, k, jp.contact.LinearSpring(k)),
+        (1.0, 0.0, b, k, jp.contact.KelvinVoigt(b, k)),
+        # As printed, eq. 18 has p = 0 and the b of eq. 14 at this depth and this onset.
+        (1.5, 0.0, c * hertz * DELTA**1.5 / DDELTA0, None, jp.contact.LankaraniNikravesh()),
+    ):
+        case = general(n, p, 1.0, stiffness, damping)
+        assert value(case, DELTA, DDELTA, DDELTA0) == pytest.approx(
+            value(law, DELTA, DDELTA, DDELTA0), rel=1e-12
+        )
+    assert value(general(2.0, 0.5, 2.0, 7e12, 4e3), DELTA, -0.3, DDELTA0) == pytest.approx(
+        7e12 * DELTA**2 - 4e3 * DELTA**0.5 * 0.3**2
+    )
+    assert general(damping=b).effective_restitution(0.9) is None
+    assert general(damping=0.0).effective_restitution(0.9) == 1.0
+
+
 def test_derived_linear_stiffness_stores_hertz_energy_at_ten_microns():
     linear, hertz = jp.contact.LinearSpring(), jp.contact.Hertz()
     stored = [elastic_energy(law, law.parameters(STEEL), 1e-5) for law in (linear, hertz)]
@@ -86,6 +107,8 @@ def test_friction_has_the_branches_of_equation_21():
         lambda: jp.contact.KelvinVoigt(-1.0),
         lambda: jp.contact.LinearSpring(0.0),
         lambda: jp.contact.HuntCrossley(n=0.5),
+        lambda: jp.contact.HuntCrossley(p=-0.1),
+        lambda: jp.contact.HuntCrossley(damping=-1.0),
         lambda: jp.contact.HuntCrossley(q=float("nan")),
     ],
 )

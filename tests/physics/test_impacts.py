@@ -177,6 +177,9 @@ def test_the_time_loop_delivers_the_closed_form(free_mass, law, c_e, speed):
         jp.contact.Anagnostopoulos(MASS),
         jp.contact.HuntCrossley(1.5, 1.2, 1.0),
         jp.contact.HuntCrossley(1.2, 1.5, 2.0),
+        jp.contact.HuntCrossley(1.0, 0.0, 1.0, 4e8, 2e3),
+        jp.contact.HuntCrossley(1.5, 0.0, 1.0, None, 2e3),
+        jp.contact.HuntCrossley(1.5, 0.5, 1.0, None, 5e5),
     ],
     ids=lambda law: law.name,
 )

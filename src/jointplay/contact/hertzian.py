@@ -145,15 +145,21 @@ class Hertz(PointContactLaw):
 
 @dataclass(frozen=True)
 class HuntCrossley(PointContactLaw):
-    """F_n = k delta^n + b delta^p sgn(ddelta) |ddelta|^q (eq. 10).
+    """F_n = k delta^n + b delta^p sgn(ddelta) |ddelta|^q (eq. 10), all five of them free.
 
-    The damping is that of eq. 14, b delta^p = 3 k (1 - c_e^2) delta^n / (4 ddelta0), written for
-    any exponents so that at the reference depth of 10 um and at |ddelta| = ddelta0 stiffness and
-    damping keep the proportion of eq. 14 whatever n, p and q are:
+    The paper's other laws are its cases: p = 0, q = 1 with n = 1 and a given b are eq. 17
+    (`KelvinVoigt`), with b = 0 eqs 15 and 16. Eq. 18 has p = 0 as printed, but its b, eq. 14,
+    contains delta^n: with a constant b that is n = p = 3/2, q = 1, the default, and is
+    Lankarani-Nikravesh.
+
+    What is not given follows from the Hertz stiffness of eq. 11 and the damping of eq. 14,
+    b delta^p = 3 k (1 - c_e^2) delta^n / (4 ddelta0), so that at the reference depth of 10 um and
+    at |ddelta| = ddelta0 both keep the proportion of eq. 14 whatever n, p and q are:
 
         k = k_Hertz d^(3/2 - n),  b = 3/4 (1 - c_e^2) k d^(n - p) / ddelta0^q,  d = 10 um
 
-    With n = p = 3/2, q = 1 this is Lankarani-Nikravesh, as eq. 18 is a case of eq. 10.
+    With p = 0 the force jumps to b ddelta^q at the first touch and would pull before separation,
+    which the time loop cuts off: a contact never pulls.
     Hunt and Crossley's own factor of 1975, 3/2 (1 - c_e), is `HuntCrossley1975`.
     """
 
@@ -164,10 +170,14 @@ class HuntCrossley(PointContactLaw):
 
     n: float = quantity("", default=1.5, above=0.0, words="exponent n")
     """Exponent of the elastic part, >= 1."""
-    p: float = quantity("", default=1.5, above=0.0, words="exponent p")
-    """Exponent of the penetration in the damping part; 0 would make the force jump."""
+    p: float = quantity("", default=1.5, least=0.0, words="exponent p")
+    """Exponent of the penetration in the damping part; with 0 the force jumps at the first touch."""
     q: float = quantity("", default=1.0, above=0.0, words="exponent q")
     """Exponent of the penetration rate."""
+    stiffness: float | None = quantity("", default=None, above=0.0, words="stiffness k")
+    """Stiffness k in N/m^n, a number without unit; None derives it from the joint's Hertz one."""
+    damping: float | None = quantity("", default=None, least=0.0, words="damping b")
+    """Damping b in N s^q/m^(p+q), a number without unit; None derives it from c_e (eq. 14)."""
 
     def __post_init__(self) -> None:
         """Check the parameters."""
@@ -185,23 +195,30 @@ class HuntCrossley(PointContactLaw):
         exponent: float,
         depth_exponent: float,
         rate_exponent: float,
+        onset: float,
     ) -> float:
-        """Evaluate eqs 10 and 14."""
+        """Evaluate eq. 10; the rate counts in units of ddelta0 (eq. 14) if `onset` is 1, not 0."""
         elastic = stiffness * delta**exponent
-        ratio = abs(ddelta) / ddelta0
+        rate = abs(ddelta) / ddelta0 if onset != 0.0 else abs(ddelta)
         return elastic + math.copysign(
-            damping * delta**depth_exponent * ratio**rate_exponent, ddelta
+            damping * delta**depth_exponent * rate**rate_exponent, ddelta
         )
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """Stiffness, damping factor and the three exponents."""
-        k = contact.stiffness * REFERENCE_PENETRATION_M ** (1.5 - self.n)
+        """k, b, the three exponents, and whether b is divided by ddelta0^q."""
+        k = self.stiffness
+        if k is None:
+            k = contact.stiffness * REFERENCE_PENETRATION_M ** (1.5 - self.n)
+        if self.damping is not None:
+            return k, self.damping, self.n, self.p, self.q, 0.0
         scale = REFERENCE_PENETRATION_M ** (self.n - self.p)
         factor = 0.75 * (1.0 - contact.restitution**2) * k * scale
-        return k, factor, self.n, self.p, self.q
+        return k, factor, self.n, self.p, self.q, 1.0
 
     def effective_restitution(self, restitution: float) -> float | None:
-        """That of Lankarani-Nikravesh if n = p and q = 1; no closed form otherwise."""
+        """That of Lankarani-Nikravesh if n = p, q = 1; 1 if b = 0; else not of c_e alone."""
+        if self.damping is not None:
+            return None if self.damping else 1.0
         if self.n != self.p or self.q != 1.0:
             return None
         return effective_restitution(0.75 * (1.0 - restitution**2))
