@@ -171,7 +171,7 @@ class HuntCrossley(PointContactLaw):
     n: float = quantity("", default=1.5, above=0.0, words="exponent n")
     """Exponent of the elastic part, >= 1."""
     p: float = quantity("", default=1.5, least=0.0, words="exponent p")
-    """Exponent of the penetration in the damping part; with 0 the force jumps at the first touch."""
+    """Exponent of the penetration in the damping; with 0 the force jumps at the first touch."""
     q: float = quantity("", default=1.0, above=0.0, words="exponent q")
     """Exponent of the penetration rate."""
     stiffness: float | None = quantity("", default=None, above=0.0, words="stiffness k")
