@@ -599,6 +599,46 @@ class Mechanism(Overview, Described):
         given = self.given_joints.get(name)
         return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
 
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].
+
+        Pinocchio's `crba` on `model`, so with the six coordinates of each virtual link.
+
+        Args:
+            q: configuration, shape (nq,) [rad, or m].
+        """
+        upper = np.triu(pin.crba(self.model, self.data, q))
+        return upper + np.triu(upper, 1).T
+
+    def coriolis_matrix(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """C(q, qd) of eq. 22, shape (nv, nv): C qd are the Coriolis and centrifugal forces.
+
+        By Christoffel's symbols, so that dM/dt - 2 C is skew-symmetric: C_ij is half the derivative
+        of force i by v_j. The forces, Pinocchio's, are quadratic in v, and differences between any
+        two speeds are exact. `pin.computeCoriolisMatrix` is not used: in Pinocchio 4.1 it omits how
+        the axes of `JointModelSphericalZYX`, the virtual link's, turn with its coordinates (issue
+        2053 of stack-of-tasks/pinocchio).
+
+        Args:
+            q: configuration, shape (nq,) [rad, or m].
+            v: its rate, shape (nv,) [rad/s, or m/s].
+        """
+
+        def forces(speed: np.ndarray) -> np.ndarray:
+            return pin.nonLinearEffects(self.model, self.data, q, speed).copy()
+
+        return np.column_stack(
+            [0.25 * (forces(v + one) - forces(v - one)) for one in np.eye(self.model.nv)]
+        )
+
+    def gravity_forces(self, q: np.ndarray) -> np.ndarray:
+        """G(q) of eq. 22, shape (nv,) [N m, or N]: the drives that hold q at rest without contact.
+
+        Args:
+            q: configuration, shape (nq,) [rad, or m].
+        """
+        return pin.computeGeneralizedGravity(self.model, self.data, q).copy()
+
     def journal_pose(self, joint: str) -> pin.SE3:
         """Journal frame in the bearing frame, after `pin.forwardKinematics`."""
         (i, bearing), (j, journal) = self._frames(joint)
