@@ -481,7 +481,7 @@ def test_a_missing_library_is_named_with_its_remedy(
 ):
     for part in (module, module.split(".")[0]):
         monkeypatch.setitem(sys.modules, part, None)
-    with pytest.raises(JointplayError, match=rf"pip install 'jointplay\[{extra}\]'"):
+    with pytest.raises(JointplayError, match=rf"pip install '\.\[{extra}\]'"):
         result.export(tmp_path / name)
     assert not list(tmp_path.iterdir())
 

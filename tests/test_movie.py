@@ -92,7 +92,7 @@ def test_films_of_nothing_or_without_end_are_refused():
 
 def test_what_is_missing_is_said_with_the_remedy(monkeypatch, tmp_path):
     monkeypatch.setattr(movie, "find_spec", lambda name: None)
-    with pytest.raises(jp.JointplayError, match=r"pip install 'jointplay\[movie\]'"):
+    with pytest.raises(jp.JointplayError, match=r"pip install '\.\[movie\]'"):
         movie.check(tmp_path / "a.mp4")
 
 

@@ -3,18 +3,76 @@
 import hashlib
 import re
 import runpy
+import subprocess
+import sys
 import tomllib
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
 import yaml
+from sweep_scenario import GRID, SCENARIO
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 DATA = ROOT / "benchmarks" / "validation" / "data"
 LICENCES = runpy.run_path(str(DATA / "__init__.py"))["LICENCES"]
 CONDA_NAMES = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "meshcat-python"}
+
+
+EXTRAS = PROJECT["optional-dependencies"]
+NOT_FOR_USERS = {"peers", "test", "docs", "dev"}
+"""Extras that develop and compare; the others are told to users."""
+
+
+def oldest():
+    """All that users need, each pinned to its lower bound, which is therefore a release."""
+    needed = [*PROJECT["dependencies"]]
+    for name in EXTRAS.keys() - NOT_FOR_USERS:
+        needed += EXTRAS[name]
+    bounds = {re.fullmatch(r"([\w-]+)>=([\w.]+)(,<[\w.]+)?", entry) for entry in needed}
+    return sorted(f"{name}=={version}" for name, version, _ in (one.groups() for one in bounds))
+
+
+def test_what_is_needed_has_a_lower_bound():
+    assert "pin==4" in oldest()
+
+
+@pytest.mark.nightly
+def test_the_oldest_versions_that_are_allowed_work(tmp_path):
+    def does(*command):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
+
+    constraints = tmp_path / "oldest.txt"
+    constraints.write_text("\n".join(oldest()))
+    does(sys.executable, "-m", "venv", "old")
+    extras = ",".join(sorted(EXTRAS.keys() - NOT_FOR_USERS))
+    does("old/bin/pip", "install", "-q", f"{ROOT}[{extras}]", "-c", str(constraints))
+    jointplay = str(tmp_path / "old/bin/jointplay")
+    does(jointplay, "run", "--duration", "0.05", "--quiet", "--out", "run")
+    does(jointplay, "report", "run")
+    for suffix in ("parquet", "mcap", "yaml", "rrd", "fmu"):
+        does(jointplay, "export", "run/result.nc", "--out", f"result.{suffix}")
+    does(jointplay, "budget", "ur5", "--clearance", "0.05 mm")
+    reduce = ("reduce", "ur5", "--joint", "elbow_joint", "--clearance", "0.1 mm", "--quiet")
+    does(jointplay, *reduce, "--out", "reduced")
+    scenario = tmp_path / "sweep.toml"
+    scenario.write_text(SCENARIO.format(duration="20 ms", options="", axes=GRID))
+    does(jointplay, "sweep", str(scenario), "--quiet", "--out", "sweep.zarr")
+    does(jointplay, "report", "sweep.zarr", "--out", "sweep.html")
+
+
+def test_what_is_advised_to_install_is_there():
+    advice = re.compile(r"pip install (?:-q )?(?:-e )?'([^']*)'")
+    said = {}
+    for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "src").rglob("*.py")]:
+        for name in advice.findall(path.read_text()):
+            said.setdefault(name, path)
+    there = {f".[{one}]" for one in EXTRAS} | {".[{name}]"}  # the one function that says it
+    assert said.keys() - there == set()
+    readme = (ROOT / "README.md").read_text()
+    assert advice.findall(readme)[0] == ".[robots]"  # its first commands name robots
 
 
 def test_citation_and_recipe_have_the_version_of_the_project():

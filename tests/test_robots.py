@@ -158,7 +158,7 @@ def test_without_the_package_the_message_says_how_to_install_it(monkeypatch, tmp
 
     monkeypatch.setattr(robots, "distribution", missing)
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    with pytest.raises(JointplayError, match=r"pip install 'jointplay\[robots\]'"):
+    with pytest.raises(JointplayError, match=r"pip install '\.\[robots\]'"):
         robots.robot_urdf("ur5")
 
 

@@ -360,7 +360,7 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     order = ["reduce", str(path), "--all", *OPTIONS]
     assert main([*order, "--out", str(tmp_path / "o")]) == 0
     said = capsys.readouterr().out
-    assert said.count("pip install 'jointplay[simulators]'") == 2
+    assert said.count("pip install '.[simulators]'") == 2
     assert {one.name for one in (tmp_path / "o").iterdir()} == {
         "robot.sdf",
         "robot.urdf",

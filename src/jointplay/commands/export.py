@@ -7,6 +7,7 @@ from typing import Any
 
 from jointplay import exports
 from jointplay.commands import add_option, add_shared
+from jointplay.core.imports import how_to_install
 
 
 def add(commands: Any) -> None:
@@ -21,7 +22,8 @@ def add(commands: Any) -> None:
         )
         + ".",
         epilog="docs/exports.md describes the files. parquet, mcap, YAML and rerun need the "
-        "extras tables, ros and rerun, .fmu the extra fmu: pip install 'jointplay[ros]'.",
+        "extras tables, ros and rerun, .fmu the extra fmu: "
+        f"{how_to_install('ros')}.",
     )
     parser.add_argument("result", metavar="RESULT", help="result file (.nc)")
     add_option(

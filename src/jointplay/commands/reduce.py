@@ -20,6 +20,7 @@ from jointplay.commands import (
 )
 from jointplay.commands.mechanism import Task, add_robot, preset_chosen, task
 from jointplay.core.errors import JointplayError, require_non_negative
+from jointplay.core.imports import how_to_install
 
 FORMATS = {
     "mjcf": [".xml"],
@@ -280,7 +281,7 @@ def _endings(options: argparse.Namespace) -> tuple[list[str], list[str]]:
     for ending, (package, use) in NEEDS.items():
         if ending not in endings or find_spec(package) is not None:
             continue
-        text = f"{use}, and the package {package} is missing: pip install 'jointplay[simulators]'"
+        text = f"{use}, and the package {package} is missing: {how_to_install('simulators')}"
         if options.format:
             raise JointplayError(text)
         endings.remove(ending)

@@ -20,6 +20,11 @@ def load_object(address: str) -> Any:
     return getattr(importlib.import_module(f"jointplay.{module}"), name)
 
 
+def how_to_install(name: str) -> str:
+    """How one gets an extra, as a message says it: from a clone, as nothing is released yet."""
+    return f"pip install '.[{name}]' in the clone of jointplay"
+
+
 @contextmanager
 def extra(name: str, package: str) -> Iterator[None]:
     """Say of a library that the block cannot import which extra brings it.
@@ -31,5 +36,5 @@ def extra(name: str, package: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise JointplayError(
-            f"this needs {package} ({error}); install it with pip install 'jointplay[{name}]'"
+            f"this needs {package} ({error}); install it with {how_to_install(name)}"
         ) from None

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.imports import extra
 from jointplay.design.reduced_files import Body, bodies, refuse_taken, rotor
 from jointplay.design.reduction import Reduction
 from jointplay.mechanism.mechanism import Mechanism
@@ -31,14 +31,9 @@ def load_usd() -> tuple[Any, ...]:
     Raises:
         JointplayError: one of the packages cannot be imported.
     """
-    try:
+    with extra("simulators", "OpenUSD with Newton's schemas"):
         import newton_usd_schemas  # noqa: F401 - before the registry of schemas is first used
         from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
-    except ImportError as error:
-        raise JointplayError(
-            f"OpenUSD and Newton's schemas cannot be imported ({error}): pip install "
-            "'jointplay[simulators]'"
-        ) from None
     return Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 

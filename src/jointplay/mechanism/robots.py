@@ -1,8 +1,8 @@
 """Robots people have: those of the package example-robot-data, by short names.
 
-The package (BSD-3-Clause) is nothing but URDFs and meshes; `pip install 'jointplay[robots]'` brings
-it. A robot's name is that of its URDF, in small letters and without ``_robot``; where two folders
-have a URDF of the same name, the folder's name instead.
+The package (BSD-3-Clause) is nothing but URDFs and meshes; the extra `robots` brings it. A robot's
+name is that of its URDF, in small letters and without ``_robot``; where two folders have a URDF of
+the same name, the folder's name instead.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import is_file
+from jointplay.core.imports import how_to_install
 from jointplay.mechanism.urdf import shipped
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def share() -> Path:
             return folder
     raise JointplayError(
         f"the robots of {PACKAGE} are not installed; install them (131 MB to download) with: "
-        "pip install 'jointplay[robots]'"
+        f"{how_to_install('robots')}"
     )
 
 

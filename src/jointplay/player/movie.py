@@ -28,6 +28,7 @@ from jointplay.core.errors import (
     require_non_negative,
     require_whole,
 )
+from jointplay.core.imports import how_to_install
 
 KINDS = (".png", ".gif", ".mp4", ".webm", ".webp")
 """Files that can be made, by their ending."""
@@ -176,7 +177,7 @@ def _needs(suffix: str) -> None:
     for name in ("playwright", *(() if suffix == ".png" else ("imageio", "imageio_ffmpeg"))):
         if find_spec(name) is None:
             raise JointplayError(
-                f"films need {name}, which is not installed: pip install 'jointplay[movie]'"
+                f"films need {name}, which is not installed: {how_to_install('movie')}"
             )
 
 
