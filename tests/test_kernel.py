@@ -117,6 +117,66 @@ def test_numba_honours_the_stamp(tmp_path, monkeypatch):
     assert answer(333, (caller, helper)) == (333, 1)
 
 
+KEPT = """
+import os, sys
+from pathlib import Path
+from numba import types
+from jointplay.core.compiler import cfunc, njit
+
+@njit(cache=True, error_model="numpy")
+def summed(x):
+    total = 0.0
+    for k in range(100):
+        total += x / (k + 1.0)
+    return total
+
+def doubled(x):
+    return 2.0 * x
+
+def tripled(x):
+    return 3.0 * x
+
+def answers():
+    signature = types.float64(types.float64)
+    found = [cfunc(signature)(one).ctypes(2.0) for one in (doubled, tripled)]
+    return [round(summed(1.0), 6), *found]
+
+def in_a_child():
+    if not (child := os.fork()):
+        os._exit(0 if answers() == [5.187378, 4.0, 6.0] else 1)
+    return os.waitpid(child, 0)[1]
+
+assert in_a_child() == 0
+files = {path: path.read_bytes() for path in sorted(Path(sys.argv[1]).rglob("*.nb[ic]"))}
+ends = []
+for path, content in files.items():
+    for k in range(4):
+        changed = bytearray(content)
+        changed[(2 * k + 1) * len(content) // 8] ^= 1 << k
+        path.write_bytes(changed)
+        ends.append(in_a_child())
+    path.write_bytes(content)
+    ends.append(in_a_child())
+codes = [path for path in files if path.suffix == ".nbc"]
+for path, other in zip(codes, codes[1:] + codes[:1], strict=True):  # code of another function
+    path.write_bytes(files[other])
+ends.append(in_a_child())
+print(len(files), {end for end in ends})
+"""
+
+
+def test_a_bit_that_flips_in_kept_code_has_it_compiled_again(tmp_path):
+    """By itself numba runs such code: it crashes, or computes something else."""
+    program = tmp_path / "kept.py"
+    program.write_text(KEPT)
+    done = subprocess.run(
+        [sys.executable, str(program), str(tmp_path / "cache")],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "6 {0}\n"), done.stderr
+
+
 @internal
 def doubled(x):
     return 2.0 * x

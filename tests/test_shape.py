@@ -114,7 +114,6 @@ WIDE = {
     "core/processes.py:_serve": "sent to the other process, which raises it",
     "core/files.py:arrays": "zipfile and numpy on damaged bytes: said",
     "core/hdf5.py:_main": "HDF5 on damaged bytes: said",
-    "core/numba_inside.py:_forgiving": "pickle on damaged bytes: compiled again",
     "simulation/ensemble.py:_run_serially": "raised again, with the name of the item",
     "commands/run_scenario.py:_run_parallel": "raised again after cleaning up",
     "commands/run_scenario.py:_stop_workers": "another error came first, and is raised",

@@ -137,11 +137,11 @@ def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
     """
     import numba
 
-    from jointplay.core.compiler import NumbaError
+    from jointplay.core.compiler import NumbaError, cfunc
 
     try:
         try:
-            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+            return cfunc(signature, error_model="numpy")(function)
         except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
             return numba.cfunc(signature, error_model="numpy")(function)
     except NumbaError as error:

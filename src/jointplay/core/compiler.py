@@ -72,8 +72,21 @@ NumbaError: type[Exception] = _inside.NumbaError if _inside else Exception
 def njit(**options: Any) -> Callable[..., Any]:
     """numba's decorator for functions that Python calls."""
     if _inside is None:  # what is kept could not be stamped, and would outlive its sources
-        options["cache"] = False
-    return numba.njit(**options)  # type: ignore[no-any-return]
+        return numba.njit(**options | {"cache": False})  # type: ignore[no-any-return]
+    if numba.config.DISABLE_JIT:
+        return numba.njit(**options)  # type: ignore[no-any-return]
+    return lambda function: _inside.sealed(numba.njit(**options)(function))
+
+
+def cfunc(signature: Any, **options: Any) -> Callable[..., Any]:
+    """numba's decorator for functions that are called by their address; compiled code is kept.
+
+    Raises:
+        RuntimeError: of the function: there is no place to keep it.
+    """
+    if _inside is None:
+        return numba.cfunc(signature, **options)  # type: ignore[no-any-return]
+    return _inside.sealed_cfunc(signature, **options)  # type: ignore[no-any-return]
 
 
 _part = _inside.part if _inside else partial(njit, error_model="numpy")

@@ -4,27 +4,32 @@ Parts of kernels: by itself numba optimises and translates every function it mee
 calls, on its own, and once more in every caller: most of what a first start takes. Parts are typed
 and lowered only; code is made of them where an entry has linked them all.
 
-The cache: numba does not start with a damaged one, which is thrown away here and made anew, and
-does not know of which files its code was made, which a stamp says here.
+The cache: numba runs what it holds, also after a bit has flipped there, so here each file ends with
+a hash; and it does not know of which files its code was made, which a stamp says here.
 
 `compiler` imports this module; where numba lacks a name that is used here, importing fails.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
+import hashlib
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from numba import config, njit
 from numba.core.caching import IndexDataCacheFile
+from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.errors import NumbaError
+from numba.core.sigutils import normalize_signature
 from numba.core.typed_passes import AnnotateTypes
 
-__all__ = ["NumbaError", "part", "stamp"]
+__all__ = ["NumbaError", "part", "sealed", "sealed_cfunc", "stamp"]
 
 USED = {
     JITCodeLibrary: (
@@ -39,7 +44,8 @@ USED = {
     ),
     CompilerBase: ("define_pipelines",),
     DefaultPassBuilder: ("define_nopython_pipeline",),
-    IndexDataCacheFile: ("load",),
+    IndexDataCacheFile: ("_load_index", "_load_data", "_data_path", "_open_for_write"),
+    CFunc: ("enable_caching", "compile"),
 }
 """Attributes of numba's classes that are called or replaced here."""
 
@@ -55,8 +61,79 @@ def stamp(dispatcher: Any, mark: str) -> None:
     file._source_stamp = mark
 
 
+class SealedCacheFile(IndexDataCacheFile):  # type: ignore[misc]
+    """Compiled code in files that end with a hash; what does not match is compiled again.
+
+    The hash is also of the file's name and of the stamp: code of another function, or of older
+    sources, is none.
+    """
+
+    def _load_index(self) -> Any:
+        return super()._load_index() if self._whole(self._index_path) else {}
+
+    def _load_data(self, name: str) -> Any:
+        return super()._load_data(name) if self._whole(self._data_path(name)) else None
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        content = io.BytesIO()
+        yield content
+        with super()._open_for_write(filepath) as file:
+            file.write(content.getvalue() + self._hash(filepath, content.getvalue()))
+
+    def _whole(self, path: str) -> bool:
+        """Whether a file is there as it was written."""
+        try:
+            content = memoryview(Path(path).read_bytes())
+        except OSError:
+            return False
+        return self._hash(path, content[:-_HASH_BYTES]) == content[-_HASH_BYTES:]
+
+    def _hash(self, path: str, content: bytes | memoryview) -> bytes:
+        digest = hashlib.sha256(repr((Path(path).name, self._source_stamp)).encode())
+        digest.update(content)
+        return digest.digest()
+
+
+_HASH_BYTES = hashlib.sha256().digest_size
+
+
+def sealed(compiled: Any) -> Any:
+    """A compiled function whose cache, where it has one, is a `SealedCacheFile`."""
+    cache = compiled._cache
+    if (plain := getattr(cache, "_cache_file", None)) is not None:
+        base = plain._index_name.removesuffix(".nbi")
+        cache._cache_file = SealedCacheFile(plain._cache_path, base, plain._source_stamp)
+    return compiled
+
+
+class _SealedCFunc(CFunc):  # type: ignore[misc]
+    """A function for C with such a cache, which it reads as soon as it is made."""
+
+    def enable_caching(self) -> None:
+        """Have a cache."""
+        super().enable_caching()
+        sealed(self)
+
+
+def sealed_cfunc(signature: Any, **options: Any) -> Callable[..., Any]:
+    """numba's `cfunc` with such a cache.
+
+    Raises:
+        RuntimeError: of the function: there is no place for a cache.
+    """
+
+    def made(function: Callable[..., Any]) -> Any:
+        compiled = _SealedCFunc(function, normalize_signature(signature), {}, options)
+        compiled.enable_caching()
+        compiled.compile()
+        return compiled
+
+    return made
+
+
 if not config.DISABLE_JIT:
-    stamp(njit(cache=True)(stamp), "")
+    stamp(sealed(njit(cache=True)(stamp)), "")
 
 
 class _NoCode:
@@ -130,21 +207,3 @@ def part(**options: Any) -> Any:
         pipeline_class=PartCompiler,
         **options,
     )
-
-
-_load = IndexDataCacheFile.load
-
-
-def _forgiving(self: Any, key: Any) -> Any:
-    """What is kept under a key; a damaged cache is deleted, and functions compiled again."""
-    try:
-        return _load(self, key)
-    except Exception:  # pickle raises whatever the bytes make it do
-        with suppress(OSError):
-            index = Path(self._index_path)
-            for file in index.parent.glob(f"{index.stem}.*"):
-                file.unlink()
-        return None
-
-
-IndexDataCacheFile.load = _forgiving
