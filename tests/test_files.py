@@ -110,11 +110,14 @@ def test_other_programs_read_a_sealed_file(saved, result):
         assert dataset["q"].shape == result["q"].shape
 
 
-def test_files_without_checksum_still_load(result, tmp_path):
-    """Those of other programs."""
-    path = tmp_path / "old.nc"
-    result.dataset.to_netcdf(path, engine="h5netcdf")
-    assert jp.Result.load(path).audit == result.audit
+@pytest.mark.parametrize("cut", [1, 2, 65, 81, 82, 83, 300])
+def test_a_file_that_was_cut_is_refused_wherever_it_was_cut(saved, tmp_path, cut):
+    """Its checksum is the end of it: a file without one is not taken for another program's."""
+    path = tmp_path / "cut.nc"
+    path.write_bytes(saved.read_bytes()[:-cut])
+    for read in (jp.Result.load, jp.Result.open):
+        with pytest.raises(JointplayError, match="does not end with its checksum"):
+            read(path)
 
 
 SPINS = f"""
@@ -518,10 +521,11 @@ def ideal():
 
 
 def rewritten(result, path, change):
-    """A result as another program might have left it, without checksum."""
+    """A result as another program might have left it, with the checksum of that."""
     dataset = change(result.dataset)
     dataset.attrs |= result.dataset.attrs
-    dataset.to_netcdf(path, engine="h5netcdf", invalid_netcdf=True)
+    content = dataset.to_netcdf(None, engine="h5netcdf", invalid_netcdf=True)
+    path.write_bytes(netcdf.seal(bytes(content)))
     return path
 
 

@@ -131,6 +131,31 @@ def test_no_flipped_bit_of_a_store_gives_another_number(whole):
     assert refused > 30
 
 
+def test_a_file_of_a_store_copied_over_another_is_refused(whole):
+    """Each chunk and each array's metadata in turn, which are whole and in the wrong place."""
+    _, store, _ = whole
+    chunks = [one for one in kept(store) if "/c/" in one.as_posix()]
+    for path, other in zip(chunks, chunks[1:] + chunks[:1], strict=True):
+        with changed(path, other.read_bytes()):
+            found, said = read(store)
+        assert found is None
+        assert re.search(r"; --resume (runs|writes) .*again", said)
+    same = [one for one in chunks if "tool_position_history/" in one.as_posix()]
+    with changed(same[0], same[1].read_bytes()):
+        assert "it was written in another place" in read(store)[1]
+        key = same[0].relative_to(store).as_posix()
+        assert list(sealed.survey(store)) == [("tool_position_history", key)]
+    own = store / "peak_force" / "zarr.json"
+    with changed(own, (store / "state" / "zarr.json").read_bytes()):
+        assert list(sealed.survey(store)) == [("peak_force", None)]
+
+
+def test_other_readers_of_zarr_pass_over_the_places_of_chunks(whole):
+    _, store, reference = whole
+    found = xr.open_zarr(store, zarr_format=3).load()
+    np.testing.assert_array_equal(found["peak_force"], reference["peak_force"])
+
+
 DAMAGES = {
     "peak_force/c/0/0/0": CASES,
     "tool_position_history/c/2/1/0/0/0": 1,
@@ -428,7 +453,7 @@ def test_metadata_that_are_not_ours_are_refused_before_zarr_sees_them(
     root = tmp_path / "s" / "zarr.json"
     found = json.loads(root.read_bytes())
     edit(found["consolidated_metadata"]["metadata"]["peak_force"])
-    root.write_bytes(sealed.write_metadata(found))
+    root.write_bytes(sealed.write_metadata(found, sealed.ROOT))
     monkeypatch.setattr("zarr.core.group.GroupMetadata.from_dict", lambda *_: pytest.fail("seen"))
     with pytest.raises(JointplayError, match=f"array 'peak_force': .*{STRANGE[edit]}") as error:
         jp.open_sweep(tmp_path / "s")
@@ -437,7 +462,7 @@ def test_metadata_that_are_not_ours_are_refused_before_zarr_sees_them(
     own = tmp_path / "s" / "peak_force" / "zarr.json"
     found = json.loads(own.read_bytes())
     edit(found)
-    own.write_bytes(sealed.write_metadata(found))
+    own.write_bytes(sealed.write_metadata(found, "peak_force"))
     assert ("peak_force", None) in list(sealed.survey(tmp_path / "s"))
 
 
@@ -448,7 +473,7 @@ def test_arrays_have_plain_names(name, whole, tmp_path):
     found = json.loads(root.read_bytes())
     arrays = found["consolidated_metadata"]["metadata"]
     arrays[name] = arrays["peak_force"]
-    root.write_bytes(sealed.write_metadata(found))
+    root.write_bytes(sealed.write_metadata(found, sealed.ROOT))
     with pytest.raises(JointplayError, match="an array is called"):
         jp.open_sweep(tmp_path / "s")
 

@@ -37,6 +37,8 @@ CHUNK = 4096
 INDEX_BYTES = 1 << 18
 """Memory for the index of the chunks, however many there are [bytes]."""
 
+_UNSEALED = "it does not end with its checksum (cut short, or written by another program)"
+
 _CHANGED = "its checksum does not match (cut short, or changed since)"
 
 _PIECE = 1 << 20
@@ -92,7 +94,7 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
         sealed = file.read()
         file.seek(0)
         if size < 0 or not sealed.startswith(SEAL):
-            raise damaged(path, "it has no checksum, so it can only be loaded completely")
+            raise damaged(path, _UNSEALED)
         if sealed != SEAL + digest(file, size) + b"\n":
             raise damaged(path, _CHANGED)
     with _examined(path) as xr:
@@ -100,21 +102,21 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
 
 
 def load(path: Path) -> xr.Dataset:
-    """Read a file that `pack` made, or another program.
+    """Read a file that `pack` or `GrowingDataset` made.
 
     Raises:
-        JointplayError: damaged, no NetCDF file, or larger than this machine's memory.
+        JointplayError: damaged, without checksum, or larger than this machine's memory.
     """
     with system_errors(f"cannot read {str(path)!r}"):
         content = path.read_bytes()
     body, sealed = content[:-_SEALED], content[-_SEALED:]
-    if sealed.startswith(SEAL):
-        if sealed != seal(body)[-_SEALED:]:
-            raise damaged(path, _CHANGED)
-        content = body
+    if not sealed.startswith(SEAL):
+        raise damaged(path, _UNSEALED)
+    if sealed != seal(body)[-_SEALED:]:
+        raise damaged(path, _CHANGED)
     with (
         _examined(path) as xr,
-        xr.open_dataset(io.BytesIO(content), engine="h5netcdf") as dataset,
+        xr.open_dataset(io.BytesIO(body), engine="h5netcdf") as dataset,
     ):
         largest = MEMORY_SHARE * memory()
         if dataset.nbytes > largest:  # a small file can claim to hold any size

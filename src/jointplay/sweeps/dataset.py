@@ -15,7 +15,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.files import is_file
 from jointplay.sweeps.sealed import METADATA, WRITTEN, SealedStore, damaged, plain_name
 
-FORMAT = 2
+FORMAT = 3
 """Version of the store's format."""
 
 _KINDS: dict[str, type] = {

@@ -4,7 +4,9 @@ A store can come from anywhere, and Zarr does what it says: metadata of Zarr 2 n
 code, those of Zarr 3 codecs of any package, and a chunk may be a link to any file. So zarr sees a
 store only through `SealedStore`, which serves metadata that are ours by a list, and chunks that are
 files of the store. What has changed since it was written is found by its checksum: of a chunk
-CRC-32C, its last codec, of metadata SHA-256, an attribute. A chunk that is gone is found by the
+CRC-32C, its last codec, of metadata SHA-256, an attribute. Both are also of the place, so that what
+was copied from another one is found: a chunk names it behind its data, where Zstandard has room for
+what unpacking skips, and any reader of Zarr passes over it. A chunk that is gone is found by the
 list of those that were there when the sweep was last ended (`WRITTEN`), and one that would unpack
 to another size than its array's chunks have is not unpacked.
 """
@@ -59,6 +61,9 @@ MOST_TEXT_BYTES = 1 << 16
 _ZSTD = b"\x28\xb5\x2f\xfd"
 """How a frame of Zstandard begins (RFC 8878)."""
 
+_SKIPPED = b"\x50\x2a\x4d\x18"
+"""How a frame begins that unpacking skips (the same, section 3.1.2)."""
+
 _TYPES = {"bool": 1, "int8": 1, "int64": 8, "float64": 8, "string": 8}
 """Types of arrays, and their sizes in memory [bytes]."""
 
@@ -85,6 +90,7 @@ _ABOUT = {
 
 CHANGED = "does not match its checksum (changed since it was written)"
 GONE = "it is gone"
+ELSEWHERE = "it was written in another place"
 
 
 class Foreign(ValueError):
@@ -126,7 +132,7 @@ class SealedStore(LocalStore):
                 content = json.dumps(metadata(self.root, name)).encode()
             else:
                 content = _file(self.root, key, MOST_CHUNK_BYTES)
-                _check_chunk(content, _array(self.root, name))
+                _check_chunk(content, key, _array(self.root, name))
         except (FileNotFoundError, NotADirectoryError):
             if what == METADATA or not self.read_only:  # writers have looked with `survey`
                 return None
@@ -236,7 +242,7 @@ def metadata(root: Path, name: str) -> dict[str, Any]:
     given = found["attributes"].pop(SEAL, None)
     if given is None:
         raise ValueError(f"no checksum ({SEAL})")
-    if given != _checksum(found):
+    if given != _checksum(found, name):
         raise ValueError(CHANGED)
     try:
         if name:
@@ -248,11 +254,11 @@ def metadata(root: Path, name: str) -> dict[str, Any]:
     return found
 
 
-def write_metadata(content: Mapping[str, Any]) -> bytes:
-    """Metadata as a file, with their checksum."""
+def write_metadata(content: Mapping[str, Any], name: str) -> bytes:
+    """Metadata of an array, or of the store (`ROOT`), as a file, with their checksum."""
     found = json.loads(json.dumps(content))
     found["attributes"].pop(SEAL, None)
-    found["attributes"][SEAL] = _checksum(found)
+    found["attributes"][SEAL] = _checksum(found, name)
     return json.dumps(found, indent=2).encode()
 
 
@@ -277,7 +283,7 @@ def survey(root: Path) -> Iterator[tuple[str, str | None]]:
         for chunk in found:
             key = f"{name}/c/{chunk}"
             try:
-                _check_chunk(_file(root, key, MOST_CHUNK_BYTES), _array(root, name))
+                _check_chunk(_file(root, key, MOST_CHUNK_BYTES), key, _array(root, name))
             except (OSError, ValueError):
                 yield name, key
 
@@ -343,16 +349,26 @@ def _file(root: Path, key: str, most: int) -> bytes:
     return path.read_bytes()
 
 
-def _check_chunk(content: bytes, array: Mapping[str, Any] | None) -> None:
-    """Refuse a chunk that has changed, or is not of its array's size.
+def _check_chunk(content: bytes, key: str, array: Mapping[str, Any] | None) -> None:
+    """Refuse a chunk that has changed, is not of its array's size, or was written elsewhere.
 
     Raises:
         ValueError: why.
     """
     if google_crc32c.value(content[:-4]) != int.from_bytes(content[-4:], "little"):
         raise ValueError(CHANGED)
-    if array is None:
-        return
+    if array is not None:
+        _check_size(content, array)
+    if not content[:-4].endswith(_place(key)):
+        raise ValueError(ELSEWHERE)
+
+
+def _check_size(content: bytes, array: Mapping[str, Any]) -> None:
+    """Refuse a chunk that would unpack to another size than its array's chunks have.
+
+    Raises:
+        ValueError: why.
+    """
     cells = math.prod(array["chunk_grid"]["configuration"]["chunk_shape"])
     kind, size = array["data_type"], _unpacked(content)
     if size is None:
@@ -379,17 +395,27 @@ def _unpacked(content: bytes) -> int | None:
     return int.from_bytes(content[begin : begin + width], "little") + (256 if width == 2 else 0)
 
 
+def _place(key: str) -> bytes:
+    """What a chunk has behind its data: a frame that is skipped, with the chunk's place."""
+    place = key.encode()
+    return _SKIPPED + len(place).to_bytes(4, "little") + place
+
+
 def _sealed(key: str, value: Buffer) -> Buffer:
-    """Content for a file, metadata with their checksum."""
-    if key.rpartition("/")[2] != METADATA:
-        return value
-    content = write_metadata(json.loads(value.to_bytes()))
+    """Content for a file with its checksum, which is also of its place."""
+    content = value.to_bytes()
+    name, _, what = key.rpartition("/")
+    if what == METADATA:
+        content = write_metadata(json.loads(content), name)
+    else:
+        content = content[:-4] + _place(key)
+        content += google_crc32c.value(content).to_bytes(4, "little")
     return default_buffer_prototype().buffer.from_bytes(content)
 
 
-def _checksum(content: Any) -> str:
-    """SHA-256 of metadata."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+def _checksum(content: Any, name: str) -> str:
+    """SHA-256 of the metadata of an array, or of the store (`ROOT`)."""
+    text = json.dumps([name, content], sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 

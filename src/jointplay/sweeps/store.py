@@ -246,7 +246,7 @@ class Store:
                 "name",
             )
         about = {"attributes": self._about(), "zarr_format": 3, "node_type": "group"}
-        files.write(self.path / METADATA, sealed.write_metadata(about), overwrite=True)
+        files.write(self.path / METADATA, sealed.write_metadata(about, ROOT), overwrite=True)
         self.group = self._opened()
         with suppress(JointplayError):  # metadata of an array are damaged as well
             self._consolidate()
@@ -276,7 +276,7 @@ class Store:
                 if kind == "labels" or (under_way and len(array["shape"]) > again.ndim):
                     return False  # they may have grown since
                 (self.path / name).mkdir(exist_ok=True)
-                content = sealed.write_metadata(array)
+                content = sealed.write_metadata(array, name)
                 files.write(self.path / name / METADATA, content, overwrite=True)
             elif kind == "labels":
                 return False
