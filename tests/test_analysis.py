@@ -1,5 +1,7 @@
 """Analysis of results against numbers reckoned by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -50,6 +52,36 @@ def test_what_came_out_of_a_run_is_judged_from_when_the_run_is(pair):
     assert f"peak force in joint_b from 0.2 s on {force:.4g} N" in lines[-3]
     assert lines[-2].startswith(f"rattle: {10 * late.audit.judged_impacts} impacts a second of ")
     assert lines[-2].endswith(" from 0.2 s on")
+
+
+def test_the_sentence_names_the_play_and_the_elasticity_that_there_are(pair):
+    _, loose = pair
+    clearance = loose.simulation.mechanism.clearance
+    rest = {"rotor_inertia": 0.1, "stiffness": 1e4}
+
+    def said(play_a, play_b):
+        gears = {"joint_a": jp.Gear(play=play_a, **rest), "joint_b": jp.Gear(play=play_b, **rest)}
+        mechanism = SimpleNamespace(clearance=clearance, gears=gears, hinges={})
+        run = SimpleNamespace(joints=loose.joints, simulation=SimpleNamespace(mechanism=mechanism))
+        return headline._cause(run)
+
+    assert said(0.0, 0.0) == (
+        "Play of 0.2 mm in joint_b, and elasticity of the gears of joint_a, joint_b,"
+    )
+    assert said(0.0, 0.00872665) == (
+        "Play in joint_b (0.2 mm), the gear of joint_b (0.5 deg), "
+        "and elasticity of the gear of joint_a,"
+    )
+
+
+def test_the_turn_of_the_tool_stands_beside_its_error_with_its_own_error(pair):
+    ideal, loose = pair
+    angles = np.linalg.norm(analysis.deviation(loose, ideal, "tool_orientation").values, axis=1)
+    loose.certificate = analysis.estimate(loose)
+    figure = loose.certificate["peak tool turn"]
+    assert figure.value == pytest.approx(angles.max(), rel=1e-9)
+    assert 0.0 < figure.error < figure.value
+    assert f", and turns it by up to {figure}, RMS " in headline.headline(loose, ideal)[0]
 
 
 def test_rattle_counts_impacts_and_splits_a_known_vibration_into_bands(pair):

@@ -12,6 +12,7 @@ from test_playback import open_page, picture
 
 import jointplay as jp
 from jointplay import analysis, player
+from jointplay.analysis.bearings import BearingLife
 from jointplay.analysis.headline import headline
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.player.tracks import unpack
@@ -244,7 +245,7 @@ def test_reports_say_loads_and_lives_of_bearings(mixed, tmp_path):
     report({"a": mixed}, path, impacts=0, pdf=False)
     text = path.read_text()
     assert "Rolling bearings" in text
-    assert "L10 of this motion" in text
+    assert "life L10" in text
     assert "6010/C3" in text
     assert "radial clearance <i>C</i><sub>r</sub> (estimated)" in text
     assert "interference of the shaft [µm]" in text
@@ -324,3 +325,11 @@ def test_a_scenario_says_what_is_estimated(robot):
     assert "estimated: pitch diameter 65 mm" in text
     assert "shaft interference" not in text  # none
     assert "play none (preloaded)" in repr(jp.Mechanism(robot, {"pair": PAIR}, tool="tip"))
+
+
+def test_a_life_of_more_than_a_century_is_no_number():
+    known = {"joint": "a", "damage": 0.0, "turned": 1.0, "swing": 7.0, "spacing": 0.5}
+    known |= {"largest_load": 1.0, "rated_load": 2.0, "most_loaded": 1, "elements": 9}
+    known |= {"mean_torque": 0.0, "friction_work": 0.0, "friction_power": 0.0}
+    assert "8e+12" not in str(BearingLife(revolutions=1e15, hours=8e12, **known))
+    assert "2e+03 h" in str(BearingLife(revolutions=1e7, hours=2e3, **known))

@@ -200,7 +200,21 @@ def test_numbers_have_the_digits_that_their_errors_allow():
     assert plus_minus(1504.0, 1050.0) == "1500 ± 1050"
     assert plus_minus(0.146044, 5e-6) == "0.146044 ± 0.000005"
     assert plus_minus(3.25e-7, 2.1e-8) == "(3.25 ± 0.21)e-7"
-    assert plus_minus(0.0, 0.0) == "0 ± 0"
+    assert plus_minus(0.0, 0.0) == "0"
+    assert plus_minus(12.5, 0.0) == "12.5"
+
+
+def test_a_value_that_its_error_swallows_is_a_bound():
+    assert plus_minus(5.0, 10.0, whole=True) == "at most 15"
+    assert plus_minus(0.00012, 0.00021) == "at most 0.00033"
+    assert plus_minus(1.0, 0.99) != "at most 2"
+
+
+def test_a_figure_is_shown_in_one_unit_wherever_it_stands():
+    away = CertifiedFigure("peak tool error", 2.30201e-3, 1.9e-7, "m")
+    assert str(away) == "2.30201 ± 0.00019 mm"
+    turn = CertifiedFigure("peak tool turn", 5.2916e-3, 4e-7, "rad")
+    assert str(turn) == "5.2916 ± 0.0004 mrad"
 
 
 @pytest.mark.parametrize(

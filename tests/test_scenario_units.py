@@ -81,7 +81,10 @@ def test_either_of_two_units_is_remembered():
 
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
-    [(2e-4, "m", "0.2 mm"), (1e-5, "s", "10 µs"), (207e9, "Pa", "207 GPa"), (0.9, "", "0.9")],
+    [
+        *((2e-4, "m", "0.2 mm"), (1e-5, "s", "10 µs"), (207e9, "Pa", "207 GPa"), (0.9, "", "0.9")),
+        *((0.00872665, "rad", "0.5 deg"), (1e-3, "rad", "1 mrad"), (0.2, "rad", "0.2 rad")),
+    ],
 )
 def test_values_are_shown_with_handy_prefixes(value, unit, text):
     assert readable(value, unit) == text

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+CENTURY_H = 100 * 365.25 * 24
+"""Hours of a century of running day and night; of a longer life no more is said than that."""
+
+
 def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
     """Rolling bearings of a result by joint.
 
@@ -125,10 +129,16 @@ class BearingLife:
         """One line."""
         most = f"largest element load {self.largest_load:.4g} N"
         share = f"{self.most_loaded} of {self.elements} elements loaded at most"
+        return f"{most}, {share}; life L10 {self.lasting}"
+
+    @property
+    def lasting(self) -> str:
+        """How long the bearing lasts, in words."""
         if math.isinf(self.revolutions):
-            return f"{most}, {share}; life L10 unlimited: it does not turn under load"
-        life = f"life L10 {self.revolutions:.3g} revolutions, {self.hours:.3g} h of this motion"
-        return f"{most}, {share}; {life}"
+            return "unlimited: it does not turn under load"
+        if self.hours > CENTURY_H:
+            return "far beyond any use: more than a century of this motion"
+        return f"{self.revolutions:.3g} revolutions, {self.hours:.3g} h of this motion"
 
 
 def bearing_life(

@@ -18,7 +18,7 @@ import numpy as np
 
 from jointplay import analysis
 from jointplay.analysis.claims import measure
-from jointplay.analysis.twins import hinges
+from jointplay.analysis.twins import COMPARED, hinges
 from jointplay.core import signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
@@ -83,9 +83,6 @@ CLAIM_UNITS = {
     "swing_mm": "mm",
 }
 """Units of what `claims.measure` finds."""
-
-TOOL = ("tool_position", "tool_velocity")
-"""What is needed of the ideal mechanism's run."""
 
 Begin = Callable[[Run], None]
 """Told of each further run before it begins."""
@@ -319,7 +316,7 @@ def _ideal(simulation: Simulation, result: Result, progress: bool, begin: Begin)
         return None
     same = replace(simulation, duration=float(result.time[-1]))
     ideal, why = _run(
-        analysis.ideal_simulation(same), "the ideal mechanism ", progress, begin, only=TOOL
+        analysis.ideal_simulation(same), "the ideal mechanism ", progress, begin, only=COMPARED
     )
     if ideal is None:
         text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({why})"
@@ -369,9 +366,12 @@ def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
             found[f"{how} joint force{at}"] = _history(how, sizes[judged, k], "N")
     if ideal is not None:
         away = analysis.deviation(result, ideal)
-        sizes = np.linalg.norm(away.values, axis=1)[away["time"].values >= result.judge_from]
-        for how in ("peak", "RMS"):
-            found[f"{how} tool error"] = _history(how, sizes, "m")
+        kept = away["time"].values >= result.judge_from
+        turned = analysis.deviation(result, ideal, "tool_orientation")
+        for what, error in (("error", away), ("turn", turned)):
+            sizes = np.linalg.norm(error.values, axis=1)[kept]
+            for how in ("peak", "RMS"):
+                found[f"{how} tool {what}"] = _history(how, sizes, error.attrs["units"])
     if result.joints:
         found["impacts"] = Measured(float(result.audit.judged_impacts or 0), "", np.empty(0))
     lost = np.zeros(np.count_nonzero(judged))

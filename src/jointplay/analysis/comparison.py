@@ -18,7 +18,7 @@ from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import differences, short
 from jointplay.core.tables import columns
-from jointplay.result.certificate import HEADLINE, CertifiedFigure
+from jointplay.result.certificate import HEADLINE, CertifiedFigure, shown_in
 from jointplay.result.result import Result
 
 _TEXTS = ("mechanism.urdf_text",)
@@ -102,7 +102,8 @@ class Comparison:
 def _shown(figure: CertifiedFigure) -> str:
     if math.isfinite(figure.error):
         return str(figure)
-    return f"{figure.value:.4g} {figure.unit}".rstrip()
+    factor, unit = shown_in(figure.unit)
+    return f"{factor * figure.value:.4g} {unit}".rstrip()
 
 
 def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:

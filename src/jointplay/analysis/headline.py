@@ -11,20 +11,27 @@ import numpy as np
 
 from jointplay.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twins import has_play, hinges, ideal_simulation, tool_motion
+from jointplay.analysis.twins import (
+    COMPARED,
+    at_joint,
+    has_play,
+    hinges,
+    ideal_simulation,
+    tool_motion,
+)
 from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few
 from jointplay.core.units import readable
 from jointplay.motion.reference import GOES_ON
-from jointplay.result.certificate import plus_minus
+from jointplay.result.certificate import shown_in
 from jointplay.result.result import Result
 
 if TYPE_CHECKING:
     import xarray as xr
 
 HISTORIES = (
-    *("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak"),
+    *(*COMPARED, "joint_force_peak", "normal_force_peak"),
     *("q", "v", "cage_angle", "normal_dissipation"),
 )
 """What `headline` looks at, in the run and in the ideal mechanism's."""
@@ -90,9 +97,21 @@ def _tool(
     at = float(judged["time"][int(sizes.argmax())])
     rms = accuracy(error, start).rms[-1]
     tool = result.simulation.mechanism.tool
+    turns = accuracy(deviation(result, ideal, "tool_orientation"), start)
+    shown = {
+        name: _shown(result, name, float(value), unit)
+        for name, value, unit in (
+            ("peak tool error", sizes.max(), "m"),
+            ("RMS tool error", rms, "m"),
+            ("peak tool turn", turns.peak[-1], "rad"),
+            ("RMS tool turn", turns.rms[-1], "rad"),
+        )
+    }
     answer = (
-        f"{_cause(result)} puts the tool {tool!r} up to {_peak(result, sizes.max())} off{since} "
-        f"(at t = {at:.4g} s), RMS {_mm(rms)}, against the ideal mechanism{ended}"
+        f"{_cause(result)} puts the tool {tool!r} up to {shown['peak tool error']} off{since} "
+        f"(at t = {at:.4g} s), RMS {shown['RMS tool error']}, and turns it by up to "
+        f"{shown['peak tool turn']}, RMS {shown['RMS tool turn']}, against the ideal "
+        f"mechanism{ended}"
     )
     return [answer, *_from_base(result, ideal, since), *_at_stops(result, error, start)]
 
@@ -110,13 +129,13 @@ def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
     ]
 
 
-def _peak(result: Result, size: float) -> str:
-    """The largest tool error with its numerical error, if that is known."""
-    found = result.certificate.headline if result.certificate else ()
-    for figure in found:
-        if figure.name == "peak tool error":
-            return f"{plus_minus(1e3 * figure.value, 1e3 * figure.error)} mm"
-    return _mm(size)
+def _shown(result: Result, name: str, value: float, unit: str) -> str:
+    """A headline figure with its numerical error, or `value` if that is not known."""
+    for figure in result.certificate.headline if result.certificate else ():
+        if figure.name == name and math.isfinite(figure.error):
+            return str(figure)
+    factor, word = shown_in(unit)
+    return f"{factor * value:.4g} {word}"
 
 
 def _cause(result: Result) -> str:
@@ -124,11 +143,21 @@ def _cause(result: Result) -> str:
     mechanism = result.simulation.mechanism
     joints, gears = mechanism.clearance, mechanism.gears
     hinged = hinges(result)
-    soft = [name for name, joint in joints.items() if joint.springs and name not in hinged]
+    bearings = {name: joint for name, joint in joints.items() if name not in hinged}
+    loose = {name: joint for name, joint in bearings.items() if joint.has_play}
+    soft = [name for name in bearings if name not in loose]
     soft += [f"link {name}" for name in mechanism.hinges]
+    # Each gear gives way; its play, where it has some, is what parts the two.
+    stiff = [name for name, gear in gears.items() if gear.play == 0.0]
+    if stiff:
+        soft.append(f"the gear{'s' if len(stiff) > 1 else ''} of {few(stiff)}")
     elasticity = f"lasticity of {few(soft)}" if soft else ""
-    sizes = {name: joint.play_words for name, joint in joints.items() if not joint.springs}
-    sizes |= {name: readable(gear.play, "rad") for name, gear in gears.items()}
+    sizes = {name: joint.play_words for name, joint in loose.items()}
+    sizes |= {
+        f"the gear of {name}": readable(gear.play, "rad")
+        for name, gear in gears.items()
+        if gear.play > 0.0
+    }
     if not sizes:
         return f"E{elasticity}"
     more = f", and e{elasticity}," if soft else ""
@@ -161,7 +190,8 @@ def _force(result: Result, joint: str, start: float, since: str) -> str:
     forces = result["joint_force_peak"].sel(joint=joint).values[judged]
     sizes = np.linalg.norm(forces, axis=1)
     at = float(result.time[judged][int(sizes.argmax())])
-    return f"peak force in {joint}{since} {sizes.max():.4g} N at t = {at:.4g} s"
+    shown = _shown(result, f"peak joint force{at_joint(result, joint)}", float(sizes.max()), "N")
+    return f"peak force in {joint}{since} {shown} at t = {at:.4g} s"
 
 
 def _bearings(result: Result, since: str) -> list[str]:

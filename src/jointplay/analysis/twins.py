@@ -19,6 +19,9 @@ from jointplay.result.stored import stored_coordinates
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
+COMPARED = ("tool_position", "tool_velocity", "tool_orientation")
+"""What a tool's error needs of the ideal mechanism's run."""
+
 SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
 """Kinds of joint whose surfaces slide on each other."""
 
@@ -52,6 +55,12 @@ def hinges(result: Result) -> set[str]:
     if not any(HINGE in name for name in result.joints):
         return set()
     return {name for its in result.simulation.mechanism.hinges.values() for name in its}
+
+
+def at_joint(result: Result, joint: str) -> str:
+    """What the names of a joint's figures end with: nothing where there is only one."""
+    soft = hinges(result)
+    return "" if len(set(result.joints) - soft) == 1 else f", {joint}"
 
 
 def rolls(result: Result, joint: str) -> bool:
@@ -170,7 +179,7 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
 
     run = Run(simulation, progress)
     status = run.run_to_end(progress)
-    wanted = ["tool_position", "tool_velocity"]
+    wanted = list(COMPARED)
     wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []  # seen from the base
     return run.result(status, reactions=False, only=wanted)
 

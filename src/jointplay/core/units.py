@@ -230,7 +230,13 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 def readable(value: float, unit: str) -> str:
-    """A value in SI with a handy prefix: 0.0002 m is ``0.2 mm``."""
+    """A value in SI with a handy prefix: 0.0002 m is ``0.2 mm``.
+
+    An angle is told in degrees, mrad or rad, whichever is the shortest.
+    """
+    if unit == "rad" and value != 0.0:
+        sizes = ((_DEGREE, "deg"), (1e-3, "mrad"), (1.0, "rad"))
+        return min((f"{value / size:.6g} {name}" for size, name in sizes), key=len)
     prefixed = {
         "m": ((1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
         "s": ((1e-6, "µs"), (1e-3, "ms"), (1.0, "s")),

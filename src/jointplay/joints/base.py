@@ -298,6 +298,11 @@ class Clearance(Described, ABC):
         return None
 
     @property
+    def has_play(self) -> bool:
+        """Whether the journal is free somewhere, and not held by springs or preload."""
+        return self.springs is None
+
+    @property
     def rooms(self) -> tuple[float, ...]:
         """Clearance that belongs to each contact [m]."""
         return (self.radial_room,) * len(self.contacts)

@@ -778,6 +778,11 @@ class RollingBearing(WholeLawJoint):
         return replace(self, temperature_difference=self.temperature_difference + more)
 
     @property
+    def has_play(self) -> bool:
+        """See `Clearance.has_play`."""
+        return not self.preloaded
+
+    @property
     def play_words(self) -> str:
         """The play across the axis in operation, or that there is none by preload."""
         return "none (preloaded)" if self.preloaded else readable(round(self.radial_room, 9), "m")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.analysis.tool_error import deviation
-from jointplay.analysis.twins import clearance_outline, ideal_simulation
+from jointplay.analysis.twins import COMPARED, clearance_outline, ideal_simulation
 from jointplay.core.errors import JointplayError
 from jointplay.core.units import readable
 from jointplay.design import poses
@@ -167,9 +167,7 @@ class Machine:
             self._continue()
             if status != Status.COMPLETED:
                 raise JointplayError(run.message(status))
-            found = run.result(
-                status, reactions=False, only=("q", "tool_position", "tool_velocity")
-            )
+            found = run.result(status, reactions=False, only=("q", *COMPARED))
         self._twins[key] = found
         while len(self._twins) > _TWINS:
             self._twins.popitem(last=False)
@@ -255,9 +253,10 @@ def cycle_message(
         steps: of a quick run, how long they were, in words.
         reason: why there is no twin.
     """
-    full_error = None
+    full_error = full_turn = None
     if twin is not None:
         full_error = np.linalg.norm(deviation(result, twin).values, axis=1)
+        full_turn = np.linalg.norm(deviation(result, twin, "tool_orientation").values, axis=1)
     few = thinned(result, max(-(-len(result.time) // SHOWN), 1))
     kept = np.searchsorted(result.time, few.time)
     columns = Columns(bytearray(), {})
@@ -268,14 +267,16 @@ def cycle_message(
         figures.append({"name": name, "value": float(value), "unit": unit})
 
     since = result.time >= result.judge_from
-    if full_error is not None:
-        judged = full_error[since[: len(full_error)]]
+    if full_error is not None and full_turn is not None:
         begin = np.append(0, kept[:-1] + 1)
         columns.put(
             "tool error", np.maximum.reduceat(full_error, np.minimum(begin, len(full_error) - 1))
         )
-        figure("largest tool error", judged.max(initial=0.0), "m")
-        figure("RMS tool error", np.sqrt(np.mean(judged**2)) if len(judged) else 0.0, "m")
+        for what, sizes, unit in (("error", full_error, "m"), ("turn", full_turn, "rad")):
+            judged = sizes[since[: len(sizes)]]
+            figure(f"largest tool {what}", judged.max(initial=0.0), unit)
+            rms = np.sqrt(np.mean(judged**2)) if len(judged) else 0.0
+            figure(f"RMS tool {what}", rms, unit)
     for j, name in enumerate(result.joints):
         centre = few["journal_centre"].values[:, j]
         columns.put(f"x {name}", centre[:, 0])

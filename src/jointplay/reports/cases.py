@@ -34,6 +34,8 @@ class Case:
     """What its tool is measured against; itself for an ideal run."""
     error: xr.DataArray | None = None
     """The tool's deviation from `ideal` (time, axis) [m]; None for an ideal run."""
+    turn: xr.DataArray | None = None
+    """The same of its orientation [rad]."""
     replay: Replay | None = None
     impacts: list[Impact] = field(default_factory=list)
     """The largest ones, step by step, one for each window of the replay."""
@@ -159,6 +161,7 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
                     "report because no ideal run with the same inputs was given."
                 )
             case.error = analysis.deviation(case.result, case.ideal)
+            case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
             if not _follows(case.result):
                 case.notes.append(
                     "No drive follows a reference: the ideal mechanism moves freely, so the "
@@ -170,7 +173,7 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
                     "those up to there."
                 )
         except JointplayError as error:
-            case.ideal = case.error = None
+            case.ideal = case.error = case.turn = None
             case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
 
 

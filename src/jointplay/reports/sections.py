@@ -28,7 +28,7 @@ from jointplay.plots.figures import is_paper
 from jointplay.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
 from jointplay.reports.cases import Case, dark, place_of, since
 from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table, table_of
-from jointplay.result.certificate import MARKED, CertifiedFigure, plus_minus
+from jointplay.result.certificate import MARKED, CertifiedFigure
 from jointplay.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
@@ -223,8 +223,7 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
                     "most": life.most_loaded,
                     "of": life.elements,
                     "turned [rev]": life.turned,
-                    "L10 [rev]": _lasting(life.revolutions),
-                    "L10 of this motion [h]": _lasting(life.hours),
+                    "life L10": life.lasting,
                     "friction torque, mean [N mm]": 1e3 * life.mean_torque,
                     "friction power, mean [mW]": 1e3 * life.friction_power,
                 }
@@ -244,10 +243,6 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
         )
     heading = Html("<h3>Rolling bearings</h3>")
     return joined([heading, table_of(rows, left=2, name="bearings"), paragraph(note)])
-
-
-def _lasting(life: float) -> Cell:
-    return "unlimited" if math.isinf(life) else life
 
 
 def _percentile(values: np.ndarray, percent: float) -> float | None:
@@ -401,15 +396,12 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
             continue
         accuracy = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
         for k, axis in enumerate(analysis.COMPONENTS):
-            rows.append(
-                {
-                    "case": dark(case),
-                    "axis": axis,
-                    "mean [mm]": 1e3 * float(accuracy.mean[k]),
-                    "RMS [mm]": 1e3 * float(accuracy.rms[k]),
-                    "peak [mm]": 1e3 * float(accuracy.peak[k]),
-                }
-            )
+            row: dict[str, Cell] = {"case": dark(case), "axis": axis}
+            row["mean [mm]"] = 1e3 * float(accuracy.mean[k])
+            for how, values in (("RMS", accuracy.rms), ("peak", accuracy.peak)):
+                name = f"{how} tool error" if axis == "total" else ""
+                row[f"{how} [mm]"] = _glance_cell(case, start, 1e3 * float(values[k]), name)
+            rows.append(row)
         reached, reason = stops(case)
         if reason:
             unknown.append(paragraph(f"{case.label}: its stops are not known: {reason}"))
@@ -486,9 +478,6 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
     return joined([*parts, paragraph(note), bullets(missing)])
 
 
-_GLANCE_DIGITS = 4
-
-
 def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
     columns = [_glanced(case, start) for case in cases]
@@ -540,7 +529,7 @@ def _play_of(cases: Sequence[Case], joint: str) -> str:
 def _glanced(case: Case, start: float) -> dict[str, Cell]:
     """The figures of a case by name; None where one does not apply."""
     audit = case.result.audit
-    rms = peak = at_stops = rate = force = penetration = None
+    rms = peak = turn = turned = at_stops = number = force = penetration = None
     strongest = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
         accuracy = analysis.accuracy(case.error, start)
@@ -548,15 +537,15 @@ def _glanced(case: Case, start: float) -> dict[str, Cell]:
         ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
         errors = [1e3 * float(analysis.error_at(case.error, end)[3]) for end in ends]
         at_stops = max(errors, default=None)
+    if case.turn is not None and float(case.turn["time"][-1]) >= start:
+        rotation = analysis.accuracy(case.turn, start)
+        turned, turn = 1e3 * rotation.rms[3], 1e3 * rotation.peak[3]
     if case.joints:
         late = case.result.time >= start
         peaks = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max(axis=0)
         force, strongest = float(peaks.max()), case.joints[int(peaks.argmax())]
         penetration = 1e6 * audit.largest_penetration
-        if audit.judged_impacts is None:
-            rate = audit.impacts / case.duration
-        else:
-            rate = audit.judged_impacts / max(case.duration - case.result.judge_from, 1e-12)
+        number = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
     noise: dict[str, Cell] = {}
     if case.joints and start == case.result.judge_from:
         with suppress(JointplayError):  # too few records
@@ -565,16 +554,15 @@ def _glanced(case: Case, start: float) -> dict[str, Cell]:
             for band in found.bands:
                 noise[f"tool acceleration, {band.range}, RMS [m/s²]"] = band.rms
     at = f", {strongest}" if len(case.joints) > 1 else ""
-    lasted = max(case.duration - case.result.judge_from, 1e-12)
     return {
         "ended": case.result.status.name.lower().replace("_", " "),
-        "tool error, peak [mm]": _glance_cell(case, start, peak, "peak tool error", 1e3),
-        "tool error, RMS [mm]": _glance_cell(case, start, rms, "RMS tool error", 1e3),
+        "tool error, peak [mm]": _glance_cell(case, start, peak, "peak tool error"),
+        "tool error, RMS [mm]": _glance_cell(case, start, rms, "RMS tool error"),
+        "turn of the tool, peak [mrad]": _glance_cell(case, start, turn, "peak tool turn"),
+        "turn of the tool, RMS [mrad]": _glance_cell(case, start, turned, "RMS tool turn"),
         "tool error at stops, largest [mm]": at_stops,
-        "force at the joint, peak [N]": _glance_cell(
-            case, start, force, f"peak joint force{at}", 1.0
-        ),
-        "impacts [1/s]": _glance_cell(case, start, rate, "impacts", 1.0 / lasted),
+        "force at the joint, peak [N]": _glance_cell(case, start, force, f"peak joint force{at}"),
+        "impacts": _glance_cell(case, start, number, "impacts"),
         **noise,
         "penetration, largest [µm]": penetration,
         "energy residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
@@ -590,15 +578,14 @@ def _error_of(case: Case, start: float, name: str) -> CertifiedFigure | None:
     return next((figure for figure in certificate.figures if figure.name == name), None)
 
 
-def _glance_cell(case: Case, start: float, value: float | None, name: str, scale: float) -> Cell:
+def _glance_cell(case: Case, start: float, value: float | None, name: str) -> Cell:
     """A value with its numerical error, marked where `CertifiedFigure.marked`."""
     figure = None if value is None else _error_of(case, start, name)
     if value is None or figure is None:
         return value
-    shown = plus_minus(value, scale * figure.error, _GLANCE_DIGITS)
     if not figure.marked:
-        return shown
-    return markup('{}<br><strong class="warn">uncertain</strong>', shown)
+        return figure.number
+    return markup('{}<br><strong class="warn">uncertain</strong>', figure.number)
 
 
 def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
@@ -614,7 +601,7 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
     for case in known:
         certificate = case.result.certificate
         assert certificate is not None
-        shown = ("peak joint force", "peak tool error", "RMS tool error", "impacts")
+        shown = ("peak joint force", "peak tool", "RMS tool", "impacts")
         found = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
         if start == case.result.judge_from and found and case.joints:
             note = f" ({certificate.note})" if certificate.note else ""

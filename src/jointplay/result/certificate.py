@@ -20,6 +20,8 @@ HEADLINE = (
     "RMS joint force",
     "peak tool error",
     "RMS tool error",
+    "peak tool turn",
+    "RMS tool turn",
     "impacts",
     "dissipated energy",
 )
@@ -27,6 +29,9 @@ HEADLINE = (
 
 COUNTS = ("impacts",)
 """Figures that are whole numbers, and so are their errors."""
+
+SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
+"""Units in which figures are shown, and how many of them are one of the figure's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,26 +86,45 @@ class CertifiedFigure(Described):
         """Whether the error exceeds 5 %, and of a count one."""
         return not (self.relative <= MARKED or (self.name in COUNTS and self.error <= 1.0))
 
+    @property
+    def number(self) -> str:
+        """Value ± error in the unit of `shown_in`."""
+        factor, _ = shown_in(self.unit)
+        return plus_minus(factor * self.value, factor * self.error, self.name in COUNTS)
+
     def __str__(self) -> str:
-        """Value ± error and unit, the value with no more digits than the error allows."""
-        if self.name in COUNTS and math.isfinite(self.error):
-            return f"{self.value:.0f} ± {self.error:.0f}"
-        return f"{plus_minus(self.value, self.error)} {self.unit}".rstrip()
+        """Value ± error and unit, with the same digits wherever the figure stands."""
+        return f"{self.number} {shown_in(self.unit)[1]}".rstrip()
 
 
-def plus_minus(value: float, error: float, most: int = 6) -> str:
+def shown_in(unit: str) -> tuple[float, str]:
+    """How many of the unit in which figures are shown are one SI `unit`, and that unit."""
+    return SHOWN_IN.get(unit, (1.0, unit))
+
+
+def plus_minus(value: float, error: float, whole: bool = False) -> str:
     """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many.
 
-    The value has three to `most` digits; a smaller error is rounded up to the last of them.
+    The value has three to six digits; a smaller error is rounded up to the last of them. An error
+    that is as large as the value leaves only what the size is at most. A value without error
+    stands alone.
+
+    Args:
+        value, error: in the same unit.
+        whole: they are counts.
     """
     if not math.isfinite(error):
         return f"{value:.4g} ± unknown"
     if error == 0.0:
-        return f"{value:.6g} ± 0"
+        return f"{value:.6g}"
+    if error >= abs(value):
+        return f"at most {_rounded_up(abs(value) + error, whole)}"
+    if whole:
+        return f"{value:.0f} ± {error:.0f}"
     size = math.floor(math.log10(error))
     digits = 1 - size if error < 2.0 * 10.0**size else -size
-    top = math.floor(math.log10(abs(value))) if value else size
-    digits = max(min(digits, most - 1 - top), 2 - top)
+    top = math.floor(math.log10(abs(value)))
+    digits = max(min(digits, 5 - top), 2 - top)
     if -4 <= top < 6:
         places = max(digits, 0)
         shown = math.ceil(error * 10.0**digits - 1e-9) / 10.0**digits
@@ -109,6 +133,14 @@ def plus_minus(value: float, error: float, most: int = 6) -> str:
     places = max(digits + top, 0)
     shown = math.ceil(error / scale * 10.0**places - 1e-9) / 10.0**places
     return f"({value / scale:.{places}f} ± {shown:.{places}f})e{top:d}"
+
+
+def _rounded_up(size: float, whole: bool) -> str:
+    """A bound with two digits, or as a count."""
+    if whole:
+        return f"{math.ceil(size - 1e-9)}"
+    step = 10.0 ** (math.floor(math.log10(size)) - 1)
+    return f"{math.ceil(size / step - 1e-9) * step:.2g}"
 
 
 @dataclass(frozen=True)

@@ -109,11 +109,10 @@ def _facts(run: Run) -> dict[str, str]:
         facts[f"load {name}"] = f"{load.kind}: {_load_fields(load, mechanism)}"
     if simulation.limits != LIMITS[0]:
         facts["limits"] = simulation.limits
-    facts["start"] = (
-        ", ".join(
-            f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
-        )
-        + " [rad or m]"
+    units = {name: "m" if at.slides else "rad" for name, at in mechanism.description.joints.items()}
+    facts["start"] = ", ".join(
+        f"{name} {readable(_place(run.workspace.q[mechanism.coordinate(name)]), units[name])}"
+        for name in mechanism.joints
     )
     facts["integration"] = (
         f"{simulation.integrator}, {readable(run.total_steps * step, 's')} in "
@@ -124,6 +123,11 @@ def _facts(run: Run) -> dict[str, str]:
         + ("" if simulation.seed is None else f", seed {simulation.seed}")
     )
     return facts
+
+
+def _place(coordinate: float) -> float:
+    """A coordinate less what is rounding: below 1e-12 rad or m it is 0."""
+    return round(float(coordinate), 12) + 0.0
 
 
 def _load_fields(load: Load, mechanism: Mechanism) -> str:

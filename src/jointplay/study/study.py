@@ -10,6 +10,7 @@ from jointplay.analysis.claims import Verdict
 from jointplay.core import files, signals
 from jointplay.core.progress import printing, whole
 from jointplay.core.tables import columns, markdown
+from jointplay.result.certificate import shown_in
 from jointplay.result.result import Result
 from jointplay.study.cases import (
     BESIDE,
@@ -46,7 +47,8 @@ def errors_table(
             if other is not None and figure.name in BESIDE:
                 change = other / figure.value - 1.0 if figure.value else 0.0
                 if abs(other - figure.value) > max(figure.error, DIFFERS * abs(figure.value)):
-                    beside = f"{other:.4g} {figure.unit} ({100 * change:+.1f} %)"
+                    factor, unit = shown_in(figure.unit)
+                    beside = f"{factor * other:.4g} {unit} ({100 * change:+.1f} %)"
                 else:
                     beside = "the same"
             mark = "above 5 %" if figure.marked else ""
