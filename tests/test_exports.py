@@ -501,3 +501,22 @@ def test_a_notebook_shows_figures_and_a_picture(result):
 def test_a_notebook_takes_no_markup_from_a_file(result):
     evil = Result(result.dataset.assign_attrs(message="<script>alert(1)</script>"))
     assert "<script>" not in evil._repr_html_()
+
+
+def test_no_flipped_bit_of_a_bag_gives_another_motion(result, tmp_path):
+    """The library checks the blocks alone; what lists them, their topics and counts is checked."""
+    path = result.export(tmp_path / "r.mcap", every=100)
+    content = path.read_bytes()
+    reference = Motion.from_mcap(path, "/joint_states")
+    begin = int.from_bytes(content[-28:-20], "little")  # of the summary
+    for k in range(120):
+        changed = bytearray(content)
+        at = begin + (len(content) - begin) * k // 120 if k % 2 else len(content) * k // 120
+        changed[at] ^= 1 << k % 8
+        path.write_bytes(changed)
+        try:
+            found = Motion.from_mcap(path, "/joint_states")
+        except JointplayError as error:
+            assert "bag" in str(error)
+            continue
+        assert found == reference

@@ -298,7 +298,7 @@ class Recording:
                 desc=path.name, total=total or None, disable=not progress, unit="message",
                 file=shown, delay=1.0,
             ) as bar:  # fmt: skip
-                for _, channel, record, message in bag.reader.iter_decoded_messages(topics):
+                for _, channel, record, message in bag.decoded(topics):
                     stamp = message.header.stamp
                     nano = int(stamp.sec) * _NANO + int(stamp.nanosec)
                     frames.setdefault(channel.topic, set()).add(message.header.frame_id)

@@ -6,11 +6,12 @@ Read by the library ``mcap-ros2-support``, which runs nothing that a file says.
 from __future__ import annotations
 
 import io
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
     path = Path(path)
     with opened(path) as bag:
         kind, chosen = _choose(bag.topics, path, topic)
-        messages = [one[3] for one in bag.reader.iter_decoded_messages([chosen])]
+        messages = [one[3] for one in bag.decoded([chosen])]
         where = f"{path}, topic {chosen}"
         if not messages:
             raise JointplayError(f"{where}: there is no message")
@@ -61,6 +62,23 @@ class Bag:
     """Kind of the messages of each topic, such as ``sensor_msgs/msg/JointState``."""
     messages: dict[str, int]
     """Number of messages of each topic, as far as the bag says."""
+
+    def decoded(self, topics: list[str]) -> Iterator[Any]:
+        """Schema, channel, record and content of each message of some topics, by time.
+
+        Raises:
+            JointplayError: they are not as many as the bag says.
+        """
+        found = dict.fromkeys(topics, 0)
+        for one in self.reader.iter_decoded_messages(topics):
+            found[one[1].topic] += 1
+            yield one
+        for topic, number in found.items():
+            if topic in self.messages and number != self.messages[topic]:
+                raise JointplayError(
+                    f"the bag is damaged: of topic {topic} there are {number} messages, and "
+                    f"{self.messages[topic]} by its statistics"
+                )
 
 
 @contextmanager
@@ -84,21 +102,50 @@ def opened(path: Path) -> Iterator[Bag]:
                 raise JointplayError(
                     f"the bag {str(path)!r} has no summary; `mcap recover` creates one"
                 )
+            _check_summary(file)
             kinds = {
                 channel.topic: summary.schemas[channel.schema_id].name
                 for channel in summary.channels.values()
                 if channel.schema_id in summary.schemas
             }
-            counts = summary.statistics.channel_message_counts if summary.statistics else {}
-            numbers = {
-                channel.topic: counts.get(number, 0) for number, channel in summary.channels.items()
-            }
+            numbers: dict[str, int] = {}
+            if summary.statistics:
+                counts = summary.statistics.channel_message_counts
+                for number, channel in summary.channels.items():  # a topic can have several
+                    numbers[channel.topic] = numbers.get(channel.topic, 0) + counts.get(number, 0)
             yield Bag(reader, kinds, numbers)
     except JointplayError:
         raise
     except Exception as error:  # its libraries raise whatever they stumble over
         reason = " ".join(str(error).split()) or type(error).__name__
         raise JointplayError(f"cannot read the bag {str(path)!r}: {reason}") from None
+
+
+_FOOTER = 8 + 8 + 4
+"""Bytes of what an MCAP file's last record holds: where summary and its index begin, checksum."""
+
+_ENDING = _FOOTER + 8
+"""The same with the mark that ends the file."""
+
+
+def _check_summary(file: BinaryIO) -> None:
+    """Refuse a summary (topics, types, counts, places of the blocks) that has changed.
+
+    The library mcap checks the blocks only. The checksum is of all from the summary's begin up to
+    where it stands itself; 0 says that there is none.
+
+    Raises:
+        JointplayError: it does not match.
+    """
+    end = file.seek(-_ENDING, io.SEEK_END)
+    footer = file.read(_FOOTER)
+    given = int.from_bytes(footer[16:], "little")
+    begin = int.from_bytes(footer[:8], "little")
+    if not given or not begin:
+        return
+    file.seek(begin)
+    if zlib.crc32(file.read(end + 16 - begin)) != given:
+        raise JointplayError("the bag is damaged: its summary does not match its checksum")
 
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
