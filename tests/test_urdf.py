@@ -9,7 +9,10 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, shipped
-from jointplay.mechanism.urdf import read
+from jointplay.mechanism.model import parse
+from jointplay.mechanism.robots import robot_urdf, robots
+from jointplay.mechanism.urdf import elements, impossible_inertias, read
+from jointplay.scenario.robot import robot_scenario
 
 
 def dynamics(attributes):
@@ -126,9 +129,7 @@ def test_limits_are_read(urdf, kind, limit, found):
 
 
 def test_limits_that_are_no_numbers_are_named(urdf):
-    with pytest.raises(
-        JointplayError, match="upper of the limit of joint 'j' is not a number: 'far'"
-    ):
+    with pytest.raises(JointplayError, match="joint 'j': limit upper must be a number, got 'far'"):
         read(urdf(body("l"), limited("revolute", 'lower="0" upper="far" effort="1" velocity="1"')))
 
 
@@ -150,6 +151,16 @@ def test_a_joint_that_mimics_what_is_not_there_mimics_nothing(urdf):
     entry = read(urdf(body("l"), follower("a", "base", "l", "z"))).joints["a"]
     assert not entry.mimics
     assert entry.mimic is None
+
+
+def test_a_run_says_which_joint_mimics_nothing(tmp_path):
+    path = changed(tmp_path, "<axis", '<mimic joint="joint_x"/><axis')
+    scenario = robot_scenario(str(path), ["joint_b"])
+    scenario.simulation()
+    assert scenario.notes[0] == (
+        "joint_a mimics 'joint_x', which is no joint, and moves by itself; "
+        'did you mean "joint_c"?'
+    )
 
 
 def test_transmissions_are_read(urdf):
@@ -175,3 +186,91 @@ def test_the_slow_reader_comes_with_the_first_question_only():
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == ["False", "True"]
+
+
+SCARA = shipped("scara.urdf").read_text()
+
+
+def changed(tmp_path, old, new):
+    """The SCARA with its first `old` replaced."""
+    assert old in SCARA
+    path = tmp_path / "robot.urdf"
+    path.write_text(SCARA.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("number", ["\u00a04.35", "\uff14.35", "4_35", "0x4", "4,35", "inf"])
+def test_numbers_that_pinocchio_reads_as_nothing_are_refused(tmp_path, number):
+    path = changed(tmp_path, "4.35", number)
+    with pytest.raises(JointplayError, match="link 'arm2': mass value must be a finite number"):
+        read(path)
+
+
+@pytest.mark.parametrize("number", ["4.35 ", "4.35\n", "&#9;4.35&#10;", "+4.350e0"])
+def test_white_space_about_a_number_changes_nothing(tmp_path, number):
+    model = parse(read(changed(tmp_path, "4.35", number)))
+    assert model.inertias[2].mass == 4.35
+    vector = parse(read(changed(tmp_path, "0.1645 0 0", "0.1645&#9;0\n0")))
+    assert vector.inertias[1].lever.tolist() == [0.1645, 0.0, 0.0]
+
+
+def test_masses_are_those_that_the_urdf_gives(monkeypatch):
+    description = read(shipped("scara.urdf"))
+    masses = [link.find("mass") for link in description.declared.root.iter("inertial")]
+    assert len(masses) == 3
+    monkeypatch.setitem(masses[1].attrib, "value", "4_35")  # as if it had not been checked
+    with pytest.raises(JointplayError, match=r"Pinocchio reads 0 kg where .* 435 kg \(arm2\)"):
+        parse(description)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<origin xyz", "<orgin xyz", "link 'base': <visual> has <orgin>.*mean \"origin\""),
+        ("xyz=", "xy=", '<origin> has "xy".*mean "xyz"'),
+        ("<axis", "<axes", "joint 'joint_a' has <axes>.*mean \"axis\""),
+        ("<axis xyz=", "<axis xzy=", '<axis> has "xzy".*mean "xyz"'),
+        ("lower=", "low=", '<limit> has "low".*mean "lower"'),
+        ("<mass value=", "<mass kg=", '<mass> has "kg".*mean "value"'),
+        ("</robot>", '<jiont name="j"/></robot>', 'the robot has <jiont>.*mean "joint"'),
+        (
+            'type="revolute"',
+            'type="revolut"',
+            'no type of joint "revolut"; did you mean "revolute"',
+        ),
+        ("</link>", '<mass value="1"/></link>', "<mass>, where nobody reads it.* in <inertial>"),
+        ("<axis", '<origin xyz="0 0 1"/><axis', "joint 'joint_a' has 2 elements <origin>"),
+        ("<axis", '<axis xyz="0 1 0"/><axis', "has 2 elements <axis>"),
+        ("<mass", '<mass value="1"/><mass', "link 'arm1': <inertial> has 2 elements <mass>"),
+        ("<inertial>", "<inertial/><inertial>", "link 'arm1' has 2 elements <inertial>"),
+        ('lower="-2.3"', 'lower="23"', "'joint_a' has the lower limit 23 above the upper one 2.3"),
+        ('velocity="10"', 'velocity="-10"', "limit velocity must not be negative, got -10"),
+        ("<axis", '<dynamics damping="-1"/><axis', "'joint_a': damping must not be negative"),
+    ],
+)
+def test_slips_of_the_pen_are_refused(tmp_path, old, new, said):
+    with pytest.raises(JointplayError, match=said):
+        read(changed(tmp_path, old, new))
+
+
+def test_what_other_programs_put_into_a_urdf_stays_allowed(tmp_path):
+    more = (
+        '<gazebo reference="arm1"/><gazebo/><ros2_control name="c"/><transmission name="t"/>'
+        '<loop_joint name="l"/><drake:joint xmlns:drake="drake" name="d"/></robot>'
+    )
+    text = SCARA.replace("</robot>", more).replace("<limit ", '<limit current="3" jerk="2" ')
+    path = tmp_path / "robot.urdf"
+    path.write_text(text.replace("<inertial>", "<contact/><self_collide/><inertial>"))
+    parse(read(path))
+
+
+def test_endless_limits_reach_no_reader_that_cannot_have_them(urdf):
+    path = urdf(body("l"), limited("revolute", 'lower="-inf" upper="inf" effort="1" velocity="1"'))
+    assert parse(read(path)).nq == 1
+
+
+def test_every_robot_is_read_with_all_its_words():
+    for name in robots():
+        path = robot_urdf(name)
+        description = read(path, impossible_inertias(elements(path)))
+        assert description.links, name

@@ -659,11 +659,11 @@ def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
     return f"no {kind} {toml_text(value)}; {closest(value, choices)}available: {', '.join(choices)}"
 
 
-def closest(word: Any, choices: Iterable[str]) -> str:
-    """Question after the one of `choices` that `word` resembles; empty if none does."""
+def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Question after the one of `choices` that `word` resembles so much; empty if none does."""
     plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
     given = str(word).lower().replace("-", "_")
-    near = difflib.get_close_matches(given, plain_words, 1)
+    near = difflib.get_close_matches(given, plain_words, 1, likeness)
     return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
 
 

@@ -18,6 +18,7 @@ from jointplay.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replaci
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.loop import Lock
 from jointplay.mechanism.urdf import Description
+from jointplay.mechanism.vocabulary import WORDS
 
 Frame = tuple[int, pin.SE3]
 """A Pinocchio joint, and a frame's placement in it."""
@@ -26,6 +27,9 @@ _REVOLUTE = ("JointModelR", "JointModelRevolute")
 _PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"
 _URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
+
+_SAME_MASS = 1e-9
+"""Relative difference of masses that passes for rounding."""
 
 _SINGLE = {
     "x": pin.JointModelPX,
@@ -50,14 +54,44 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
     Raises:
         JointplayError: Pinocchio cannot read it.
     """
-    text = description.text
-    if released:
-        root = description.elements()
-        for joint in root.findall("joint"):
-            if joint.get("name") in released:
-                joint.set("type", _URDF_FLOATING)
-        text = ElementTree.tostring(root, encoding="unicode")
-    return _parsed(text, str(description.path))
+    root = description.elements()
+    for joint in root.findall("joint"):
+        if joint.get("name") in released:
+            joint.set("type", _URDF_FLOATING)
+        limit = joint.find("limit")
+        if limit is None:
+            continue
+        for key in WORDS["limit"].attributes:
+            if not np.isfinite(float(limit.get(key, "0"))):
+                limit.set(key, "0")  # which Pinocchio would not read, and nobody asks it for
+    model = _parsed(ElementTree.tostring(root, encoding="unicode"), str(description.path))
+    _check_masses(model, root)
+    return model
+
+
+def _check_masses(model: pin.Model, root: ElementTree.Element) -> None:
+    """Refuse a model whose bodies have other masses than the links of the URDF.
+
+    Pinocchio leaves out an <inertial> that it cannot read, without an error.
+    """
+    carrier = {
+        frame.name: frame.parentJoint for frame in model.frames if frame.type == pin.FrameType.BODY
+    }
+    masses = np.zeros(model.njoints)
+    links: dict[int, list[str]] = {}
+    for link in root.findall("link"):
+        name, mass = link.get("name", ""), link.find("inertial/mass")
+        if mass is not None:
+            body = carrier[name]
+            masses[body] += float(mass.get("value", "0"))
+            links.setdefault(body, []).append(name)
+    for body, names in links.items():
+        found = model.inertias[body].mass
+        if not np.isclose(found, masses[body], rtol=_SAME_MASS, atol=0.0):
+            raise JointplayError(
+                f"Pinocchio reads {found:g} kg where the URDF has {masses[body]:g} kg "
+                f"({', '.join(names)}): see their <inertial>"
+            )
 
 
 @lru_cache(maxsize=32)

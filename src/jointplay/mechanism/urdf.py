@@ -17,6 +17,8 @@ import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import read_text
+from jointplay.core.schema import closest
+from jointplay.mechanism.vocabulary import check_words, numbers
 
 if TYPE_CHECKING:
     import yourdfpy
@@ -119,7 +121,7 @@ class Declared:
         """Limits of a joint; programs that write URDFs put zeros where they know none."""
         joint = self._joints[name]
         limit = joint.limit
-        if limit is None or joint.type in ("fixed", "floating", "ball"):
+        if limit is None or joint.type in NO_AXIS:
             return Limits()
         lower, upper = limit.lower or 0.0, limit.upper or 0.0
         speed, effort = limit.velocity or None, limit.effort or None
@@ -220,7 +222,10 @@ MOST_LETTERS = 200
 GROUND = "universe"
 """Pinocchio's own frame and joint: what is called like it would be taken for the ground."""
 
-NO_AXIS = ("fixed", "floating", "ball")
+LIMITED = ("revolute", "prismatic")
+"""Types of joint whose position has limits."""
+
+NO_AXIS = ("fixed", "floating")
 """Types of joint whose axis means nothing; exporters write zeros there."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -320,6 +325,15 @@ class Description:
             return ""
         return f"the base {base!r} is held fast, as if bolted to the ground"
 
+    @property
+    def astray(self) -> list[str]:
+        """Joints that are to mimic one that does not exist, in words, a line each."""
+        return [
+            f"{name} mimics {leader!r}, which is no joint, and moves by itself; "
+            f"{closest(leader, self.joints)}".rstrip("; ")
+            for name, leader in leaders(self.declared.root)[1].items()
+        ]
+
     def require_moving(self) -> None:
         """Raise unless some joint moves.
 
@@ -407,6 +421,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     links = {link.get("name", ""): link for link in tags}
     for kind in ("link", "joint"):
         _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
+    check_words(root)
     _check_placements(root)
     _check_pictures(root)
     for name in allow_unphysical:
@@ -430,8 +445,8 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             joint.get("type", ""),
             _link(joint, "parent", links),
             _link(joint, "child", links),
-            _number(dynamics, "friction", f"joint {name!r}:", "0"),
-            _number(dynamics, "damping", f"joint {name!r}:", "0"),
+            _resistance(dynamics, "friction", name),
+            _resistance(dynamics, "damping", name),
             name in followers,
             declared,
         )
@@ -440,16 +455,28 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
 
 
 def _check_limit(joint: ElementTree.Element, name: str) -> None:
-    """Refuse limits that are no numbers; they may be infinite."""
+    """Refuse limits that are no numbers, or the wrong way round; they may be infinite."""
     limit = joint.find("limit")
-    for key in ("lower", "upper", "effort", "velocity"):
-        text = "0" if limit is None else limit.get(key, "0")
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if np.isnan(value):
-            raise JointplayError(f"{key} of the limit of joint {name!r} is not a number: {text!r}")
+    lower, upper, effort, velocity = (
+        numbers(limit, key, f"joint {name!r}: limit {key}", 1, "0", infinite=True)[0]
+        for key in ("lower", "upper", "effort", "velocity")
+    )
+    if lower > upper and joint.get("type") in LIMITED:
+        raise JointplayError(
+            f"joint {name!r} has the lower limit {lower:g} above the upper one {upper:g}; "
+            "exchange them"
+        )
+    for key, value in (("effort", effort), ("velocity", velocity)):
+        if value < 0.0:
+            raise JointplayError(f"joint {name!r}: limit {key} must not be negative, got {value:g}")
+
+
+def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> float:
+    """Friction or damping of a joint."""
+    value = _number(dynamics, key, f"joint {name!r}:", "0")
+    if value < 0.0:
+        raise JointplayError(f"joint {name!r}: {key} must not be negative, got {value:g}")
+    return value
 
 
 def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
@@ -513,11 +540,11 @@ def _check_placements(root: ElementTree.Element) -> None:
             owner = f"{kind} {element.get('name', '')!r}"
             for origin in element.findall(path):
                 for key in ("xyz", "rpy"):
-                    _numbers(origin, key, f"{owner}: origin {key}", 3, "0 0 0")
+                    numbers(origin, key, f"{owner}: origin {key}", 3, "0 0 0")
             axis = element.find("axis")
             if axis is None or kind == "link" or element.get("type") in NO_AXIS:
                 continue
-            if not any(_numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
+            if not any(numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
                 raise JointplayError(
                     f"{owner} has the axis {axis.get('xyz')!r}, which has no direction"
                 )
@@ -534,53 +561,34 @@ def _check_pictures(root: ElementTree.Element) -> None:
                 for key in SHAPES.get(shape.tag, ()):
                     _check_size(shape, key, f"{owner}: {shape.tag} {key}")
         for colour in element.findall("visual/material/color") + element.findall("color"):
-            _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
+            numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
 
 
 def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
     """Refuse sizes that are no numbers or negative; a scale may mirror, or be one for all axes."""
     if key == "scale":
         text = shape.get(key, "1 1 1")
-        _numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
-    elif min(_numbers(shape, key, what, 3 if key == "size" else 1)) < 0.0:
+        numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
+    elif min(numbers(shape, key, what, 3 if key == "size" else 1)) < 0.0:
         raise JointplayError(f"{what} must not be negative, got {shape.get(key)!r}")
-
-
-def _numbers(
-    element: ElementTree.Element | None, key: str, what: str, count: int, default: str | None = None
-) -> list[float]:
-    """So many finite numbers of an attribute, which must be there if it has no `default`."""
-    text = default if element is None else element.get(key, default)
-    if text is None:
-        raise JointplayError(f"{what} is missing in the URDF")
-    try:
-        values = [float(part) for part in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not np.isfinite(values).all():
-        words = {1: "a finite number", 3: "three finite numbers", 4: "four finite numbers"}
-        raise JointplayError(f"{what} must be {words[count]}, got {text!r}")
-    return values
 
 
 def _number(
     element: ElementTree.Element | None, key: str, what: str, default: str | None = None
 ) -> float:
-    """One such number."""
-    return _numbers(element, key, f"{what} {key}", 1, default)[0]
+    """One number of an attribute, see `numbers`."""
+    return numbers(element, key, f"{what} {key}", 1, default)[0]
 
 
 def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
-    """What is wrong with the inertias that no rigid body has, by link."""
-    faults = {}
-    for link in root.findall("link"):
-        name, inertial = link.get("name", ""), link.find("inertial")
-        if inertial is not None:
-            try:
-                _check_inertia(name, inertial)
-            except JointplayError as error:
-                faults[name] = str(error)
-    return faults
+    """What is wrong with the inertias that no rigid body has, by link.
+
+    Raises:
+        JointplayError: numbers of an inertia are missing or none.
+    """
+    found = ((link.get("name", ""), link.find("inertial")) for link in root.findall("link"))
+    faults = {name: _fault(name, one) for name, one in found if one is not None}
+    return {name: fault for name, fault in faults.items() if fault}
 
 
 def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:
@@ -626,7 +634,8 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
                 )
 
 
-def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
+def _fault(name: str, inertial: ElementTree.Element) -> str:
+    """Why no rigid body has this inertia; empty if one has."""
     owner = f"link {name!r}"
     mass = _number(inertial.find("mass"), "value", f"{owner}: mass")
     element = inertial.find("inertia")
@@ -636,15 +645,16 @@ def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
     )
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if mass == 0.0 and not tensor.any():
-        return  # a frame without mass
+        return ""  # a frame without mass
     if mass <= 0.0:
-        raise JointplayError(f"{owner} has the mass {mass:g} kg; it must be positive")
+        return f"{owner} has the mass {mass:g} kg; it must be positive"
     low, middle, high = np.linalg.eigvalsh(tensor)
     moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m2"
     hint = f"; correct it, or allow this link by name (--allow-unphysical {name})"
     if low <= 0.0:
-        raise JointplayError(f"{owner} has {moments}: not positive definite{hint}")
+        return f"{owner} has {moments}: not positive definite{hint}"
     if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):
-        raise JointplayError(
+        return (
             f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
         )
+    return ""

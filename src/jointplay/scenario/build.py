@@ -417,6 +417,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
+    notes += mechanism.description.astray
     notes += mechanism.warm
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += _of_zero(model, mechanism)
