@@ -214,6 +214,12 @@ def test_the_workspace_is_covered_evenly_within_limits(two):
     assert counts.tolist() == [8] * 8
 
 
+def test_rows_of_the_table_have_the_names_of_their_poses(two):
+    mechanism = Mechanism(two, {"a": bearing()})
+    table = budget(mechanism, poses.over_workspace(mechanism, 2)).csv(("home", "reach"))
+    assert [row["pose"] for row in csv.DictReader(io.StringIO(table))] == ["home", "reach"]
+
+
 def test_the_command_prints_the_table_and_writes_the_files(two, tmp_path, capsys):
     out = tmp_path / "out"
     order = ["budget", str(two), "--clearance", "0.1 mm", "--workspace", "9", "--out", str(out)]

@@ -75,8 +75,9 @@ BAD_INPUT = {
     "missing URDF": (["--urdf", "nowhere.urdf"], "nowhere.urdf"),
     "unknown joint": (
         ["--joint", "elbow"],
-        "--joint elbow: no joint 'elbow'; available: joint_a, joint_b",
+        '--joint: no joint "elbow"; available: joint_a, joint_b, stroke, joint_c',
     ),
+    "nearly a joint": (["--joint", "joint"], 'no joint "joint"; did you mean "joint_'),
     "not revolute": (
         ["--joint", "stroke", "--set", "joints.stroke.kind=revolute"],
         "'stroke' is prismatic",
@@ -556,3 +557,9 @@ def test_an_interrupt_that_a_library_reports_as_a_wrong_value_is_an_interrupt(mo
     err = capsys.readouterr().err
     assert "interrupted" in err
     assert "Traceback" not in err
+
+
+def test_a_mistyped_command_is_answered_with_the_nearest(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["runn"])
+    assert 'no command "runn"; did you mean "run"?' in capsys.readouterr().err

@@ -50,6 +50,9 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     from jointplay import analysis
 
     figure = plots.FIGURES["overview"]({"0.5 mm": cases["0.5 mm"]})
+    titles = [axes.get_title() for axes in figure.axes]
+    assert "contact force at joint_b" in titles
+    assert "journal centre in its bearing, joint_b, 0.5 mm" in titles
     error = next(axes for axes in figure.axes if axes.get_ylabel() == "tool error [mm]")
     (line,) = error.get_lines()
     expected = analysis.deviation(cases["0.5 mm"], cases["ideal"]).values

@@ -37,6 +37,14 @@ def call(*arguments):
     return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
 
 
+def test_results_of_the_same_name_are_called_by_their_folders(folder, tmp_path):
+    for name in ("tight", "loose"):
+        (tmp_path / name).mkdir()
+        shutil.copy(folder / "worn.nc", tmp_path / name / "result.nc")
+    places = [tmp_path / "tight", tmp_path / "loose" / "result.nc"]
+    assert list(reports.load(places, [])) == ["tight", "loose"]
+
+
 def test_page_has_its_sections_and_no_addresses(page):
     text = page.read_text(encoding="utf-8")
     for name in ("At a glance", "Parameters", "Assumptions", "Audit", "Accuracy", "Impacts"):

@@ -37,6 +37,13 @@ class _Parser(argparse.ArgumentParser):
             self.error(f"argument {'/'.join(action.option_strings)}: the value is empty")
         return super()._get_values(action, arg_strings)  # type: ignore[misc]
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.dest == "command" and action.choices and value not in action.choices:
+            from jointplay.core.schema import one_of  # takes long to import
+
+            self.error(one_of("command", value, action.choices))
+        super()._check_value(action, value)
+
     def format_help(self) -> str:
         if self._lazy is not None:
             self._lazy(self)

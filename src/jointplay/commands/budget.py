@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
     contents = {
-        "budget.csv": errors.csv(),
+        "budget.csv": errors.csv(work.names or ()),
         "bars.png": plots.bars(errors),
     }
     if not seen:

@@ -294,8 +294,11 @@ class Budget:
             f"second order), {second}; {at_rest}"
         )
 
-    def csv(self) -> str:
+    def csv(self, names: Sequence[str] = ()) -> str:
         """A row for each pose: tool, errors, parts of each joint [m, rad].
+
+        Args:
+            names: of the poses, (n,); without, they are numbered.
 
         Where the machine rests stands only at poses for which it has been found: ask for `rest`
         and `rest_interval` before, and it stands everywhere.
@@ -321,7 +324,7 @@ class Budget:
             if self.standing.is_known(i):
                 whole, ends = self.standing.rest(i)[1][:3], self.standing.interval(i)
                 places = [*whole, np.linalg.norm(whole), *ends.ravel()]
-            rows.append([i, *row, *places])
+            rows.append([names[i] if names else i, *row, *places])
         return csv_text(rows, 9)
 
 

@@ -271,7 +271,9 @@ def overview(cases: Cases) -> Figure:
     result.plot.orbit(ax=orbit, color=colour)
     ring = analysis.rolls(result, result.joints[0])
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
-    orbit.set_title(f"{what}, {label}", fontsize=9)
+    joint = result.joints[0]
+    orbit.set_title(f"{what}, {joint}, {label}", fontsize=9)
+    force.set_title(f"contact force at {joint}", fontsize=9)
     plan.set_aspect("equal", adjustable="datalim")
     orbit.set_aspect("equal", adjustable="box")
     return figure

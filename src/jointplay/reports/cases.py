@@ -77,7 +77,8 @@ class Case:
 def load(
     paths: Sequence[Path], labels: Sequence[str] | None = None, trust: Collection[str] = ()
 ) -> dict[str, Result]:
-    """Read results by label, by default `case_names`, or the files' names without suffix.
+    """Read results by label, by default `case_names`, or the files' names without suffix,
+    or where these are the same, their folders'.
 
     A folder stands for the NetCDF files in it, the ideal mechanism's first. Laws of the user's own
     are taken from the modules of `trust` only; see `Result.load`.
@@ -102,6 +103,8 @@ def load(
         if not len(result.time):
             raise JointplayError(f"{str(file)!r} holds no records")
     names = list(labels or case_names(results) or [file.stem for file in files])
+    if not labels and len(set(names)) < len(names):  # such as "result" in folders of their own
+        names = [file.resolve().parent.name for file in files]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise JointplayError(f"two results are called {twice!r}; name them with --label")

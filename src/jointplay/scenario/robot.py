@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import one_of
 from jointplay.core.tables import few
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
@@ -120,8 +121,8 @@ def _of_robot(
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in given.get("loops", {}):
-            wrong = MissingName("joint", name, [*description.joints, *given.get("loops", {})])
-            raise JointplayError(f"--joint {name}: {wrong}")
+            wrong = one_of("joint", name, [*description.moving, *given.get("loops", {})])
+            raise JointplayError(f"--joint: {wrong}")
     settings = _by_the_names_of_its_kind(settings, description, given)
     assumptions = []
     name = place.rpartition(":")[2] if ":" in place else path.name
