@@ -269,6 +269,19 @@ def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):
     assert "no room" in found.note
 
 
+def test_what_fails_after_a_run_does_not_lose_it(monkeypatch):
+    """No further run, and what was computed is there all the same."""
+
+    def fail(*_, **__):
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr("jointplay.analysis.certification._find_errors", fail)
+    with pytest.warns(RuntimeWarning, match="result is complete, but .*singular"):
+        result = replace(scara(2e-4), duration=0.01).run(estimate=True)
+    assert result.status == Status.COMPLETED
+    assert result.certificate is None
+
+
 def test_a_run_without_the_estimate_has_no_errors():
     assert replace(scara(2e-4), duration=0.01).run(estimate=False).certificate is None
 

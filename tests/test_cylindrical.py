@@ -167,7 +167,13 @@ def test_loop_closed_by_a_rod_leaves_it_to_slide(urdf):
     robot = jp.Mechanism(path, {"guide": ROD}, loops={"guide": loop}, gravity=(0, 0, 0))
     assert misfit(robot, np.zeros(3))["guide"].shape == (4,)
     motion = jp.Motion(["turn"], [0, 0.05], [[0.3], [0.8]], "constant-speed")
-    result = jp.simulate(robot, motion, drive={"turn": jp.loads.Prescribed()})
+    with pytest.warns(RuntimeWarning, match="tool error is unknown: .* by an ideal slider"):
+        result = jp.simulate(robot, motion, drive={"turn": jp.loads.Prescribed()}, estimate=True)
+    assert "by an ideal slider" in result.certificate.note
+    found = [figure.name for figure in result.certificate.headline]
+    assert "peak joint force" in found
+    assert "peak tool error" not in found
+    assert np.isfinite(result.certificate["peak joint force"].error)
     slid = []
     for q in result["q"].values[[0, -1]]:
         pin.forwardKinematics(robot.model, robot.data, q)

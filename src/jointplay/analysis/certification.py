@@ -10,7 +10,6 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +167,7 @@ def _find_errors(
         return Certificate((), note=note, strict=strict)
     plans = further_simulations(simulation, result, strict)
     # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
-    ideal = _ideal(simulation, result, progress, begin)
+    ideal, unknown = _ideal(simulation, result, progress, begin)
     measured, notes = [_measure(result, ideal, claims)], []
     what = "certifying" if strict else "estimating errors"
     for number, (other, aside, macro) in enumerate(reversed(plans), 1):
@@ -195,6 +194,7 @@ def _find_errors(
             f"among each other in {', '.join(sensitive)}; the errors cover what was found, and "
             "one run is one draw"
         )
+    notes += [unknown] if unknown else []
     runs = tuple(_words(other, aside) for other, aside, _ in plans)
     return Certificate(tuple(found), runs, "; ".join(notes), strict)
 
@@ -310,18 +310,24 @@ def _run(
     return run.result(status, reactions=only is None, only=only), ""
 
 
-def _ideal(simulation: Simulation, result: Result, progress: bool, begin: Begin) -> Result | None:
-    """The ideal mechanism's run with the same settings; None where there is none."""
+def _ideal(
+    simulation: Simulation, result: Result, progress: bool, begin: Begin
+) -> tuple[Result | None, str]:
+    """The ideal mechanism's run with the same settings, or None and why there is none."""
     if not analysis.has_play(result):
-        return None
+        return None, ""
     same = replace(simulation, duration=float(result.time[-1]))
-    ideal, why = _run(
-        analysis.ideal_simulation(same), "the ideal mechanism ", progress, begin, only=COMPARED
-    )
-    if ideal is None:
-        text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({why})"
-        warnings.warn(text, RuntimeWarning, stacklevel=3)
-    return ideal
+    try:
+        twin = analysis.ideal_simulation(same)
+    except JointplayError as error:
+        ideal, why = None, str(error)
+    else:
+        ideal, why = _run(twin, "the ideal mechanism ", progress, begin, only=COMPARED)
+    if ideal is not None:
+        return ideal, ""
+    text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({why})"
+    warnings.warn(text, RuntimeWarning, stacklevel=4)
+    return None, text
 
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
@@ -414,6 +420,28 @@ def _sampling_error(sizes: np.ndarray, value: float) -> float:
     return float(np.linalg.norm(left) / math.sqrt((SUBSETS - 2) * SUBSETS) / value)
 
 
+def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate | None:
+    """What `certify` says of a finished run, or `estimate`; None, with a warning, if it cannot be.
+
+    Whatever goes wrong here, the run has been made, and is kept.
+
+    Args:
+        result: of the run.
+        strict: certify, else estimate.
+        told: the other arguments of `certify` or `estimate`.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+    """
+    try:
+        return (certify if strict else estimate)(result, **told)
+    except Exception as error:
+        reason = str(error) if isinstance(error, JointplayError) else repr(error)
+        text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
+        warnings.warn(text, RuntimeWarning, stacklevel=3)
+        return None
+
+
 def add_certificate(
     result: Result,
     path: Path,
@@ -440,8 +468,10 @@ def add_certificate(
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         return
     told: dict[str, Any] = {"simulation": simulation, "progress": progress, "begin": begin}
-    find = partial(certify, claims=claims) if strict else estimate
-    certificate = find(result, **told)
+    told |= {"claims": claims} if strict else {}
+    certificate = errors_if_possible(result, strict, **told)
+    if certificate is None:
+        return
     with signals.keeping(f"the certificate of {path}"):
         result.certificate = certificate
         save(result, path, overwrite=True)

@@ -219,13 +219,15 @@ class Simulation(Overview, Inputs):
         """
         result = Run(self, progress).finish(progress, check_step)
         if (certify or estimate) and result.status == Status.COMPLETED:
-            how = "certify" if certify else "estimate"
-            find_errors = load_object(f"analysis.certification:{how}")
+            find_errors = load_object("analysis.certification:errors_if_possible")
             try:
-                result.certificate = find_errors(result, simulation=self, progress=progress)
+                found = find_errors(result, certify, simulation=self, progress=progress)
             except KeyboardInterrupt:
                 text = "interrupted: the result is complete, but its numerical errors are unknown"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
+            else:
+                if found is not None:
+                    result.certificate = found
         return result
 
 

@@ -211,9 +211,11 @@ class Bench:
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         if self._certified(changes):
-            from jointplay.analysis.certification import certify
+            from jointplay.analysis.certification import errors_if_possible
 
-            result.certificate = certify(result, simulation=simulation)
+            certificate = errors_if_possible(result, True, simulation=simulation)
+            if certificate is not None:
+                result.certificate = certificate
         ideal = self._ideal(result, simulation) if self.job.tool_error else None
         rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
         values = measure(result, ideal, self.job.joints, rests)
