@@ -26,6 +26,7 @@ from .twins import ideal_simulation as ideal_simulation
 from .twins import inputs as inputs
 from .twins import is_twin as is_twin
 from .twins import places as places
+from .twins import rim_centres as rim_centres
 from .twins import rolls as rolls
 from .twins import task as task
 from .twins import twin as twin

@@ -39,6 +39,11 @@ from jointplay.result.variables import TERMS
 _TICKS = 5
 """Intervals between the ticks of an orbit, at most."""
 
+_DRAWN_DEPTH = 0.15
+"""Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
+_RIM_EDGE = 1.5
+"""Where deeper ones are drawn, relative to the clearance."""
+
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
 """Plots that have a meaning for every run."""
 NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
@@ -127,6 +132,57 @@ class Plots:
             frame = "outer ring's" if ring else "bearing"
             panel.set(xlabel=f"x in the {frame} frame [{unit}]")
             panel.set(ylabel=f"y in the {frame} frame [{unit}]")
+        return figure_of(panel)
+
+    def rims(self, joint: str | None = None, **points: Any) -> Figure:
+        """Centres of the journal's rims in the clearance circle, by the joint's mode (Fig. 12).
+
+        Each rim is drawn as far inside the circle as its gap to the bore is wide, in the direction
+        of its centre, and penetration as far outside, magnified. Records that are not judged are
+        left out.
+
+        Raises:
+            JointplayError: the journal is no cylinder.
+        """
+        name = self._joint("rims", joint)
+        centres, outline = (
+            analysis.rim_centres(self.result, name),
+            analysis.clearance_outline(self.result, name),
+        )
+        if centres is None or outline is None:
+            raise JointplayError(
+                f"plot 'rims' is of cylindrical journals, and that of joint {name!r} is none; "
+                "plot its orbit"
+            )
+        judged = self.result.time >= self.result.judge_from
+        gap = self.result["gap"].sel(joint=name).values[judged, :2].T
+        across = centres[:, judged, :2]
+        mode = self.result["mode"].sel(joint=name).values[judged]
+        clearance = float(outline.max())
+        deep = np.quantile(-gap[gap < 0.0], 0.99) if (gap < 0.0).any() else clearance
+        factor = max(1.0, literal_factor(_DRAWN_DEPTH * clearance / deep))
+        depth = np.where(gap < 0.0, -factor * gap, 0.0)
+        reach = np.where(gap < 0.0, clearance + depth, clearance - gap)
+        reach = np.minimum(reach, _RIM_EDGE * clearance)
+        size = np.linalg.norm(across, axis=2)
+        drawn = 1e3 * across * (reach / np.where(size > 0.0, size, 1.0))[..., None]
+        with self._axes(points, 4.8, 5.2) as panel:
+            panel.plot(*(1e3 * outline), color="black", lw=1.0)
+            look: dict[str, Any] = {"marker": ".", "ms": 1.6, "ls": "", "mew": 0.0}
+            for one in Mode:
+                here = drawn[:, mode == one].reshape(-1, 2)
+                panel.plot(
+                    *here.T,
+                    **(look | {"color": MODE_COLOURS[one], "rasterized": True} | points),
+                    label=MODES[one],
+                )
+            panel.set_aspect("equal")
+            panel.set_title(f"{name}, rims, penetration x {factor:g}")
+            edge = 1e3 * 1.05 * _RIM_EDGE * clearance
+            panel.set(xlim=(-edge, edge), ylim=(-edge, edge))
+            for axis in (panel.xaxis, panel.yaxis):
+                axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
+            panel.set(xlabel="x in the bearing frame [mm]", ylabel="y in the bearing frame [mm]")
         return figure_of(panel)
 
     def contacts(self, joint: str | None = None, **line: Any) -> Figure:
