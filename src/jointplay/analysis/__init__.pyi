@@ -22,6 +22,7 @@ from .twins import SLIDING_KINDS as SLIDING_KINDS
 from .twins import clearance_inputs as clearance_inputs
 from .twins import clearance_outline as clearance_outline
 from .twins import has_play as has_play
+from .twins import has_rims as has_rims
 from .twins import ideal_simulation as ideal_simulation
 from .twins import inputs as inputs
 from .twins import is_twin as is_twin

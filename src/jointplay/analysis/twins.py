@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core.errors import MissingName
-from jointplay.geometry import Shape
 from jointplay.joints import JOINT_KINDS, VIRTUAL_LINK, RollingBearing, SlidingClearance, class_of
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.mechanism.flexible import HINGE
@@ -91,30 +90,35 @@ def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
     return None
 
 
-def rim_centres(result: Result, joint: str) -> np.ndarray | None:
+def has_rims(result: Result, joint: str) -> bool:
+    """Whether the journal of `joint` is a cylinder that can tilt, whose rims touch the bore."""
+    places = {"radial_A", "radial_B"}.intersection(result["contact"].values)
+    return len(places) == 2 and bool(
+        np.isfinite(result["gap"].sel(joint=joint, contact=sorted(places)).values).any()
+    )
+
+
+def rim_centres(result: Result, joint: str) -> np.ndarray:
     """Centres of the journal's two rims, ends A and B, in the bearing frame [m].
 
     A tilted journal touches the bore by its rims: Figure 12 of the paper, in which penetration
     lies outside the clearance circle, can be read for these, not for the middle.
 
     Returns:
-        (2, n, 3), end A first, by records; None if the journal is no cylinder.
+        (2, n, 3), end A first, by records; of a joint that `has_rims`.
     """
     import pinocchio as pin
 
     from jointplay.mechanism.tree import BodyMotion, Tree
 
     mechanism = result.simulation.mechanism
-    given = mechanism.clearance[joint]
-    if given.shape not in (Shape.CYLINDER, Shape.WORN_CYLINDER):
-        return None
     q = np.ascontiguousarray(result["q"].values)
     motion = BodyMotion.of(len(q), 1)
     ground = (0, pin.SE3.Identity())
     pair = (mechanism.bearing_frame(joint), mechanism.journal_frame(joint))
     Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), ground, [pair])
     pose = motion.poses[0]
-    half = given.dimensions[3] * pose[:, [5, 8, 11]]
+    half = mechanism.clearance[joint].dimensions[3] * pose[:, [5, 8, 11]]
     return np.stack([pose[:, :3] + half, pose[:, :3] - half])
 
 

@@ -251,3 +251,9 @@ def readable(value: float, unit: str) -> str:
             if abs(value) >= (0.01 * factor if candidate == "mm" else factor) * (1 - 1e-12):
                 size, name = factor, candidate
     return f"{value / size:.6g} {name}".rstrip()
+
+
+def round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is at most `value` > 0."""
+    power = 10.0 ** math.floor(math.log10(value * (1.0 + 1e-9)))
+    return float(f"{max(n for n in (1, 2, 5) if n * power <= value * (1.0 + 1e-9)) * power:.3g}")

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_finite
 from jointplay.core.schema import explanations
+from jointplay.core.units import round_below
 from jointplay.joints import Clearance
 from jointplay.mechanism.robots import resolve
 from jointplay.mechanism.urdf import STANDARD_GRAVITY
@@ -287,8 +288,5 @@ def _clearances(value: float, widest: float) -> tuple[float, float, bool]:
 
 
 def _nice(value: float) -> float:
-    """The largest of 1, 2, 5, 10, ... that is no larger."""
-    if value <= 0.0:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(value) + 1e-9)
-    return float(f"{max(n for n in (1, 2, 5) if n * power <= value * (1.0 + 1e-9)) * power:.3g}")
+    """The largest of 1, 2, 5, 10, ... that is no larger; 1 of what is not positive."""
+    return round_below(value) if value > 0.0 else 1.0

@@ -22,6 +22,7 @@ import pinocchio as pin
 from jointplay.analysis.twins import ideal_simulation, is_twin
 from jointplay.contact import resultant
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
+from jointplay.core.units import round_below
 from jointplay.design.levers import sources
 from jointplay.design.static_budget import ellipsoids
 from jointplay.geometry import touch
@@ -635,9 +636,7 @@ class _Case:
             outline = clearance.outline
             pairs = [(1.1 * a, b) for a, b in zip(outline.size, outline.room, strict=True)]
         factor = max(min((size / room for size, room in pairs if room > 0.0), default=1.0), 1.0)
-        power = 10.0 ** math.floor(math.log10(factor))
-        round_one = max(step * power for step in (1, 2, 5) if step * power <= factor * 1.0001)
-        return float(min(round_one, MOST_MAGNIFIED))
+        return min(round_below(factor), MOST_MAGNIFIED)
 
 
 def _typical(force: np.ndarray, hits: ImpactTrack) -> float:

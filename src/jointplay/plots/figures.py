@@ -19,7 +19,7 @@ from jointplay.analysis.spectra import TooShort
 from jointplay.core import files
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.plots.names import MARK, PAPER, is_paper_robot
-from jointplay.plots.palette import Cases, colours, reference
+from jointplay.plots.palette import COLOURS, Cases, colours, reference
 from jointplay.plots.style import footnote, listed, new_figure, style
 from jointplay.result.result import AXES, Result
 
@@ -77,6 +77,16 @@ def ordered_legend(figure: Figure, axes: Any) -> None:
         line.set_linewidth(2.0)
 
 
+def _mark_start(panels: Any, cases: Cases) -> str:
+    """Shade over time what is not judged, while journals fall into their bearings; its words."""
+    until = max((result.judge_from for result in cases.values() if result.joints), default=0.0)
+    if until <= 0.0:
+        return ""
+    for panel in np.ravel(panels):
+        panel.axvspan(0.0, until, color="0.88", lw=0.0, zorder=0.0)
+    return f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
+
+
 def _tool_history(cases: Cases, of: str) -> Figure:
     """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
     pairs = list(compared(cases))
@@ -98,8 +108,10 @@ def _tool_history(cases: Cases, of: str) -> Figure:
         panel.set_xlabel("")
     ordered_legend(figure, panels[0, 0])
     still = [axis for axis in AXES if axis not in axes]
-    if still:
-        footnote(figure, f"The tool does not move along {' and '.join(still)}.")
+    words = [f"The tool does not move along {' and '.join(still)}."] if still else []
+    words += [_mark_start(panels, cases)]
+    if any(words):
+        footnote(figure, " ".join(filter(None, words)))
     return figure
 
 
@@ -135,6 +147,16 @@ def tool_path(cases: Cases) -> Figure:
     for label, result, colour in coloured(cases):
         for panel in panels[0]:
             result.plot.path(plane, ax=panel, color=colour, label=listed(label))
+    begins = [result for result in cases.values() if result.joints and result.judge_from > 0.0]
+    for result in begins:
+        at = result["tool_position"].values[np.searchsorted(result.time, result.judge_from)]
+        panels[0, 0].plot(*at[across], "x", color="black", ms=5.0, zorder=4.0)
+    if begins:
+        footnote(
+            figure,
+            "x: where the tool is when judging begins, "
+            f"{max(result.judge_from for result in begins):g} s after the start.",
+        )
     worst, spot = 0.0, np.zeros(2)
     for _, result, _, ideal in pairs:
         error = analysis.deviation(result, ideal)
@@ -169,7 +191,11 @@ def force_joints(result: Result, cases: Cases) -> list[str]:
 
 
 def journal_orbit(cases: Cases) -> Figure:
-    """Path of the journal's centre inside the clearance circle, joint by joint (Figure 12)."""
+    """Where the journal goes inside the clearance circle, joint by joint (Figure 12).
+
+    The centre of a cylinder's rim that is nearer to the bore, by mode, and below it the path of the
+    journal's middle; the middle alone of what has no rims.
+    """
     shown = [
         (joint, *item)
         for joint in joints_of(cases)
@@ -178,13 +204,38 @@ def journal_orbit(cases: Cases) -> Figure:
     ]
     columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
     columns = max(1, min(columns, len(shown)))
+    rims = any(analysis.has_rims(result, joint) for joint, _, result, _ in shown)
+    high = 2 if rims else 1
     rows = -(-len(shown) // columns)
-    figure, panels = _figure(4.3 * columns, 0.4 + 4.1 * rows, rows, columns)
-    for panel in panels.flat[len(shown) :]:
+    figure, panels = _figure(4.3 * columns, 0.8 + 4.1 * high * rows, high * rows, columns)
+    for panel in panels.flat:
         panel.set_axis_off()
-    for panel, (joint, label, result, colour) in zip(panels.flat, shown, strict=False):
-        result.plot.orbit(joint, ax=panel, color=colour)
-        panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
+    for number, (joint, label, result, colour) in enumerate(shown):
+        row, column = divmod(number, columns)
+        middle = panels[high * row + high - 1, column]
+        if reference(cases) is not None:
+            middle.plot(0.0, 0.0, "o", color=COLOURS[0], ms=5.0, zorder=4.0)
+        draws = [(middle, result.plot.orbit, {"color": colour})]
+        if analysis.has_rims(result, joint):
+            draws.insert(0, (panels[high * row, column], result.plot.rims, {}))
+        for panel, draw, look in draws:
+            panel.set_axis_on()
+            draw(joint, ax=panel, **look)
+            panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
+    if rims:
+        named = next(panel for panel in panels.flat if panel.get_legend_handles_labels()[0])
+        ordered_legend(figure, named)
+        for handle in figure.legends[0].legend_handles:
+            handle.set_markersize(8.0)
+        ideal = "; the ideal joint's is the red point" if reference(cases) else ""
+        footnote(
+            figure,
+            "Above: the centre of the journal's rim that is nearer to the bore, as far inside the "
+            "circle as its gap is wide, penetration as far outside, magnified; colours by the mode "
+            "of the joint (inside it, penetration is at an end wall). "
+            f"Below: the centre of the journal's middle{ideal}. A tilted journal touches the bore "
+            "by its rims, while its middle stays inside.",
+        )
     return figure
 
 
@@ -209,7 +260,15 @@ def joint_force(cases: Cases, axis: str) -> Figure:
         panel.set_xlabel("")
     column[-1].set_xlabel("time [s]")
     where = "" if several or not shown else f" at {shown[0][3]}"
-    figure.suptitle(f"joint contact force{where} along world {axis}", fontsize=10)
+    figure.suptitle(f"force on the journal{where} along world {axis}", fontsize=10)
+    words = [_mark_start(column, cases)]
+    if not all(result.joints for _, result, _, _ in shown):
+        words.append(
+            "With clearance the force of the contacts, the largest since the last record; that of "
+            "the ideal joint is a constraint force: nothing touches there."
+        )
+    if any(words):
+        footnote(figure, " ".join(filter(None, words)))
     return figure
 
 

@@ -14,8 +14,9 @@ from matplotlib.ticker import MaxNLocator
 
 from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.units import round_below
 from jointplay.geometry import Form, Mode
-from jointplay.plots.names import MODES
+from jointplay.plots.names import MODE_TERMS, MODES
 from jointplay.plots.palette import AXIS_COLOURS, MODE_COLOURS
 from jointplay.plots.style import (
     COLOURS,
@@ -43,6 +44,9 @@ _DRAWN_DEPTH = 0.15
 """Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
 _RIM_EDGE = 1.5
 """Where deeper ones are drawn, relative to the clearance."""
+
+_RIM_COLOURS = ("#E69F00", "#009E73", MODE_COLOURS[2])
+"""Of the modes; points need more contrast than bars."""
 
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
 """Plots that have a meaning for every run."""
@@ -98,6 +102,8 @@ class Plots:
         names: tuple[str, ...] = ALWAYS
         if self.result.joints:
             names += NEED_CLEARANCE
+            if any(analysis.has_rims(self.result, joint) for joint in self.result.joints):
+                names += ("rims",)
             if any(analysis.rolls(self.result, joint) for joint in self.result.joints):
                 names += ("loaded",)
             names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
@@ -125,7 +131,11 @@ class Plots:
                 reach = 1.2 * max(float(np.abs(centre[:, :2]).max()), 1e-3)
                 panel.set(xlim=(-reach, reach), ylim=(-reach, reach))
             look: dict[str, Any] = {"color": COLOURS[1], "lw": 0.5} | line
-            panel.plot(centre[:, 0], centre[:, 1], **look)
+            first = int(np.searchsorted(self.result.time, self.result.judge_from))
+            if first:  # what is not judged
+                fall = look | {"color": "0.8", "label": "_"}
+                panel.plot(centre[: first + 1, 0], centre[: first + 1, 1], **fall)
+            panel.plot(centre[first:, 0], centre[first:, 1], **look)
             panel.set_aspect("equal")
             for axis in (panel.xaxis, panel.yaxis):  # small panels have room for few
                 axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
@@ -135,49 +145,42 @@ class Plots:
         return figure_of(panel)
 
     def rims(self, joint: str | None = None, **points: Any) -> Figure:
-        """Centres of the journal's rims in the clearance circle, by the joint's mode (Fig. 12).
+        """Centre of the rim that is nearer to the bore, by the joint's mode (Fig. 12) [mm].
 
-        Each rim is drawn as far inside the circle as its gap to the bore is wide, in the direction
-        of its centre, and penetration as far outside, magnified. Records that are not judged are
-        left out.
+        It is drawn as far inside the clearance circle as its gap to the bore is wide, and
+        penetration as far outside, magnified. Records that are not judged are left out.
 
         Raises:
             JointplayError: the journal is no cylinder.
         """
         name = self._joint("rims", joint)
-        centres, outline = (
-            analysis.rim_centres(self.result, name),
-            analysis.clearance_outline(self.result, name),
-        )
-        if centres is None or outline is None:
+        if not analysis.has_rims(self.result, name):
             raise JointplayError(
                 f"plot 'rims' is of cylindrical journals, and that of joint {name!r} is none; "
                 "plot its orbit"
             )
         judged = self.result.time >= self.result.judge_from
-        gap = self.result["gap"].sel(joint=name).values[judged, :2].T
-        across = centres[:, judged, :2]
+        gaps = self.result["gap"].sel(joint=name).values[judged, :2]
+        nearer, each = gaps.argmin(axis=1), np.arange(len(gaps))
+        gap = gaps[each, nearer]
+        across = analysis.rim_centres(self.result, name)[:, judged, :2][nearer, each]
         mode = self.result["mode"].sel(joint=name).values[judged]
+        outline = analysis.clearance_outline(self.result, name)
+        assert outline is not None  # a cylinder's is a circle
         clearance = float(outline.max())
         deep = np.quantile(-gap[gap < 0.0], 0.99) if (gap < 0.0).any() else clearance
-        factor = max(1.0, literal_factor(_DRAWN_DEPTH * clearance / deep))
-        depth = np.where(gap < 0.0, -factor * gap, 0.0)
-        reach = np.where(gap < 0.0, clearance + depth, clearance - gap)
-        reach = np.minimum(reach, _RIM_EDGE * clearance)
-        size = np.linalg.norm(across, axis=2)
-        drawn = 1e3 * across * (reach / np.where(size > 0.0, size, 1.0))[..., None]
+        factor = max(1.0, round_below(_DRAWN_DEPTH * clearance / deep))
+        reach = clearance - np.where(gap < 0.0, factor * gap, gap)
+        reach = np.minimum(reach, _RIM_EDGE * clearance) / np.linalg.norm(across, axis=1)
+        drawn = 1e3 * across * reach[:, None]
         with self._axes(points, 4.8, 5.2) as panel:
             panel.plot(*(1e3 * outline), color="black", lw=1.0)
-            look: dict[str, Any] = {"marker": ".", "ms": 1.6, "ls": "", "mew": 0.0}
-            for one in Mode:
-                here = drawn[:, mode == one].reshape(-1, 2)
-                panel.plot(
-                    *here.T,
-                    **(look | {"color": MODE_COLOURS[one], "rasterized": True} | points),
-                    label=MODES[one],
-                )
+            look: dict[str, Any] = {"marker": ".", "ms": 2.0, "ls": "", "mew": 0.0}
+            for one in reversed(Mode):
+                look |= {"color": _RIM_COLOURS[one], "label": f"{MODE_TERMS[one]} ({MODES[one]})"}
+                panel.plot(*drawn[mode == one].T, **look, rasterized=True, **points)
             panel.set_aspect("equal")
-            panel.set_title(f"{name}, rims, penetration x {factor:g}")
+            panel.set_title(f"{name}, nearer rim, penetration × {factor:g}")
             edge = 1e3 * 1.05 * _RIM_EDGE * clearance
             panel.set(xlim=(-edge, edge), ylim=(-edge, edge))
             for axis in (panel.xaxis, panel.yaxis):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import one_of
 from jointplay.core.tables import few
+from jointplay.core.units import round_below
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.urdf import Description, read
@@ -219,9 +219,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
             f"there weighs next to nothing ({mass:.2g} kg): give link {link!r} and those beyond it "
             "an <inertial> of their size in the URDF, or put the clearance into another joint"
         )
-    power = 10.0 ** math.floor(math.log10(most))
-    step = float(f"{max(one for one in (1, 2, 5) if one * power <= most) * power:.1e}")
-    return step, f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
+    return round_below(most), f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
 
 
 def _by_the_names_of_its_kind(
