@@ -130,8 +130,8 @@ def main() -> None:
     benchmark = Benchmark("peak_times", __doc__, runs=0)
     benchmark.parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes")
     args = benchmark.parse()
-    drawn, generations, parents = (4, 1, 2) if args.quick else (400, 8, 12)
-    children, finalists = (2, 2) if args.quick else (40, 6)
+    drawn, generations, parents = (4, 1, 2) if args.quick else (200, 6, 10)
+    children, finalists = (2, 2) if args.quick else (24, 4)
     judged_by = JUDGED[:2] if args.quick else JUDGED
     random = np.random.default_rng(2211)
     each = len(LABELS) * len(SEARCHED)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from jointplay import plots
+from jointplay import analysis, plots
+from jointplay.geometry import Mode
 from jointplay.plots import figures
 from jointplay.study import scara
 
@@ -105,12 +106,60 @@ def test_a_run_too_short_for_a_spectrum_is_named_in_the_legend(cases):
 
 def test_orbit_stays_near_the_clearance_circle(cases):
     figure = plots.FIGURES["journal_orbit"](cases)
-    assert len(figure.axes) == 2
-    for axes, radius in zip(figure.axes, (0.2, 0.5), strict=True):
-        circle, orbit = axes.get_lines()
+    assert len(figure.axes) == 4
+    for axes, radius in zip(figure.axes[2:], (0.2, 0.5), strict=True):
+        ideal, circle, *orbit = axes.get_lines()
+        assert np.ptp(ideal.get_data()) == 0.0
+        assert to_hex(ideal.get_color()) == RED
         assert np.allclose(np.hypot(*circle.get_data()), radius)
-        assert np.hypot(*orbit.get_data()).max() < 1.1 * radius
+        assert max(np.hypot(*line.get_data()).max() for line in orbit) < 1.1 * radius
         assert "[mm]" in axes.get_xlabel()
+
+
+@pytest.fixture(scope="module")
+def judged():
+    """Half a second, of which the first 0.15 s are not judged."""
+    return {"ideal": shortened(None, 0.5), "0.2 mm": shortened(2e-4, 0.5)}
+
+
+def test_figure_12_can_be_read_for_the_rims_and_not_for_the_middle(judged):
+    """Inside the circle free flight, on it continuous contact, outside penetration."""
+    result = judged["0.2 mm"]
+    lines = {line.get_label(): line for line in result.plot.rims().axes[0].get_lines()}
+    reach = {
+        name: np.hypot(*lines[label].get_data()) / 0.2
+        for label in lines
+        for name in ("free flight", "continuous contact", "pseudo-penetration")
+        if label.startswith(name)
+    }
+    assert len(reach) == 3
+    assert reach["free flight"].max() < 1.0
+    # The tolerance of 0.1 um is magnified, too.
+    assert np.quantile(reach["continuous contact"], 0.9) == pytest.approx(1.0, abs=6e-3)
+    assert np.mean(reach["pseudo-penetration"] > 1.0) > 0.98
+    # The centres themselves, as they are, and the middle.
+    after = result.time >= result.judge_from
+    pressed = result["mode"].values[after, 0] == Mode.PSEUDO_PENETRATION
+    rims = np.hypot(*analysis.rim_centres(result, "joint_b")[:, after, :2].T).max(axis=1)
+    middle = np.hypot(*result["journal_centre"].values[after, 0, :2].T)
+    assert np.mean(rims[pressed] >= 2e-4) > 0.98
+    assert np.mean(middle[pressed] >= 2e-4) < 0.02
+    half = 0.02 - 2e-4
+    apart = np.linalg.norm(np.diff(analysis.rim_centres(result, "joint_b"), axis=0)[0], axis=1)
+    assert np.allclose(apart, 2.0 * half)
+
+
+def test_what_is_not_judged_is_marked(judged):
+    for name in ("tool_displacement", "tool_velocity", "force_x"):
+        figure = plots.FIGURES[name](judged)
+        for panel in figure.axes:
+            (span,) = panel.patches
+            assert span.get_x() == 0.0
+            assert span.get_width() == pytest.approx(0.15)
+        assert "0.15 s" in figure.get_supxlabel()
+    assert "constraint force" in plots.FIGURES["force_x"](judged).get_supxlabel()
+    path = plots.FIGURES["tool_path"](judged)
+    assert "0.15 s" in path.get_supxlabel()
 
 
 @pytest.mark.parametrize(("name", "axis"), [("force_x", "x"), ("force_y", "y"), ("force_z", "z")])

@@ -171,7 +171,9 @@ class Plots:
         deep = np.quantile(-gap[gap < 0.0], 0.99) if (gap < 0.0).any() else clearance
         factor = max(1.0, round_below(_DRAWN_DEPTH * clearance / deep))
         reach = clearance - np.where(gap < 0.0, factor * gap, gap)
-        reach = np.minimum(reach, _RIM_EDGE * clearance) / np.linalg.norm(across, axis=1)
+        reach = np.minimum(reach, _RIM_EDGE * clearance)
+        far = np.linalg.norm(across, axis=1)
+        reach = np.divide(reach, far, out=np.ones_like(far), where=far > 0.0)
         drawn = 1e3 * across * reach[:, None]
         with self._axes(points, 4.8, 5.2) as panel:
             panel.plot(*(1e3 * outline), color="black", lw=1.0)
