@@ -15,9 +15,11 @@ from jointplay import (
     JointplayError,
     Loop,
     Mechanism,
+    Motion,
     PrismaticClearance,
     RevoluteClearance,
     Scenario,
+    simulate,
 )
 from jointplay.cli import main
 from jointplay.design import loop_play, poses
@@ -161,6 +163,25 @@ def test_a_door_leans_as_far_as_its_two_hinges_allow_each_other(door):
     assert found.rest_tool[0, 2] == pytest.approx(-0.5 * lean, rel=2e-3)
     # Alone, against a hinge without play, none can move.
     assert budget(make({"lower": hinge}), {}).worst[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
+    make, height = door
+    hinges = {"lower": bearing(), "upper": bearing(open_ends=True)}
+    mechanism = make(hinges)
+    found = budget(mechanism, {"lower": 0.5})
+    assert "no force acts on" not in found.table()
+    still = Motion(["lower"], [0.0, 1.0], np.full((2, 1), 0.5))
+    result = simulate(mechanism, still, duration=2e-3, start="rest", estimate=False)
+    ran = {name: result["joint_force"].values[-1, i] for i, name in enumerate(result.joints)}
+    for j, name in enumerate(found.joints):
+        size = np.linalg.norm(found.rest_loads[0, j, :3])
+        assert size == pytest.approx(np.linalg.norm(ran[name]), rel=0.02)
+        # Neither stands still without the other: the leaf hangs on the upper hinge.
+        assert size > 0.5 * 9.81 * 0.25 / height
+        assert f"{name} {size:.4g} N" in found.table()
+    assert np.isnan(found.rest).all()  # none moves the tool alone
+    assert "beyond the joint's worst case" not in found.table()
 
 
 def test_one_leaning_pin_in_a_plane_loop_is_held_upright(four_bar_path):

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -60,6 +61,19 @@ _SMALL = 1e-6
 """Displacement by which coordinates are found [m or rad]."""
 
 
+class RestPlace(NamedTuple):
+    """Where a machine rests without friction; NaN where no place of rest is found."""
+
+    parts: np.ndarray
+    """The tool's error by source of play, by its lever, shape (j, 6) [m, rad]; NaN where plays hold
+    each other, for none moves the tool alone."""
+    whole: np.ndarray
+    """The tool's error of all, exactly, shape (6,) [m, rad]."""
+    loads: np.ndarray
+    """What each source of play bears: force and moment of the contacts on the journal about its
+    centre, bearing axes; torque of a gear's teeth about its axis, shape (j, 6) [N, N m]."""
+
+
 @dataclass(frozen=True)
 class Standing:
     """A machine with play that stands, at n poses."""
@@ -81,7 +95,7 @@ class Standing:
     relative_to: str | None = None
     """Body from which the tool is seen; None: the world."""
 
-    _rests: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, init=False)
+    _rests: dict[int, RestPlace] = field(default_factory=dict, init=False)
     _intervals: dict[int, np.ndarray] = field(default_factory=dict, init=False)
 
     @property
@@ -120,29 +134,29 @@ class Standing:
         return f"friction ({each or 'none'} assumed)"
 
     def unpressed(self, pose: int) -> np.ndarray:
-        """Which sources of play bear no load at a pose, and rest anywhere, shape (j,)."""
+        """Which sources of play bear no load at a pose, and rest anywhere, shape (j,).
+
+        By the statics of all together: a journal that moves nothing alone, as one of two hinges of
+        a door, may bear as much as the others.
+        """
         mass = pin.computeTotalMass(self.mechanism.model)
         whole = mass * np.linalg.norm(self.mechanism.gravity) + np.linalg.norm(self.force)
-        loads = self.sources.load[:, pose]
+        loads = self.rest(pose).loads
         arms = np.array([_arm(play) for play in self.sources.plays])
         sizes = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / arms
         return np.asarray(sizes <= _NOTHING * whole)
 
-    def rest(self, pose: int) -> tuple[np.ndarray, np.ndarray]:
+    def rest(self, pose: int) -> RestPlace:
         """Where the machine rests without friction at a pose, as a run with start="rest" begins.
 
         Contacts, teeth and drives give way by their laws; not so the drives under a force on the
         tool, for those of a run do not know of it.
-
-        Returns:
-            The tool's error by source of play, by its lever, (j, 6); and of all, exactly, (6,)
-            [m, rad]. NaN where no place of rest is found.
         """
         if pose not in self._rests:
             self._rests[pose] = self._rest(pose)
         return self._rests[pose]
 
-    def _rest(self, pose: int) -> tuple[np.ndarray, np.ndarray]:
+    def _rest(self, pose: int) -> RestPlace:
         mechanism, q = self.mechanism, self.q[pose]
         nothing = np.zeros(mechanism.model.nv)
         names = list(mechanism.joints)
@@ -175,12 +189,24 @@ class Standing:
         if not found.solved:
             found = balance.settle()
         if not found.solved:
-            return np.full((len(self.sources.names), 6), np.nan), np.full(6, np.nan)
+            each = np.full((len(self.sources.names), 6), np.nan)
+            return RestPlace(each, np.full(6, np.nan), each)
         ideal, there = (tool_place(mechanism, one, self.relative_to) for one in (q, found.q))
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         whole = np.concatenate([there.translation - ideal.translation, turn])
         points = np.array([self._displacement(name, pose, found.q) for name in self.sources.names])
-        return np.einsum("jik,jk->ji", self.sources.move[:, pose], points), whole
+        parts = np.einsum("jik,jk->ji", self.sources.move[:, pose], points)
+        if self.sources.tied:
+            parts = np.full_like(parts, np.nan)
+        borne = balance.wrenches(found.q)
+        teeth = np.array([0.0] * 5 + [1.0])
+        bearing = [
+            teeth * own if name in self._gears else borne[name]
+            for name, own in zip(
+                self.sources.names, self.sources.load[:, pose, 5].tolist(), strict=True
+            )
+        ]
+        return RestPlace(parts, whole, np.array(bearing))
 
     def interval(self, pose: int) -> np.ndarray:
         """Where friction can hold the machine at a pose, to about 3 % of the width.
@@ -206,7 +232,7 @@ class Standing:
         widest = 2.2 / np.sqrt(_DIRECTIONS)
         nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
         ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
-        place = self.rest(pose)[1][:3]  # no friction is a friction within the cone
+        place = self.rest(pose).whole[:3]  # no friction is a friction within the cone
         own = np.append(place, np.linalg.norm(place))
         ends[:, 0] = np.fmin(ends[:, 0], own)
         ends[:, 1] = np.fmax(ends[:, 1], own)
@@ -269,7 +295,7 @@ class Standing:
                 if len(found[j]):
                     errors[name] = (found[j] + compliance_shift(joint, contacts)) @ move[j].T
                 else:  # no friction, and one place of rest only
-                    own = self.rest(pose)[0][j : j + 1, :3]
+                    own = self.rest(pose).parts[j : j + 1, :3]
                     if not np.isnan(own).any():
                         errors[name] = own
         for j, name in enumerate(plays.names):

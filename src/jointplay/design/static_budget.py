@@ -16,7 +16,14 @@ import numpy as np
 
 from jointplay.core.errors import JointplayError, require_finite, require_whole
 from jointplay.core.tables import columns, csv_text
-from jointplay.design.levers import PlaySources, configurations, displaced, sources, tool_place
+from jointplay.design.levers import (
+    PlaySources,
+    TurnPlay,
+    configurations,
+    displaced,
+    sources,
+    tool_place,
+)
 from jointplay.design.rest import AGREES_M, Standing
 from jointplay.loads.drive import ComputedTorque, Drive
 from jointplay.mechanism.closed_loops import ClosedLoops
@@ -162,14 +169,24 @@ class Budget:
     def rest(self) -> np.ndarray:
         """Error at rest under gravity and the tool's load, without friction, by joint, (n, j, 6).
 
-        By each joint's lever [m, rad]; NaN where no place of rest is found.
+        By each joint's lever [m, rad]; NaN where no place of rest is found, or plays of a loop hold
+        each other.
         """
-        return np.array([self.standing.rest(i)[0] for i in range(len(self.worst))])
+        return np.array([self.standing.rest(i).parts for i in range(len(self.worst))])
 
     @property
     def rest_tool(self) -> np.ndarray:
         """Error of the tool there, of all joints, exactly, shape (n, 6) [m, rad]."""
-        return np.array([self.standing.rest(i)[1] for i in range(len(self.worst))])
+        return np.array([self.standing.rest(i).whole for i in range(len(self.worst))])
+
+    @property
+    def rest_loads(self) -> np.ndarray:
+        """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
+
+        Force and moment of its contacts about the journal's centre; of a gear the torque of its
+        teeth about its axis, last.
+        """
+        return np.array([self.standing.rest(i).loads for i in range(len(self.worst))])
 
     @property
     def rest_error(self) -> np.ndarray:
@@ -190,13 +207,13 @@ class Budget:
         """The budget at a pose, by default the worst one, as text [mm, mrad]."""
         at = self.worst_pose if pose is None else pose
         total = max(float(self.worst_parts[at].sum()), 1e-300)
-        rests, whole_rest = self.standing.rest(at)
+        rests, whole_rest, loads = self.standing.rest(at)
         head = ("joint", "alone [mm]", "part of worst case [mm]", "share", "at rest [mm]")
         rows: list[tuple[str, ...]] = [(*head, "rms [mm]", "worst turn [mrad]")]
 
         def add(name: str, share: str, rest: np.ndarray, *others: float) -> None:
             alone, part, *more = (f"{1e3 * value:.4f}" for value in others)
-            still = f"{1e3 * float(np.linalg.norm(rest[:3])):.4f}"
+            still = "-" if np.isnan(rest).any() else f"{1e3 * float(np.linalg.norm(rest[:3])):.4f}"
             rows.append((name, alone, part, share, still, *more))
 
         each = self.alone, self.worst_parts, self.rms_parts, self.turn_parts
@@ -218,6 +235,8 @@ class Budget:
             if np.isnan(whole_rest).any()
             else f"at rest without friction, along x, y, z: {place} mm{begins}"
         )
+        if not np.isnan(loads).any():
+            lines.append(f"the joints bear there: {self._loads(loads)}")
         beyond = 1e3 * (np.linalg.norm(rests[:, :3], axis=1) - self.alone[at])
         given = [
             f"{name} {more:.4f} mm"
@@ -231,9 +250,18 @@ class Budget:
             )
         return "\n".join([*lines, *self._held(at)])
 
+    def _loads(self, loads: np.ndarray) -> str:
+        """What each source of play bears, (j, 6), as text."""
+        words = []
+        for name, play, load in zip(self.joints, self.sources.plays, loads, strict=True):
+            turns = isinstance(play, TurnPlay)
+            size = float(np.linalg.norm(load[3:] if turns else load[:3]))
+            words.append(f"{name} {size:.4g} {'N m' if turns else 'N'}")
+        return ", ".join(words)
+
     def _held(self, at: int) -> list[str]:
         """Where the tool rests with friction, and how much that matters, lines of text."""
-        place, ends = self.standing.rest(at)[1][:3], self.standing.interval(at)
+        place, ends = self.standing.rest(at).whole[:3], self.standing.interval(at)
         box = [
             f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
             for axis, (low, high) in zip("xyz", ends[:3], strict=True)
@@ -322,7 +350,7 @@ class Budget:
         for i, row in enumerate(numbers.tolist()):
             places: list = [""] * len(rests)
             if self.standing.is_known(i):
-                whole, ends = self.standing.rest(i)[1][:3], self.standing.interval(i)
+                whole, ends = self.standing.rest(i).whole[:3], self.standing.interval(i)
                 places = [*whole, np.linalg.norm(whole), *ends.ravel()]
             rows.append([names[i] if names else i, *row, *places])
         return csv_text(rows, 9)

@@ -38,7 +38,7 @@ def bars(budget: Budget, pose: int | None = None) -> Figure:
     """What each joint adds to the tool's error at a pose, by default the worst one."""
     at = budget.worst_pose if pose is None else pose
     place = np.arange(len(budget.joints))
-    rests, whole = budget.standing.rest(at)
+    rests, whole, _ = budget.standing.rest(at)
     groups = (
         ("worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
         ("RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
@@ -130,7 +130,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     """
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
-    rest = 1e3 * budget.standing.rest(at)[1]
+    rest = 1e3 * budget.standing.rest(at).whole
     ends = 1e3 * budget.standing.interval(at)
     held = f"{budget.standing.words} may hold it"
     if budget.standing.unsearched:

@@ -754,6 +754,11 @@ class StaticEquilibrium:
     def _jacobian(self, name: str) -> np.ndarray:
         return relative_motion(self._data, self._frames[name], self._signs[name])
 
+    def wrenches(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """What each joint with clearance bears in configuration q; see `ElasticJoint.wrench`."""
+        pin.forwardKinematics(self._model, self._data, q)
+        return {name: one.wrench(self._pose(name)) for name, one in self._elastic.items()}
+
     def energy(self, q: np.ndarray, names: Collection[str]) -> float:
         """Potential energy [J], of contacts of the joints `names`; infinite where a law fails."""
         away = q - self._start
