@@ -7,8 +7,8 @@ time, and the package's law by the exact intersection of the leaning groove with
 ball. The cost of a step is measured beside that of a plain journal in the same run.
 """
 
+import argparse
 import math
-import sys
 import time
 from pathlib import Path
 
@@ -325,8 +325,13 @@ def costs(seconds):
     return {name: float(np.median(values[len(values) // 5 :])) for name, values in spent.items()}
 
 
-def main(quick=False):
+def main():
     """Print the table, costs, and the last line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="a rough answer")
+    quick = parser.parse_args().quick
     cases = Cases()
     deflections(cases)
     distributions(cases)
@@ -345,4 +350,4 @@ def main(quick=False):
 
 
 if __name__ == "__main__":
-    main("--quick" in sys.argv[1:])
+    main()

@@ -22,8 +22,8 @@ CLEARANCES = (0.0, 0.05e-3, 0.1e-3, 0.2e-3, 0.3e-3, 0.5e-3, 0.7e-3, 1.0e-3)
 PANELS = (
     ("tool deviation [mm]", {"deviation_rms_mm": "RMS", "deviation_max_mm": "largest"}),
     ("peak force [N]", {"peak_force_N": "whole joint", "peak_contact_N": "one contact"}),
-    ("impacts in 3 s", {"impacts": None}),
-    ("energy lost in 3 s [J]", {"normal_loss_J": "normal damping", "friction_loss_J": "friction"}),
+    ("impacts", {"impacts": None}),
+    ("energy lost [J]", {"normal_loss_J": "normal damping", "friction_loss_J": "friction"}),
 )
 
 

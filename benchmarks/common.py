@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import csv
 import functools
+import importlib.util
 import multiprocessing
+import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,23 +83,38 @@ def ideal_tool(loaded: bool) -> np.ndarray:
     return Case(radial=0.0, loaded=loaded).simulation().run()["tool_position"].values
 
 
-def measure(case: Case, seed: int | None) -> dict[str, float]:
-    """Run once and reduce the run to its figures; forces, impacts and energies at joint B."""
+def measure(case: Case, seed: int | None, **options: Any) -> dict[str, float]:
+    """Run once and reduce the run to its figures, from `Result.judge_from` on, at joint B.
+
+    The ideal robot, whose journals fall nowhere, is judged from when the others are. Options are
+    of the simulation.
+    """
+    simulation = case.simulation(seed, **options)
+    if case.ideal:
+        start = Case(loaded=case.loaded, step=case.step).simulation().judged_from
+        simulation = replace(simulation, judge_from=start)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
-        result = case.simulation(seed).run()
-    away = 1e3 * np.linalg.norm(result["tool_position"].values - ideal_tool(case.loaded), axis=1)
+        result = simulation.run()
+    judged = result.time >= result.judge_from
+    away = result["tool_position"].values - ideal_tool(case.loaded)
+    away = 1e3 * np.linalg.norm(away[judged], axis=1)
     force = "reaction_force" if case.ideal else "joint_force_peak"
     at = {"moving_joint" if case.ideal else "joint": JOINT}
     audit = result.audit
+    lost = {
+        name: float(np.ptp(result[name].values[judged]))  # which never fall
+        for name in ("normal_dissipation", "friction_dissipation")
+    }
     return {
+        "judged_from_s": result.judge_from,
         "deviation_rms_mm": float(np.sqrt(np.mean(away**2))),
         "deviation_max_mm": float(away.max()),
-        "peak_force_N": float(np.linalg.norm(result[force].sel(at).values, axis=1).max()),
-        "peak_contact_N": 0.0 if case.ideal else float(result["normal_force_peak"].max()),
-        "impacts": audit.impacts,
-        "normal_loss_J": float(result["normal_dissipation"][-1]),
-        "friction_loss_J": float(result["friction_dissipation"][-1]),
+        "peak_force_N": float(np.linalg.norm(result[force].sel(at).values[judged], axis=1).max()),
+        "peak_contact_N": 0.0 if case.ideal else float(result["normal_force_peak"][judged].max()),
+        "impacts": audit.judged_impacts or 0,
+        "normal_loss_J": lost["normal_dissipation"],
+        "friction_loss_J": lost["friction_dissipation"],
         "energy_residual_J": audit.energy_residual,
         "shortest_contact_steps": audit.shortest_contact_steps,
         "wall_s": result.dataset.attrs["wall_time_s"],
@@ -138,11 +155,38 @@ def ensembles(cases: Sequence[Any], runs: int, jobs: int, how: Measure = measure
     return [{name: np.array([run[name] for run in group]) for name in group[0]} for group in found]
 
 
+def require(quick: bool, **packages: str) -> None:
+    """End here if something is not installed: with status 0 and a line that says so if `quick`.
+
+    Args:
+        quick: whether this is a quick form, which tests and CI start wherever they run.
+        packages: how to install each, by the name of its module.
+    """
+    for name, how in packages.items():
+        if importlib.util.find_spec(name) is None:
+            text = f"{name} is not installed: {how}"
+            if not quick:
+                raise SystemExit(text)
+            print(f"skipped: {text}")
+            sys.exit(0)
+
+
+def folder_of(options: argparse.Namespace, name: str, docs: Path | None = None) -> Path:
+    """Folder for what a script writes, made: `--out`, or else that of the documentation.
+
+    Quick forms leave the documentation alone: theirs is in results/benchmarks.
+    """
+    plain = Path("results/benchmarks") / name
+    folder: Path = options.out or (plain if options.quick or docs is None else docs)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
 class Benchmark:
     """A benchmark's command line and files: `<name>.csv`, `<name>.md` and `<name>.png`."""
 
-    def __init__(self, name: str, doc: str, runs: int = 8) -> None:
-        self.name = name
+    def __init__(self, name: str, doc: str, runs: int = 8, docs: Path | None = None) -> None:
+        self.name, self.docs, self.ensembles = name, docs, runs > 0
         self.parser = argparse.ArgumentParser(
             description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
         )
@@ -150,8 +194,9 @@ class Benchmark:
         add(
             "--out",
             type=Path,
-            default=Path("results/benchmarks") / name,
-            help="folder for table, figure and data (default: %(default)s)",
+            help="folder for table, figure and data (default: "
+            + (f"{docs}; --quick: " if docs else "")
+            + f"results/benchmarks/{name})",
         )
         add("--force", action="store_true", help="overwrite files of an earlier run")
         add("--quick", action="store_true", help="a rough answer, in a fraction of the time")
@@ -175,15 +220,14 @@ class Benchmark:
     def parse(self) -> argparse.Namespace:
         """Parse the command line; stop if a file would be overwritten."""
         args = self.parser.parse_args()
-        if getattr(args, "runs", 2) < 2 or getattr(args, "jobs", 1) < 1:
+        if (self.ensembles and args.runs < 2) or getattr(args, "jobs", 1) < 1:
             self.parser.error("--runs must be at least 2 and --jobs at least 1")
-        if args.quick and hasattr(args, "runs"):
+        if args.quick and self.ensembles:
             args.runs = min(args.runs, 2)
-        self.folder: Path = args.out
+        self.folder = folder_of(args, self.name, self.docs)
         existing = [path for path in map(self.path, ("csv", "md", "png")) if path.exists()]
         if existing and not args.force:
             self.parser.error(f"{existing[0]} exists; give another --out, or --force")
-        self.folder.mkdir(parents=True, exist_ok=True)
         return args
 
     def path(self, kind: str) -> Path:
@@ -274,8 +318,10 @@ QUANTITIES: Labels = {
     "deviation_max_mm": "tool deviation, largest [mm]",
     "peak_force_N": "peak joint force [N]",
     "peak_contact_N": "peak force of one contact [N]",
-    "impacts": "impacts in 3 s",
+    "impacts": "impacts",
     "normal_loss_J": "lost in impacts [J]",
     "friction_loss_J": "lost in friction [J]",
 }
-"""What is measured and its unit; the tool deviation is the distance from the ideal robot's tool."""
+"""What is measured and its unit; the tool deviation is the distance from the ideal robot's tool.
+
+The journal's fall into its bearing, before `Result.judge_from`, is left out."""

@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from common import folder_of, require
 
 import jointplay as jp
 from jointplay.analysis.runs import dynamic_error
@@ -39,6 +40,7 @@ UR5 = (
 PLAYS = ("shoulder_lift_joint", "elbow_joint", "wrist_2_joint")
 CLEARANCE_M = 1e-4
 MOVE_RAD = 0.15
+DOCS = Path("docs/images/decisions")
 SPEEDS = {"slow": 2.0, "fast": 0.25}
 """Duration of a movement of `MOVE_RAD` in every joint [s]."""
 
@@ -97,7 +99,7 @@ def budget_time() -> float:
     return time.process_time() - begun
 
 
-def command_times() -> dict[str, float]:
+def command_times(quick: bool) -> dict[str, float]:
     """CPU seconds of the commands, start of Python and all."""
     clearance = ["--clearance", "0.05 mm"]
     orders = {
@@ -120,7 +122,7 @@ def command_times() -> dict[str, float]:
     }  # fmt: skip
     found: dict[str, float] = {}
     program = "import sys; from jointplay.cli import main; sys.exit(main())"
-    for name, order in orders.items():
+    for name, order in list(orders.items())[: 1 if quick else None]:
         with temporary("decisions") as folder:
             order = [part.format(out=f"{folder}/out") for part in order]
             begun = sum(os.times()[2:4])
@@ -131,7 +133,7 @@ def command_times() -> dict[str, float]:
     return found
 
 
-def reductions() -> list[str]:
+def reductions(quick: bool) -> list[str]:
     """MuJoCo with the reduced model against the full model, in reversals other than the fit's."""
     rows = []
     pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.0}
@@ -158,6 +160,8 @@ def reductions() -> list[str]:
                 f"{seen.step_seconds / seen.step:.3f} | {spent / (2.0 * period):.2f} |"
             )
             print(rows[-1], flush=True)
+            if quick:
+                return rows
     return rows
 
 
@@ -179,9 +183,9 @@ def figure(rows: list[dict[str, float]], path: Path) -> None:
         drawn.savefig(path)
 
 
-def times() -> list[str]:
+def times(quick: bool) -> list[str]:
     lines = [f"- budget of a 7-joint arm along a motion, in Python: {budget_time():.2f} s"]
-    return lines + [f"- `{name}`: {spent:.1f} s" for name, spent in command_times().items()]
+    return lines + [f"- `{name}`: {spent:.1f} s" for name, spent in command_times(quick).items()]
 
 
 def summary(rows: list[dict[str, float]]) -> list[str]:
@@ -210,21 +214,26 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=30)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--parts", default="times,reductions,poses")
-    parser.add_argument("--out", type=Path, default=Path("docs/images/decisions"))
+    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
+    parser.add_argument("--quick", action="store_true", help="of each part the first line")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    parts = options.parts.split(",")
-    if "times" in parts:
-        (options.out / "times.txt").write_text("\n".join(times()) + "\n")
+    quick, parts = options.quick, options.parts.split(",")
     if "reductions" in parts:
-        (options.out / "reductions.txt").write_text("\n".join([*HEAD, *reductions()]) + "\n")
+        require(quick, mujoco="pip install 'jointplay[simulators]'")
+    out, poses = folder_of(options, "decisions", DOCS), 1 if quick else options.poses
+    if "times" in parts:
+        lines = times(quick)
+        (out / "times.txt").write_text("\n".join(lines) + "\n")
+        print("\n".join(lines), flush=True)
+    if "reductions" in parts:
+        (out / "reductions.txt").write_text("\n".join([*HEAD, *reductions(quick)]) + "\n")
     if "poses" in parts:
         with ProcessPoolExecutor(options.jobs) as pool:
             rows = []
-            for row in pool.map(one, range(options.poses)):
+            for row in pool.map(one, range(poses)):
                 rows.append(row)
                 print({key: float(f"{value:.4g}") for key, value in row.items()}, flush=True)
-                write_poses(rows, options.out)
+                write_poses(rows, out)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The controlled four-bar of Akhadkar, Acary and Brogliato, compared with its authors' own result.
 
-    python benchmarks/four_bar_control.py [--out docs/images/four_bar_control]
+    python benchmarks/four_bar_control.py [--out docs/images/four_bar_control] [--quick]
 
 N. Akhadkar, V. Acary, B. Brogliato: Analysis of collocated feedback controllers for four-bar planar
 mechanisms with joint clearances, Multibody System Dynamics 38 (2016) 101-136 (title and place from
@@ -26,9 +26,11 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from common import folder_of
 
 import jointplay as jp
 from jointplay.contact import Ambrosio, Flores
@@ -40,6 +42,8 @@ JOURNAL_M, CLEARANCE_M = 0.055, 5e-3
 START_RAD = 1.570823772407980
 K_P, LAMBDA = 200.0, 10.0
 RESTITUTION = 0.1
+DOCS = Path("docs/images/four_bar_control")
+QUICK_S = 0.05
 REFERENCE = (
     # t [s], theta [rad], theta' [rad/s] of the crank
     (0.05, 1.667922928591141, 4.395065412241380),
@@ -183,15 +187,18 @@ def draw(results: dict[str, jp.Result], path: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run, compare, draw."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("docs/images/four_bar_control"))
+    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
+    parser.add_argument("--quick", action="store_true", help=f"the first {QUICK_S:g} s")
     options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
+    out = folder_of(options, "four_bar_control", DOCS)
     laws = {"controller as in the example": False, "controller as it should be": True}
     with temporary("four_bar") as folder:
         path = Path(folder) / "four_bar.urdf"
         results = {
-            words: machine(path, corrected).run(progress=True, estimate=False).completed()
-            for words, corrected in laws.items()
+            words: replace(made, duration=QUICK_S if options.quick else made.duration)
+            .run(progress=True, estimate=False)
+            .completed()
+            for words, made in ((w, machine(path, corrected)) for w, corrected in laws.items())
         }
     lines = [
         "| t [s] | Siconos: angle [rad], speed [rad/s] | " + " | ".join(laws) + " |",
@@ -201,14 +208,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words: np.column_stack(crank(result)) - np.array(REFERENCE)[:, 1:]
         for words, result in results.items()
     }
+    ends = min(result.time[-1] for result in results.values()) + 1e-9
     for row, (time, angle, speed) in enumerate(REFERENCE):
+        if time > ends:
+            break
         cells = [
             f"{1e3 * one[row, 0]:+.2f} mrad, {one[row, 1]:+.3f}" for one in differences.values()
         ]
         lines.append(f"| {time:g} | {angle:.4f}, {speed:.3f} | " + " | ".join(cells) + " |")
     text = "\n".join(lines) + "\n"
-    (options.out / "four_bar_control.txt").write_text(text)
-    draw(results, options.out / "four_bar_control.png")
+    (out / "four_bar_control.txt").write_text(text)
+    draw(results, out / "four_bar_control.png")
     print(text, end="")
 
 

@@ -512,7 +512,10 @@ def main() -> None:
     parser.add_argument("--states", type=int, default=6000)
     parser.add_argument("--friction", default="0.1,0", help="coefficients")
     parser.add_argument("--poses", type=int, default=1, help="random poses of each case")
+    parser.add_argument("--quick", action="store_true", help="one case, few states")
     options = parser.parse_args()
+    if options.quick:
+        options.cases, options.states, options.friction = "scara b, vertical axis", 500, "0.1"
     covered, beyond = [], []
     for name in options.cases.split(",,"):
         chosen = (CASES | PAIRS)[name]

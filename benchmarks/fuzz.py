@@ -44,6 +44,8 @@ MEMORY = 6 << 30
 """What a case may have beyond what its process begins with [bytes]."""
 FILES = 2 << 30
 """Largest file that a case may write [bytes]."""
+QUICK = 20
+"""Cases of a quick run, in which every kind comes."""
 FAILURES = ("traceback", "hang", "crash", "silent")
 
 
@@ -323,6 +325,7 @@ def main() -> int:
         "--kept", type=Path, default=Path(tempfile.gettempdir()) / "jointplay-fuzz", metavar="DIR",
         help="where the files of cases that fail are kept (default: %(default)s)",
     )  # fmt: skip
+    parser.add_argument("--quick", action="store_true", help="one case of each kind, and some more")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work:
@@ -330,6 +333,8 @@ def main() -> int:
         return 0
     for number in (signal.SIGINT, signal.SIGTERM):  # also where the shell had them ignored
         signal.signal(number, signal.default_int_handler)
+    if options.quick:
+        options.cases, options.first = QUICK, 0
     chosen: Sequence[int] = range(options.first, options.first + options.cases)
     if options.kind:
         sys.path[:0] = [str(TESTS / "fuzz"), str(TESTS)]

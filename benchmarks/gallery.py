@@ -22,6 +22,8 @@ from jointplay.mechanism.picture import picture
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
 SHIPPED = ("scara", "slider_crank", "four_bar", "delta", "three_rrr")
 """Scenarios that lie in the package; the others are in the gallery's own folder."""
+QUICK = "gate"
+"""The mechanism of a quick run."""
 VIEWS = {
     "oil_pendulum": (-65.0, 18.0),
     "spline": (-60.0, 22.0),
@@ -142,7 +144,13 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", help="mechanisms")
     parser.add_argument("--pictures", action="store_true", help="draw only")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument(
+        "--quick", action="store_true", help="the numbers of one mechanism; nothing is written"
+    )
     options = parser.parse_args()
+    if options.quick:
+        print(table(numbers(QUICK)))
+        return
     chosen = options.only or names()
     for name in chosen:
         draw(name)

@@ -546,7 +546,7 @@ def main() -> None:
     benchmark = Benchmark("identify", __doc__ or "", runs=0)
     add = benchmark.parser.add_argument
     add("--machines", type=int, default=100, metavar="N",
-        help="elastic machines (default: %(default)s; --quick: 10)")  # fmt: skip
+        help="elastic machines (default: %(default)s; --quick: 5)")  # fmt: skip
     add("--seed", type=int, default=0, metavar="N", help="number of the first of them")
     add("--cases", type=int, default=0, metavar="N",
         help="machines that are run by the full dynamic model, too, and then the real ones "
@@ -565,7 +565,7 @@ def main() -> None:
         print()
         real()
         print()
-    count = 10 if args.quick else args.machines
+    count = 5 if args.quick else args.machines
     elastic_machines(benchmark, range(args.seed, args.seed + count), args.jobs)
 
 

@@ -132,9 +132,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("servos", type=Path)
-    parser.add_argument("damper", type=Path)
+    parser.add_argument("servos", type=Path, nargs="?", default=Path("servos"))
+    parser.add_argument("damper", type=Path, nargs="?", default=Path("damper"))
+    parser.add_argument(
+        "--quick", action="store_true", help="nothing to shorten; without the clones, say so only"
+    )
     folders = parser.parse_args()
+    missing = [str(folder) for folder in (folders.servos, folders.damper) if not folder.is_dir()]
+    if missing:
+        text = f"no clone in {' and '.join(missing)}; {parser.prog} --help says of what"
+        if not folders.quick:
+            parser.error(text)
+        print(f"skipped: {text}")
+        return
     for name in SERVOS:
         servo(folders.servos, name)
     for tension in DAMPERS:

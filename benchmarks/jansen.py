@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from common import folder_of, require
 from tqdm import tqdm
 
 import jointplay as jp
@@ -27,6 +28,7 @@ from jointplay.contact import Ambrosio
 SCENARIO = Path(__file__).parents[1] / "docs" / "gallery" / "jansen.toml"
 CASES = {"knee": ("knee",), "knee and rocker": ("knee", "rocker_pin")}
 TURN_S = 1.0
+DOCS = Path("docs/images/jansen")
 STANCE = (265.0, 275.0, 455.0, 465.0)
 """Angles of the crank at which the load on the foot begins, is whole, ends to be, ends [deg]."""
 LOAD_N = 20.0
@@ -198,9 +200,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--phases", type=int, default=4)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("docs/images/jansen"))
+    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
+    parser.add_argument("--quick", action="store_true", help="two runs, two points, one phase")
     options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
+    require(options.quick, SALib="pip install 'jointplay[sensitivity]'")
+    if options.quick:
+        options.runs, options.samples, options.phases = 2, 2, 1
+    out = folder_of(options, "jansen", DOCS)
     ideal = ideal_forces()
     lines = [
         "largest force without clearance [N]: "
@@ -224,11 +230,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 )
                 + f" of the bore; deepest over mean {mean.max() / mean.mean():.3g}",
             ]
-    lines += ["wear and clearance coupled, knee:", feedback("knee", 4, options.jobs)]
+    lines += [
+        "wear and clearance coupled, knee:",
+        feedback("knee", 1 if options.quick else 4, options.jobs),
+    ]
     lines += sensitivity(options.samples, options.phases, options.jobs)
     text = "\n".join(lines) + "\n"
-    (options.out / "jansen.txt").write_text(text)
-    draw(found, ideal["knee"], options.out / "jansen.png")
+    (out / "jansen.txt").write_text(text)
+    draw(found, ideal["knee"], out / "jansen.png")
     print(text, end="")
 
 

@@ -6,7 +6,7 @@ has been painted: the first budget, and the first cycle of the motion. Beside it
 that the answering process took, which a busy machine does not lengthen. Chromium draws here without
 a graphics card, which takes its part of both.
 
-Usage: python benchmarks/live.py [--moves 30] [--all]
+Usage: python benchmarks/live.py [--moves 30] [--all] [--quick]
 """
 
 import argparse
@@ -16,7 +16,7 @@ import statistics
 import subprocess
 import sys
 
-from playwright.sync_api import sync_playwright
+from common import require
 from tqdm import tqdm
 
 UR5 = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
@@ -68,11 +68,25 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moves", type=int, default=30)
     parser.add_argument("--all", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="the SCARA alone, two moves")
     options = parser.parse_args()
+    require(options.quick, playwright="pip install 'jointplay[movie]'")
+    browser_path = shutil.which("chromium")
+    if browser_path is None:
+        text = "chromium is not installed"
+        if not options.quick:
+            raise SystemExit(text)
+        print(f"skipped: {text}")
+        return
+    from playwright.sync_api import sync_playwright
+
+    robots = ROBOTS | (ALL if options.all else {})
+    if options.quick:
+        robots, options.moves = {"SCARA": ROBOTS["SCARA"]}, 2
     found = {}
     with sync_playwright() as tools:
-        browser = tools.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        for name, arguments in (ROBOTS | (ALL if options.all else {})).items():
+        browser = tools.chromium.launch(executable_path=browser_path, args=FLAGS)
+        for name, arguments in robots.items():
             rows = measure(browser, arguments, options.moves)
             middle = {
                 key: statistics.median(row[key] for row in rows)

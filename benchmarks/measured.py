@@ -569,17 +569,26 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
-    add("--data", type=Path, required=True, metavar="DIR", help="folder with the clones")
+    add("--data", type=Path, metavar="DIR", help="folder with the clones")
+    add("--quick", action="store_true", help="the servos alone; nothing is written")
     add("--only", action="append", default=[], metavar="NAME",
         help="tiago, servos or a robot of MUKCa (repeatable); nothing is written")  # fmt: skip
     args = parser.parse_args()
+    if args.data is None:
+        if not args.quick:
+            parser.error("--data is needed: the folder with the clones")
+        print("skipped: no --data DIR with clones of the measurements; see --help")
+        return
+    if args.quick:
+        args.only = ["servos"]
     known = {"tiago", "servos", *(robot.name for robot in ROBOTS)}
     if wrong := set(args.only) - known:
         raise SystemExit(
             f"no data set {', '.join(sorted(wrong))}; there are {', '.join(sorted(known))}"
         )
     only, report = set(args.only), Report()
-    sources = {key: source(key, args.data) for key in SOURCES}
+    wanted = {"servos"} if only == {"servos"} else set(SOURCES)
+    sources = {key: source(key, args.data) for key in SOURCES if key in wanted}
     for one in sources.values():
         report.say(f"github.com/{one.owner}/{one.name} at {one.commit}, {one.licence}")
     fits = tiago(sources["tiago"], report) if not only or "tiago" in only else {}

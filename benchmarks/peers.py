@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from common import folder_of
 from peer_engines import pinocchio_engine
 from peer_engines.common import (
     Problem,
@@ -687,7 +688,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of peers.md and images/")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="folder of peers.md and images/ (docs; --quick: results/benchmarks)",
+    )
     parser.add_argument("--quick", action="store_true", help="shorter, coarser")
     parser.add_argument("--without", nargs="*", choices=ENGINES, default=[], help="leave out")
     options = parser.parse_args(arguments)
@@ -696,9 +701,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, reason in engines.reasons.items():
         if reason:
             print(f"{name}: skipped ({reason})", file=sys.stderr)
-    out = compare(engines, options.quick, options.out / "images" / "peers")
+    folder = folder_of(options, "peers", DOCS)
+    out = compare(engines, options.quick, folder / "images" / "peers")
     text = page(engines, out, "images/peers")
-    (options.out / "peers.md").write_text(text, encoding="utf-8")
+    (folder / "peers.md").write_text(text, encoding="utf-8")
     print(text)
     return 0
 

@@ -132,7 +132,12 @@ def main():
     parser.add_argument("--only", choices=PARTS, nargs="+", default=list(PARTS))
     parser.add_argument("--out", type=Path, metavar="JSON", help="write the ratios")
     parser.add_argument("--update", action="store_true", help=f"write them to {BASELINE.name}")
+    parser.add_argument(
+        "--quick", action="store_true", help="accuracy and start-up alone; the status is always 0"
+    )
     args = parser.parse_args()
+    if args.quick:
+        args.only = ["accuracy", "start"]
     found = {}
     for name in args.only:
         began = time.perf_counter()
@@ -155,7 +160,7 @@ def main():
     for line in said:
         print(f"worse: {line}")
     print(f"worse {len(said)} of {len(found)}")
-    if said:
+    if said and not args.quick:
         sys.exit(1)
 
 

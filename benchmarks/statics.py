@@ -145,7 +145,11 @@ def main() -> None:
     parser.add_argument("--released", type=int, default=3, help="runs of each robot that end")
     parser.add_argument("--robots", default=",".join(JOINTS), help="which, with commas between")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--quick", action="store_true", help="two poses and a run of the SCARA")
     options = parser.parse_args()
+    if options.quick:
+        options.no_peaks, options.robots = True, "scara"
+        options.poses, options.released = 2, 1
     if not options.no_peaks:
         peaks(options.lasts)
     worst, looked, outside, away = 0.0, 0, 0, 0

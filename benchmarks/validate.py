@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
+from common import folder_of
 from tqdm import tqdm
 from validation import CASES, Case, Outcome, load
 
@@ -109,16 +110,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--out", type=Path, default=DOCS, help="folder for validation.md (default: docs)"
+        "--out",
+        type=Path,
+        help="folder for validation.md (default: docs; --quick: results/benchmarks/validate)",
     )
     parser.add_argument("--quick", action="store_true", help="the short forms, as in the tests")
     parser.add_argument(
         "--only", action="append", choices=list(cases), metavar="CASE", help="repeatable"
     )
     args = parser.parse_args(arguments)
-    if args.only and args.out == DOCS:
+    if args.only and not args.quick and args.out in (None, DOCS):
         parser.error("--only needs --out: docs/validation.md is whole or not at all")
-    images = args.out / "images" / "validation"
+    out = folder_of(args, "validate", DOCS)
+    images = out / "images" / "validation"
     images.mkdir(parents=True, exist_ok=True)
     found = {}
     bar = tqdm([c for name, c in cases.items() if not args.only or name in args.only], unit="case")
@@ -129,8 +133,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found[case.name] = case, outcome, time.perf_counter() - started
         if outcome.figure is not None:
             outcome.figure.savefig(images / f"{case.name}.png", dpi=110)
-    (args.out / "validation.md").write_text(page(found, "images/validation"), encoding="utf-8")
-    print(f"written: {args.out / 'validation.md'}")
+    (out / "validation.md").write_text(page(found, "images/validation"), encoding="utf-8")
+    print(f"written: {out / 'validation.md'}")
     failed = [name for name, (_, outcome, _) in found.items() if not outcome.passed]
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)

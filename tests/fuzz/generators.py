@@ -61,6 +61,17 @@ CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x9f\u202a-\u202e\u20
 """Characters that move the cursor, ring, or turn the direction of a terminal's text."""
 
 
+class Terminal(io.StringIO):
+    """What a command prints; where it says that it serves until Ctrl-C, this is pressed."""
+
+    def write(self, text: str) -> int:
+        """Keep the text."""
+        kept = super().write(text)
+        if "stop with Ctrl-C" in text:
+            raise KeyboardInterrupt
+        return kept
+
+
 @dataclass
 class Case:
     """A call of the command line, or a check."""
@@ -91,7 +102,7 @@ def make(seed: int, folder: Path) -> Case:
 def judge(case: Case, folder: Path) -> str:
     """Call the command: "" if it did what it should, else "traceback ..." or "silent ..."."""
     before = _files(folder)
-    out, err = io.StringIO(), io.StringIO()
+    out, err = Terminal(), io.StringIO()
     try:
         with (
             contextlib.redirect_stdout(out),
@@ -1099,6 +1110,8 @@ def _base_calls(folder: Path) -> dict[str, list[str]]:
     here = materials.place()
     shutil.copy(here / "s.toml", folder)
     shutil.copy(here / "measured.csv", folder)
+    shutil.copy(here / "poses.csv", folder)
+    shutil.copy(here / "result.nc", folder / "other.nc")
     scenario, out = str(folder / "s.toml"), str(folder / "out")
     store, result = str(here / "store"), str(here / "result.nc")
     robot = ["jointplay:scara.urdf", "--clearance", "0.1 mm"]
@@ -1108,10 +1121,13 @@ def _base_calls(folder: Path) -> dict[str, list[str]]:
         "init": [str(folder / "new")],
         "check": [scenario, "--no-picture"],
         "schema": [],
+        "live": [scenario, "--no-browser", "--port=0"],
+        "compare": [result, str(folder / "other.nc"), "--quiet"],
         "play": [result, "--html", str(folder / "o.html"), "--quiet", "--no-ghost"],
         "report": [result, "-o", str(folder / "o.html"), "--impacts=0", "--no-pdf", "--quiet"],
         "export": [result, "--out", str(folder / "o.csv"), "--quiet"],
         "robots": [str(shipped("scara.urdf"))],
+        "presets": [],
         "urdf": ["--urdf", str(shipped("scara.urdf")), "--joint", "joint_b", "--out", out],
         "wear": [scenario, "--joint", "joint_b", "--growth", "1 um", "--blocks=1", "--quiet"],
         "dynamics": [str(shipped("slider_crank.toml")), "turns", "--out", out, "--of", "none"],
@@ -1121,6 +1137,7 @@ def _base_calls(folder: Path) -> dict[str, list[str]]:
         "iso9283": [scenario, "--cycles=3", "--jobs=1"],
         "maintenance": [scenario, "--target", "1 mm", "--blocks=1", "--runs=1", "--quiet"],
         "identify": [robot[0], str(folder / "measured.csv"), *robot[1:], "--quiet", "--out", out],
+        "calibrate": [robot[0], str(folder / "poses.csv"), "--term=offset", "--quiet"],
         "shares": [scenario, "--runs=1", "--jobs=1"],
         "sweep": [scenario, "--out", out, "--quiet", "--jobs=1"],
         "plot-sweep": [store, "x=cr", "y=peak_force", "--out", str(folder / "o.png")],

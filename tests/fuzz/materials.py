@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from dataclasses import replace
 from functools import cache
+from math import cos, sin
 from pathlib import Path
 from unittest import mock
 
@@ -51,6 +52,13 @@ MEASURED = "time [s],joint_a motor [rad],joint_b motor [rad],tool x [mm],tool y 
 )
 """A measurement of nothing in particular."""
 
+POSES = "joint_a motor [rad],joint_b motor [rad],tool x [m],tool y [m],tool z [m]\n" + "".join(
+    f"{a:.1f},{b:.1f},{0.4 * c + 0.3 * cos(a + b):.4f},{0.4 * s + 0.3 * sin(a + b):.4f},0\n"
+    for a, c, s in ((a, cos(a), sin(a)) for a in (-0.9, -0.3, 0.3, 0.9))
+    for b in (0.2, 0.8, 1.4)
+)
+"""Poses of an arm of two links."""
+
 FEW_BYTES = 1 << 12
 """With so little memory for records, those of the short run go to disk."""
 
@@ -69,6 +77,7 @@ def build(folder: Path) -> None:
     sweep(folder / "sweep.toml", folder / "store", jobs=1, progress=False)
     (folder / "long.toml").write_text(LONG, encoding="utf-8")
     (folder / "measured.csv").write_text(MEASURED, encoding="utf-8")
+    (folder / "poses.csv").write_text(POSES, encoding="utf-8")
     short = Scenario.load(folder / "s.toml")
     replace(short.simulation(short.cases[0]), seed=1).run().save(folder / "result.nc")
     interrupt(short, folder / "s.nc", 120)

@@ -36,6 +36,17 @@ def test_every_kind_has_its_share_of_the_cases():
     assert 20_000 * counted["checkpoint"] / len(generators.ORDER) >= 500
 
 
+def test_every_command_is_called(tmp_path):
+    assert set(generators._base_calls(tmp_path)) == set(generators._parsers())
+
+
+def test_a_command_that_serves_is_called_and_told_to_stop(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    case = Case(0, "commands", ["live", *generators._base_calls(tmp_path)["live"]])
+    assert judge(case, tmp_path) == ""
+    assert not case.refused
+
+
 def prints_escapes(arguments):
     print("\x1b[31mred")
     return 0
