@@ -28,7 +28,10 @@ JOINT = "joint_b"
 RECORD_INTERVAL = 2e-4
 """Interval of the records, a multiple of every step used [s]."""
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+COLOURS = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"),
+    *("#000000", "#F0E442"),
+)
 """Okabe and Ito's, told apart by colour-blind readers."""
 MARKERS = "os^Dv<"
 

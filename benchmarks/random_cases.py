@@ -45,7 +45,7 @@ from jointplay.result.certificate import COUNTS, HEADLINE
 
 TARGETS = {name: 0.02 if name == "peak joint force" else 0.005 for name in HEADLINE}
 """Largest error that a run may have without saying so, relative."""
-FLOORS = {"N": 1e-3, "m": 1e-8, "J": 1e-7, "": 0.0}
+FLOORS = {"N": 1e-3, "m": 1e-8, "rad": 1e-8, "J": 1e-7, "": 0.0}
 """Errors that nobody asks about, by unit."""
 CALM = 0.25
 """A figure is calm if converged draws agree within this part of its target."""
@@ -862,7 +862,7 @@ def draw_errors(rows: Sequence[dict]):
                 if row["state"] == state
             ]
             x, y = np.array(points).reshape(-1, 2).T
-            at = y + 0.12 * (HEADLINE.index(name) - 2.5)
+            at = y + 0.1 * (HEADLINE.index(name) - 0.5 * (len(HEADLINE) - 1))
             panel.plot(
                 x, at, "o", ms=4, mec=colour, mfc=face, label=name if face != "none" else None
             )
