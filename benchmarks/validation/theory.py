@@ -175,7 +175,7 @@ def restitution(quick: bool = False, wrong: bool = False) -> Outcome:
     shown = ["lankarani-nikravesh", "lee-wang", "gonthier", "zhang-sharf", "flores"]
     shown += ["anagnostopoulos"]
     grid = np.linspace(min(asked) - 0.05, max(asked), 60)
-    for name, colour in zip(shown, COLOURS, strict=True):
+    for name, colour in zip(shown, COLOURS, strict=False):
         theory = [restitution_in_theory(name, c, wrong) for c in grid]
         axes[0, 0].plot(grid, theory, color=colour, lw=1, label=name)
         axes[0, 0].plot(asked, [e for e, _ in found[name]], "o", color=colour, ms=4)
