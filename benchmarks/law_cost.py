@@ -90,6 +90,7 @@ def measure(made, duration):
         # Each state begins with another law, so that none always pays for a cold cache.
         for k in np.roll(np.arange(len(probes)), -piece):
             at = probes[k].workspace
+            probes[k].synchronize()
             at.q[:], at.v[:] = state
             for name, values in remembered.items():
                 at.contacts[name] = values

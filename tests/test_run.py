@@ -76,6 +76,154 @@ def test_moments_are_what_the_records_say(arm):
     assert moment.position("b") == moment.q[list(moment.coordinates).index("b")]
 
 
+def states_of(run):
+    """All states recorded, and where the run stands."""
+    w = run.workspace
+    return [w.recorded(name).copy() for name in ("q", "v", "work")] + [w.q.copy(), w.v.copy()]
+
+
+def same(run, other):
+    return all(np.array_equal(*pair) for pair in zip(states_of(run), states_of(other), strict=True))
+
+
+SPEEDS = {"b": (None, 3.0), "a.x": (5e-5, 0.02)}
+
+
+def free(arm, **options):
+    """Without drives."""
+    return jp.Simulation(arm, drive={}, duration=0.005, start="centred", **options)
+
+
+@pytest.mark.parametrize("options", METHODS)
+def test_before_the_first_step_the_state_is_whole(arm, tmp_path, options):
+    """`synchronize`, `begin`, a look and a checkpoint change nothing, in whatever order."""
+    simulation = free(arm, state=SPEEDS, **options)
+
+    def resumed(run):
+        return jp.Simulation.resume(run.checkpoint(tmp_path / "kept"))
+
+    ways = ["s", "bsb", "bb", "ms", "sb", "rs", "bsr", "sbrm"]
+    done = {"s": jp.Run.synchronize, "b": jp.Run.begin, "m": jp.Run.moment}
+    plain = jp.Run(simulation)
+    plain.run_to_end()
+    for way in ways:
+        run = jp.Run(simulation)
+        for one in way:
+            if one == "r":
+                run = resumed(run)
+            else:
+                done[one](run)
+        start = run.moment()
+        assert start.speed("b") == 3.0
+        assert start.speed("a.x") == 0.02
+        run.run_to_end()
+        assert same(run, plain), way
+
+
+@pytest.mark.parametrize("options", METHODS)
+def test_between_steps_synchronize_and_begin_are_done_once(arm, tmp_path, options):
+    simulation = free(arm, state=SPEEDS, **options)
+    runs = {}
+    for way in ("s", "ss", "sb", "sbb", "ssbsb", "smb", "bsb", "sr"):
+        runs[way] = run = jp.Run(simulation)
+        assert run.advance(150)
+        for one in way:
+            if one == "r":
+                run = runs[way] = jp.Simulation.resume(run.checkpoint(tmp_path / "kept"))
+            else:
+                {"s": run.synchronize, "b": run.begin, "m": run.moment}[one]()
+        run.run_to_end()
+    assert all(same(run, runs["s"]) for run in runs.values())
+    plain = jp.Run(simulation)
+    plain.run_to_end()
+    assert runs["s"].workspace.q == pytest.approx(plain.workspace.q, abs=1e-4)
+    assert runs["s"].result().audit.energy_residual < 1e-3
+
+
+@pytest.mark.parametrize("options", METHODS)
+def test_a_changed_state_is_gone_on_from_or_refused(arm, options):
+    simulation = free(arm, state=SPEEDS, **options)
+    at = arm.coordinate("b")
+    faster = {**SPEEDS, "b": (None, 7.0)}
+    given = jp.Run(dataclasses.replace(simulation, state=faster))
+    given.run_to_end()
+    for looked in (False, True):  # at the start: no need to say anything
+        run = jp.Run(simulation)
+        if looked:
+            run.moment()
+        run.workspace.v[at] = 7.0
+        run.run_to_end()
+        assert same(run, given)
+    run = jp.Run(simulation)
+    run.advance(150)
+    run.synchronize()
+    run.workspace.v[at] = 7.0
+    assert run.moment().speed("b") == 7.0
+    assert run.advance(1)
+    assert run.moment().speed("b") == pytest.approx(7.0, abs=0.1)
+    for name in ("q", "v"):
+        run = jp.Run(simulation)
+        run.advance(150)
+        getattr(run.workspace, name)[at] += 0.1
+        for act in (run.begin, run.synchronize, run.moment, run.finish, lambda: run.advance(1)):
+            with pytest.raises(jp.JointplayError, match=r"call synchronize\(\) before you change"):
+                act()
+
+
+def test_a_loop_keeps_its_speeds():
+    """A slider-crank with a free crank: without its speeds, peaks are thousands of times higher."""
+    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
+    simulation = scenario.simulation("0.2 mm", {"integration": {"duration": 2e-3}})
+    simulation = dataclasses.replace(
+        simulation, motion=None, drive={}, state={"crank_pin": (None, 30.0)}, start="centred"
+    )
+    plain, run = jp.Run(simulation), jp.Run(simulation)
+    speeds = run.workspace.v.copy()
+    run.synchronize()
+    assert np.array_equal(run.workspace.v, speeds)
+    for one in (plain, run):
+        one.run_to_end()
+    assert same(run, plain)
+
+
+class Counting:
+    """A controller that says how often it was asked."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def __call__(self, time, q, v):
+        self.asked += 1
+        return [1e-3 * self.asked]
+
+    def memory(self):
+        return self.asked
+
+    def recall(self, state):
+        self.asked = state
+
+
+@pytest.mark.parametrize("options", [{}, {"integrator": "rk4"}])
+def test_a_sampled_controller_is_asked_once_at_an_instant(arm, tmp_path, options):
+    load = jp.loads.Controller(("b",), Counting, period=1e-3)
+    simulation = free(arm, loads={"own": load}, **options)
+    plain, run = jp.Run(simulation), jp.Run(simulation)
+    run.begin()
+    run.synchronize()
+    run.begin()
+    steps = round(2e-3 / simulation.step)
+    for one in (plain, run):
+        one.advance(steps)
+    run.synchronize()
+    run = jp.Simulation.resume(run.checkpoint(tmp_path / "kept"))
+    run.begin()
+    for one in (plain, run):
+        one.run_to_end()
+    memories = [one.memory()["watch"]["sampling"] for one in (plain, run)]
+    assert memories[0] == memories[1]
+    assert memories[0]["states"] == [5]
+
+
 def test_one_can_stop_looking(arm):
     for moment in moving(arm).steps(every=1e-3):
         if moment.time > 3e-3:

@@ -268,12 +268,8 @@ def test_a_checkpoint_goes_on_bit_for_bit(pendulum, tmp_path):
     options = {"drive": ComputedTorque(encoder="motor"), "duration": 0.2, "joint_friction": {}}
     simulation = jp.Simulation(pendulum(gear), MOTION, **options)
     whole = jp.Run(simulation)
-    whole.begin()
     whole.advance(5000)
-    kept = whole.workspace.snapshot()
-    other = jp.Run(simulation)
-    other.begin()
-    other.workspace.restore(kept)
+    other = jp.Simulation.resume(whole.checkpoint(tmp_path / "kept"))
     for run in (whole, other):
         run.advance(2000)
     assert np.array_equal(whole.workspace.q, other.workspace.q)

@@ -207,3 +207,8 @@ def hold(numbers: np.ndarray, time: float, torques: np.ndarray, jumps: bool) -> 
     numbers[1] = time
     numbers[2 : 2 + n] = numbers[2 + n :] if jumps else torques
     numbers[2 + n :] = torques
+
+
+def held(numbers: np.ndarray) -> np.ndarray:
+    """The torques that are held, a copy."""
+    return numbers[1 + len(numbers) // 2 :].copy()

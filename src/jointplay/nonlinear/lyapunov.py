@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointplay.core.errors import JointplayError, require_positive, require_share, require_whole
-from jointplay.kernel import Command
 from jointplay.loads.drive import Prescribed
 from jointplay.mechanism.loop import closing_rows
 from jointplay.nonlinear.steady_motion import check_base
@@ -164,12 +163,9 @@ def stretching(
         contacts["ddelta0"] += np.where(shared, factor * shift, 0.0)
         second.contacts[:] = contacts
         for run in runs:
-            run.begin()
             if not run.advance(steps):
                 raise JointplayError(run.message(run.workspace.status))
-            run.workspace.execute(
-                Command.COMPLETE_STEP if run.method.single_rate else Command.SYNCHRONIZE
-            )
+            run.synchronize()
         apart = free * np.concatenate([second.q - first.q, second.v - first.v])
         logarithms.append(math.log(np.linalg.norm(scale * apart) / APART))
     return np.array(logarithms)

@@ -13,7 +13,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load, Site, compiled_law
-from jointplay.loads.controller import Controller, hold
+from jointplay.loads.controller import Controller, held, hold
 from jointplay.loads.friction import LEVEL, RATE, TIME, LoadedFriction
 from jointplay.mechanism.loop import closing_rows
 from jointplay.mechanism.mechanism import Mechanism, frame_index, signs_between
@@ -161,6 +161,8 @@ class Sampling:
     ) -> None:
         """Make the samplers."""
         self._workspace = workspace
+        self._asked = -1
+        """Step at which they were asked last."""
         self._members = []
         for (name, load), site in zip(loads.items(), sites, strict=True):
             if not isinstance(load, Controller) or load.period is None:
@@ -176,17 +178,19 @@ class Sampling:
         """Steps from `step` until a sample is due after it; None if none ever is."""
         return min((every - step % every for _, _, every, _ in self._members), default=None)
 
-    def memory(self) -> list[Any]:
-        """State of each controller that has one, by its own `memory`, for a checkpoint.
+    def memory(self) -> dict[str, Any]:
+        """Last step, and state of each controller that has one, by its `memory`: for a checkpoint.
 
         Raises:
             JointplayError: a controller that has a state and does not say it.
         """
-        return [load.remember(sampler) for load, _, _, sampler in self._members]
+        states = [load.remember(sampler) for load, _, _, sampler in self._members]
+        return {"asked": self._asked, "states": states}
 
-    def recall(self, memory: Sequence[Any]) -> None:
+    def recall(self, memory: Mapping[str, Any]) -> None:
         """Let the controllers go on with these states."""
-        for (_, _, _, sampler), state in zip(self._members, memory, strict=True):
+        self._asked = int(memory["asked"])
+        for (_, _, _, sampler), state in zip(self._members, memory["states"], strict=True):
             if state is not None:
                 cast(Any, sampler).recall(state)
 
@@ -197,6 +201,9 @@ class Sampling:
     def sample(self, q: np.ndarray, v: np.ndarray, jumps: bool) -> None:
         """Call those controllers that are due at the present step.
 
+        Once at an instant, for what they integrate: if the loop begins again there, their torques
+        are held from it on.
+
         Args:
             q, v: the state now.
             jumps: whether the torques before count for half of the present instant.
@@ -205,8 +212,12 @@ class Sampling:
         for load, site, every, sampler in self._members:
             if w.steps % every == 0:
                 inputs = list(site.inputs)
-                torques = load.torques(sampler, w.time, q[inputs].copy(), v[inputs].copy())
+                if self._asked == w.steps:
+                    torques = held(site.numbers)
+                else:
+                    torques = load.torques(sampler, w.time, q[inputs].copy(), v[inputs].copy())
                 hold(site.numbers, w.time, torques, jumps)
+        self._asked = w.steps
 
 
 class Events:

@@ -266,8 +266,9 @@ class MultiRate(TimeLoop):
         w.execute(Command.START_HALF_STEP)
 
     def synchronize(self) -> None:
-        """Find the velocity at the present instant."""
-        self.workspace.execute(Command.SYNCHRONIZE)
+        """Find the velocity at the present instant, if a step has led to it."""
+        if not self.workspace.run["fresh"][0]:
+            self.workspace.execute(Command.SYNCHRONIZE)
 
     def velocity(self) -> np.ndarray:
         """From those half a step ago, with the last acceleration."""
@@ -277,8 +278,7 @@ class MultiRate(TimeLoop):
 
     def look(self) -> None:
         """Find the velocity at the present instant, for a moment."""
-        if not self.workspace.run["fresh"][0]:
-            self.synchronize()
+        self.synchronize()
 
     def memory(self) -> dict[str, float]:
         """Whether the next macro step is planned already."""
@@ -370,9 +370,13 @@ class SingleRate(TimeLoop):
         """Complete the work of the last step."""
         self.workspace.execute(Command.COMPLETE_STEP)
 
+    def memory(self) -> dict[str, float]:
+        """Whether the loop has begun."""
+        return {"begun": float(self._begun)}
+
     def recall(self, memory: Mapping[str, float]) -> None:
         """Do not begin from the start again."""
-        self._begun = True
+        self._begun = bool(memory["begun"])
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do `steps` steps, or fewer."""

@@ -336,6 +336,10 @@ class Run:
         """When figures begin to be judged [s]."""
         self._unjudged: dict[str, np.ndarray] | None = None
         self._begun = self._finished = False
+        self._whole = True
+        """Whether q and v of the workspace are complete: no step since they were made so."""
+        self._left: tuple[bytes, bytes] | None = None
+        """q and v as the run left them."""
         self._elapsed = 0.0
         self._since: float | None = None
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
@@ -541,7 +545,7 @@ class Run:
         """
         self._check_unfinished()
         workspace = self.workspace
-        if not self._begun:
+        if workspace.steps == 0:
             self._origin = workspace.q.copy(), workspace.v.copy()
         with _saying_if_long(progress and not self._loop.compiled):
             self._loop.compile()
@@ -581,8 +585,6 @@ class Run:
             pause: steps of a stretch; the multi-rate method stops at the macro step that passes it.
         """
         self._check_unfinished()
-        if not self._begun:
-            self.begin()
         while self.workspace.steps < self.total_steps:
             if not self._advance_stretch(pause=self.workspace.steps + pause):
                 return
@@ -606,8 +608,6 @@ class Run:
         if every is not None:
             require_positive("every", every, "s")
         self._loop.compile()
-        if not self._begun:
-            self.begin()
         yield self.moment()
         given = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
         most = 1 if every is None else max(round(every / self.simulation.step), 1)
@@ -618,7 +618,8 @@ class Run:
                 yield self.moment()
 
     def moment(self) -> Moment:
-        """The present instant, to be read; the run must have begun."""
+        """The present instant, to be read."""
+        self.begin()
         return moment_of(
             self.workspace, self._loop, self.mechanism, self.method.single_rate, self._chart
         )
@@ -626,15 +627,38 @@ class Run:
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
 
-        Begin again whenever you have changed q or v of the workspace, after `synchronize`.
+        Whatever steps or looks does it where it is needed: before the first step, and after
+        `synchronize`. Where nothing has changed since, nothing is done.
+
+        Raises:
+            JointplayError: q or v of the workspace were changed between steps without
+                `synchronize`: the method would not see it, or only half of it.
         """
+        if self._begun and self._left == self._state():
+            return
+        if self._begun and not self._whole:
+            raise JointplayError(
+                f"q or v of the workspace were changed at t = {self.workspace.time:g} s while the "
+                "method has parts of the state elsewhere: call synchronize() before you change them"
+            )
         self._events.apply_due_events(self.workspace)
         self._watch.start(self._loop)
         self._begun = True
+        self._left = self._state()
 
     def synchronize(self) -> None:
-        """Make q and v of the workspace whole, to be changed; then `begin` again."""
-        self._loop.synchronize()
+        """Make q and v of the workspace whole, to be changed; the next step begins with them.
+
+        They are whole before the first step, and after a `synchronize`: nothing is done then.
+        """
+        if not self._whole:
+            self.begin()
+            self._loop.synchronize()
+            self._begun, self._whole = False, True
+
+    def _state(self) -> tuple[bytes, bytes]:
+        """q and v, to be compared bit by bit."""
+        return self.workspace.q.tobytes(), self.workspace.v.tobytes()
 
     def _check_unfinished(self) -> None:
         """Refuse to go on with a run that has ended: its last state would be recorded twice."""
@@ -659,6 +683,7 @@ class Run:
         """What a checkpoint holds beside the workspace."""
         return {
             "begun": self._begun,
+            "whole": self._whole,
             "finished": self._finished,
             "elapsed": self.elapsed,
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
@@ -673,8 +698,8 @@ class Run:
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the run that had this memory; its workspace has been restored."""
         self._events.recall(memory["events"])
-        if memory["begun"]:
-            self._loop.recall(memory["loop"])
+        self._loop.recall(memory["loop"])
+        self._whole, self._left = bool(memory["whole"]), self._state()
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
         self._finished = bool(memory["finished"])
         if memory["origin"] is not None:
@@ -695,6 +720,8 @@ class Run:
                 the run is the same with and without.
         """
         w = self.workspace
+        self.begin()
+        self._whole = False
         if w.time >= self._reference.until:
             self._set_reference_block()
         if self.on_disk is not None:
@@ -712,8 +739,17 @@ class Run:
                 steps = min(steps, watched)
         if w.steps < judged:
             pause = min(pause, judged)
-        if not self._loop.stretch(steps, pause):
-            return False
+        try:
+            good = self._loop.stretch(steps, pause)
+            if good:
+                self._do_what_is_due(due, judged)
+        finally:  # a Ctrl-C comes between macro steps, and the run can go on
+            self._left = self._state()
+        return good
+
+    def _do_what_is_due(self, due: int | None, judged: int) -> None:
+        """After a stretch; `due` is the step of the next event, `judged` that of `judged_from`."""
+        w = self.workspace
         if self._unjudged is None and w.steps >= judged > 0:
             self._unjudged = w.contact_statistics()
         if due is not None and due == w.steps:
@@ -724,7 +760,6 @@ class Run:
             self._watch.look(self._loop, last=w.steps >= self.total_steps)
         if self._chart.replace_if_due(self._loop):
             self._watch.start(self._loop)
-        return True
 
     def _set_reference_block(self) -> None:
         """Let the drives go by the part of the reference that holds the present time."""
@@ -739,8 +774,6 @@ class Run:
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails or ends; returns whether all is well."""
-        if not self._begun:
-            self.begin()
         end = min(self.workspace.steps + require_whole("steps", steps), self.total_steps)
         while self.workspace.steps < end:
             if not self._advance_stretch(end - self.workspace.steps):
