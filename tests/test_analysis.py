@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import body, joint
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
@@ -220,3 +221,56 @@ def test_spectrum_of_a_known_vibration(pair):
 def test_twin_is_the_ideal_run(pair):
     again = analysis.twin(pair[1])
     assert np.array_equal(again["tool_position"].values, pair[0]["tool_position"].values)
+
+
+@pytest.mark.parametrize("start", [None, "centred"])
+@pytest.mark.parametrize("how", ["servo, gear", "servo, bearing", "pulled"])
+def test_a_run_and_its_ideal_twin_begin_in_the_same_way(how, start, urdf):
+    """An arm that its servo, or a load on it, lets hang below where the reference begins."""
+    path = urdf(body("arm", 1.0, "0.2 0 0"), joint("lift", "base", "arm", axis="0 1 0"))
+    geared, play = how == "servo, gear", 1e-3
+    gears = {"lift": jp.Gear(play=play, stiffness=2e4, rotor_inertia=0.01, damping=1.0)}
+    bearing = {"lift": jp.RevoluteClearance(radial_clearance=1e-5, axial_clearance=1e-5)}
+    servo = jp.loads.Servo(voltage=12.0, p_gain=20.0, torque_constant=2.0, resistance=2.0)
+    simulation = jp.Simulation(
+        jp.Mechanism(
+            path, {} if geared else bearing, gears=gears if geared else {}, gravity=(0, 0, -9.81)
+        ),
+        jp.Motion(["lift"], [0.0, 0.02], [[0.0], [0.0]]),
+        drive=jp.loads.ComputedTorque() if how == "pulled" else servo,
+        loads={"pull": jp.loads.Wrench("arm", at=(0.4, 0, 0), force=(0, 0, -20))}
+        if how == "pulled"
+        else {},
+        start=start,
+    )
+    result = simulation.run()
+    for source in (result, simulation):
+        twin = analysis.ideal_simulation(source).run()
+        assert analysis.is_twin(result, twin)
+        rests = [run.simulation.start == "rest" for run in (result, twin)]
+        assert rests == [start is None] * 2
+        place = twin["q"].values[0, 0]
+        assert (abs(place) > 5.0 * play) == (start is None)
+        tools = [run["tool_position"].values[0] for run in (result, twin)]
+        assert np.linalg.norm(tools[0] - tools[1]) < play
+        if start is None:
+            assert np.abs(twin["q"].values - place).max() < 1e-6
+    other = jp.simulate(
+        simulation.mechanism.ideal(),
+        simulation.motion,
+        drive=simulation.drive,
+        loads=simulation.loads,
+        start=None if start else "centred",
+    )
+    assert not analysis.is_twin(result, other)
+
+
+def test_an_ideal_machine_that_stands_where_it_begins_is_the_twin_of_either_start():
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), {}, gravity=(0, 0, -9.81))
+    made = scara(0.2e-3)
+    ideal = jp.simulate(robot, made.motion, duration=0.01)
+    assert ideal.simulation.start is None
+    loose = jp.Mechanism(jp.shipped("scara.urdf"), made.mechanism.clearance, gravity=(0, 0, -9.81))
+    for start in ("rest", "centred"):
+        run = jp.simulate(loose, made.motion, duration=0.01, start=start)
+        assert analysis.is_twin(run, ideal)

@@ -316,7 +316,7 @@ def _ideal(
     """The ideal mechanism's run with the same settings, or None and why there is none."""
     if not analysis.has_play(result):
         return None, ""
-    same = replace(simulation, duration=float(result.time[-1]))
+    same = replace(simulation, duration=float(result.time[-1]), start=result.audit.start)
     try:
         twin = analysis.ideal_simulation(same)
     except JointplayError as error:

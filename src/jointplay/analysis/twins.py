@@ -30,7 +30,7 @@ ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, 
 
 _MAY_DIFFER = (
     *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
-    *("record_every", "seed", "start", "settle", "judge_from"),
+    *("record_every", "seed", "settle", "judge_from"),
 )
 """Inputs in which a run and the ideal run that it is measured against may differ."""
 
@@ -138,9 +138,15 @@ def places(result: Result, joint: str) -> list[str]:
 
 
 def task(result: Result) -> dict[str, Any]:
-    """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads."""
+    """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads, start.
+
+    How it did start, that is. None: without play nothing gives way at the start, and it is the same
+    at rest and centred.
+    """
     given = inputs(result)
     given["state"] = _state(given)
+    if given["start"] is None and has_play(result):
+        given["start"] = "centred"  # nothing was to be found
     robot = {
         key: value
         for key, value in given["mechanism"].items()
@@ -183,7 +189,10 @@ def has_play(result: Result) -> bool:
 
 def is_twin(result: Result, ideal: Result) -> bool:
     """Whether `ideal` has no play and is otherwise the same mechanism doing the same work."""
-    return not has_play(ideal) and task(result) == task(ideal)
+    if has_play(ideal):
+        return False
+    ours, its = task(result), task(ideal)
+    return ours | ({"start": None} if its["start"] is None else {}) == its
 
 
 def twin(result: Result, progress: bool = False) -> Result:
@@ -216,6 +225,15 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
     return run.result(status, reactions=False, only=wanted)
 
 
+def _start(simulation: Simulation) -> str:
+    """How a run begins: at rest only where an equilibrium is found."""
+    if simulation.start is None and simulation.starts_at_rest:
+        from jointplay.simulation.run import Run  # takes long to import
+
+        simulation = Run(simulation).simulation
+    return "rest" if simulation.starts_at_rest else "centred"
+
+
 def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, float | None]]:
     """What `simulation` gives of the state at the start, as its ideal mechanism has it."""
     return {name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()}
@@ -228,6 +246,8 @@ def ideal_simulation(source: Simulation | Result) -> Simulation:
     method of first order, which leaves them: in a turn of the slider-crank by 0.2 um, the
     multi-rate method by 1e-4 um.
 
+    It begins as the run does: where drives give way and loads bend, both at rest or neither.
+
     Args:
         source: the run with play; of a result, for as long as it lasted.
     """
@@ -235,15 +255,16 @@ def ideal_simulation(source: Simulation | Result) -> Simulation:
     if isinstance(source, Result):
         simulation = source.simulation
         changes["duration"] = float(source.time[-1]) or simulation.step
+        changes["start"] = source.audit.start
     else:
         simulation = source
+        changes["start"] = _start(simulation)
     if simulation.mechanism.loops and integrator(simulation.integrator).order == 1:
         changes["integrator"] = DEFAULT
     return dataclasses.replace(
         simulation,
         mechanism=simulation.mechanism.ideal(),
         seed=None,
-        start=None,
         settle=None,
         judge_from=None,
         state=state_without_play(simulation),

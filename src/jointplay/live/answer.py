@@ -143,7 +143,7 @@ class Machine:
         self._continue()
         twin, reason = None, ""
         try:
-            twin = self._twin(simulation)
+            twin = self._twin(run.simulation)
         except JointplayError as error:
             reason = f"no ideal twin: {error}"
         self._continue()

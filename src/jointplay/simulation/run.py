@@ -69,6 +69,9 @@ LONG_STEP_S = 1e-4
 FASTEST_SHOWN = 4
 """Coordinates that the message on a run that diverged has."""
 
+SAME_PLACE = 1e-12
+"""A machine without play that would rest so near where it is begins there [rad or m]."""
+
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
@@ -330,7 +333,7 @@ class Run:
             acting.check_step(simulation.loads, mechanism, equal, start.q)
         self.rest: initial.Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
-        if simulation.starts_at_rest and (mechanism.clearance or mechanism.gears):
+        if simulation.starts_at_rest:
             self._start_at_rest(start, drives, sites)
         self.judged_from = simulation.judged_from
         """When figures begin to be judged [s]."""
@@ -358,12 +361,18 @@ class Run:
     def _start_at_rest(
         self, start: initial.InitialState, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
     ) -> None:
-        """Let the journals begin where they rest, if they do."""
+        """Let the run begin where the machine rests, if it does.
+
+        Without play, too: its drives give way, and its loads bend it.
+        """
         simulation, w = self.simulation, self.workspace
         self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
         bodies = self._events.phases[-1].model
         pushing = StaticLoads(simulation.loads, self.mechanism, sites)
         rest = initial.find_rest(simulation, start, bodies, w, drives, self.friction, pushing)
+        ideal = not self.mechanism.clearance and not self.mechanism.gears
+        if ideal and rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
+            return  # it stands where it begins anyway
         self.rest = rest
         if not rest.solved:
             if simulation.start == "rest":

@@ -586,6 +586,9 @@ class StaticEquilibrium:
         self.refresh(self._start)
         self.basis = self._find_basis(sprung, drives, set(given))
         self.scale, self._rooms = self._scales()
+        weightless = np.abs(self._inertia) + np.abs(self._given) + np.abs(self._constant)
+        self._least_load = self.weight() or float(weightless.max(initial=0.0))
+        """What residual forces are compared with where nothing touches."""
 
     def _servos(
         self,
@@ -877,7 +880,9 @@ class StaticEquilibrium:
             if residual <= BALANCED * load:
                 break
         q = self.close(q)
-        return Rest(self.align_motors(q), residual, load or self.weight(), trials, self._inside(q))
+        return Rest(
+            self.align_motors(q), residual, load or self._least_load, trials, self._inside(q)
+        )
 
     def _inside(self, q: np.ndarray) -> bool:
         pin.forwardKinematics(self._model, self._data, q)
@@ -904,7 +909,7 @@ class StaticEquilibrium:
         while True:
             residual = float(np.abs(here.slope / rooms).max(initial=0.0))
             load = here.load
-            if residual <= SOLVED * (load or self.weight()) or trials >= most or radius < 1e-12:
+            if residual <= SOLVED * (load or self._least_load) or trials >= most or radius < 1e-12:
                 return here.q, residual, load, trials
             step, expected = trust_region_step(here.slope, here.bend, radius)
             size = float(np.linalg.norm(step))
