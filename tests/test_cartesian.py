@@ -7,7 +7,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay.joints import SphericalClearance
-from jointplay.motion.cartesian import JUMP, SINGULAR_M, cartesian_motion
+from jointplay.motion.cartesian import JUMP, SINGULAR_M, Arm, cartesian_motion
 
 TIMES = [0.0, 0.4, 1.0]
 SCARA_CONFIGURATIONS = np.array([[0.3, 0.8, -0.02, 0.1], [0.6, 0.9, -0.04, 0.4], [-0.3, 1.2, 0, 0]])
@@ -212,6 +212,20 @@ def test_waypoint_out_of_reach_is_named_with_what_remains(scara):
     # 0.2 rad of roll cannot be turned away; nor does it pay to leave the point for it.
     assert angle == pytest.approx(0.2, abs=1e-3)
     assert distance < 1e-6
+
+
+def test_no_pose_is_beyond_the_sphere_of_all_lengths(scara, six_axes):
+    """It says how near the tool comes at best, and never refuses what can be reached."""
+    message = refused(scara, [0, 1], [HERE, [800.0, 0.0, -0.23]], path="line")
+    assert message.startswith("waypoint 2 at (800, 0, -0.23) m is out of reach: the tool comes no")
+    random = np.random.default_rng(0)
+    for robot in (scara, six_axes):
+        arm = Arm(robot, None, {}, None)
+        away = [
+            float(np.linalg.norm(arm.pose(arm.anywhere(random)).translation - arm.origin))
+            for _ in range(200)
+        ]
+        assert 0.5 * arm.reach < max(away) < arm.reach
 
 
 def test_orientation_that_fits_four_axes_is_not_called_singular(scara):

@@ -10,7 +10,7 @@ import jointplay as jp
 from jointplay.design.iso9283 import cube_motion
 from jointplay.mechanism.closed_loops import ClosedLoops, followed_mimics
 from jointplay.mechanism.loop import Loop, assemble, closing_rows, openings
-from jointplay.motion.cartesian import cartesian_motion, cartesian_path, reachable
+from jointplay.motion.cartesian import Arm, cartesian_motion, cartesian_path, reachable
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.ideal import driven_map
 
@@ -227,6 +227,26 @@ def test_the_lack_of_reach_is_the_distance_that_remains(five_bar):
     assert message.startswith("waypoint 2 at (0, 0.776")
     assert "out of reach: 0.3 m and 0 rad remain" in message
     assert "the tool can be led along x, y; its z stays 0 m" in message
+
+
+@pytest.mark.parametrize("path", ["joint", "line"])
+def test_a_waypoint_beyond_all_lengths_is_refused_at_once(delta, path, monkeypatch):
+    monkeypatch.setattr("jointplay.motion.cartesian._solve", None)  # nothing is searched
+    good = [-0.1525, 0.0, -1.1]
+    for positions in ([good, [-0.1525, 0.0, -1075.0]], [[-0.1525, 0.0, -1075.0], good]):
+        message = refused(delta, positions, path=path)
+        number = 1 + positions[1][2:].count(-1075.0)
+        assert message.startswith(f"waypoint {number} at (-0.1525, 0, -1075) m is out of reach: ")
+        assert "the tool comes no nearer to it than 1073 m" in message
+
+
+def test_a_search_without_a_solution_ends_soon(delta, monkeypatch):
+    """40 restarts, none of which goes on where it gets no nearer."""
+    calls, error = [], Arm.error
+    monkeypatch.setattr(Arm, "error", lambda self, *about: calls.append(0) or error(self, *about))
+    message = refused(delta, [[0.0, 0.0, -1.1], [0.0, 0.0, -1.8]])
+    assert message.startswith("waypoint 2 at (0, 0, -1.8) m is out of reach: 0.05795 m and 0 rad")
+    assert len(calls) < 7000
 
 
 def test_components_that_cannot_be_led_are_named(five_bar, delta):

@@ -7,9 +7,10 @@ far the real tool misses it is what a simulation with clearance shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from jointplay.mechanism.closed_loops import (
 )
 from jointplay.mechanism.loop import assemble, closing_rows, openings
 from jointplay.mechanism.mechanism import Mechanism, frame_index
+from jointplay.mechanism.tree import Tree
 from jointplay.mechanism.urdf import Mimic
 from jointplay.motion.reference import Motion, check_waypoints
 
@@ -53,6 +55,14 @@ _DAMPING = (1e-7, 1e-2, 1e3)
 """Smallest, first and largest damping of the search [m]."""
 
 _ITERATIONS = 300
+
+_FAR = 2.0
+"""Beyond so many times its reach (`Arm.reach`) nothing is searched; nearer, a search says how near
+the tool comes."""
+
+_STALLED, _STALLED_FALL = 20, 0.99
+"""Steps of a search (damping takes 17 of them from its smallest to its largest) in which the error
+must fall below this part of itself: where it does not, there is no solution to come to."""
 
 _LOST = 1e-8
 """Singular values of the loops' Jacobian below this part of the largest are none."""
@@ -119,6 +129,7 @@ class Arm:
     Attributes:
         joints: those that the motion names.
         at: their coordinates.
+        origin, reach: a fixed point, from which the frame is never farther away than this [m].
         seed: where the search begins, with loops closed, shape (nq,).
         mobility: number of independent freedoms.
         rank: of the directions in which the tool can be led at all.
@@ -147,6 +158,7 @@ class Arm:
         single = [name for name in ideal.joints if name in self.names]
         at = [ideal.coordinate(name) for name in single]
         self.low[at], self.high[at] = joint_limits(mechanism, single)
+        self.origin, self.reach = self._sphere()
         self.mimics: dict[str, Mimic] = {}
         self._weight = 1.0
         self._within = REACHED_M
@@ -168,6 +180,22 @@ class Arm:
             self.joints = self._driven(driven)
             self.at = [ideal.coordinate(name) for name in self.joints]
         self.rank = 0
+
+    def _sphere(self) -> tuple[np.ndarray, float]:
+        """Centre (3,) and radius [m] of a sphere that the frame does not leave.
+
+        The lengths from joint to joint, whatever their angles, and the strokes of those that slide.
+        """
+        tree, frame = Tree(self.model), self.model.frames[self.frame]
+        (body,), (place,) = tree.frames([(frame.parentJoint, frame.placement)])
+        bodies, body, reach, link = tree.bodies, int(body), 0.0, place[9:]
+        while body:
+            reach += float(np.linalg.norm(link))
+            link = bodies.shifts[body]
+            if bodies.slides[body]:
+                reach += max(-self.low[body - 1], self.high[body - 1])
+            body = int(bodies.parents[body])
+        return link, reach
 
     def _seed(self, start: Mapping[str, float]) -> np.ndarray:
         """What was given, the rest at zero or the limit next to it, with loops closed."""
@@ -384,9 +412,15 @@ class Arm:
         low, high = (self.low, self.high) if bounds is None else bounds
         q, damping = np.clip(seed, low, high), _DAMPING[1]
         error = self.error(q, target)
-        for _ in range(iterations):
-            if np.linalg.norm(error) < 1e-3 * REACHED_M:
+        before = np.inf
+        for k in range(iterations):
+            size = float(np.linalg.norm(error))
+            if size < 1e-3 * REACHED_M:
                 break
+            if k % _STALLED == 0:
+                if size > _STALLED_FALL * before:
+                    break
+                before = size
             jacobian = self._all_rows(q, target)
             free = np.ones(len(q), bool)
             while True:  # without the joints that would leave their range
@@ -587,21 +621,32 @@ def cartesian_path(
     arm = Arm(mechanism, frame, start or {}, driven)
     random = np.random.default_rng(0)
     arm.find_rank(orientations is not None, random)
-    with within("positions", 0):
-        q = _solve(arm, arm.seed, targets[0], "waypoint 1", random, first=True)
-    solved = [(float(moments[0]), q)]
-    ways: Iterable[int] = ProgressBar(
-        range(1, len(moments)), "inverse kinematics", delay=_PATIENCE_S, leave=False
-    )
-    for i in ways:
+    for i, target in enumerate(targets):
         with within("positions", i):
-            if path == "line":
-                solved += _line(arm, q, moments[i - 1 :], targets[i - 1 :], i + 1, random)
-            else:
-                ahead = _solve(arm, q, targets[i], f"waypoint {i + 1}", random)
-                _check_way(arm, q, ahead, targets[i], i + 1)
-                solved.append((float(moments[i]), ahead))
-        q = solved[-1][1]
+            _require_near(arm, target, f"waypoint {i + 1}")
+    counts = [1] * len(targets)
+    if path == "line":
+        counts[1:] = [_samples(*pair) for pair in pairwise(zip(moments, targets, strict=True))]
+    with ProgressBar(
+        total=sum(counts), desc="inverse kinematics", unit="pose", delay=_PATIENCE_S, leave=False
+    ) as bar:
+        with within("positions", 0):
+            q = _solve(arm, arm.seed, targets[0], "waypoint 1", random, first=True)
+        bar.update()
+        solved = [(float(moments[0]), q)]
+        for i in range(1, len(targets)):
+            with within("positions", i):
+                if path == "line":
+                    ends = moments[i - 1 : i + 1], targets[i - 1 : i + 1]
+                    for node in _line(arm, q, *ends, counts[i], i + 1, random):
+                        solved.append(node)
+                        bar.update()
+                else:
+                    ahead = _solve(arm, q, targets[i], f"waypoint {i + 1}", random)
+                    _check_way(arm, q, ahead, targets[i], i + 1)
+                    solved.append((float(moments[i]), ahead))
+                    bar.update()
+            q = solved[-1][1]
     interpolation = "spline" if path == "line" else "rest-to-rest"
     nodes, configurations = zip(*solved, strict=True)
     table = np.array(configurations)[:, arm.at]
@@ -642,6 +687,7 @@ def reachable(
     for i, target in enumerate(shown):
         away = np.linalg.norm(np.array(places) - target.position, axis=1)
         with suppress(JointplayError):
+            _require_near(arm, target, "")
             found = arm.approach(seeds[int(away.argmin())], target)
             if found.reached:
                 _require_regular(arm, found.q, target, "")
@@ -713,6 +759,17 @@ def _waypoints(
     return moments, [Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
 
 
+def _require_near(arm: Arm, target: Target, what: str) -> None:
+    """Refuse what is far beyond all lengths of the mechanism, before anything is searched."""
+    away = float(np.linalg.norm(target.position - arm.origin))
+    if away > _FAR * arm.reach + NEARLY_M:
+        raise JointplayError(
+            f"{what} at {target} is out of reach: the tool comes no nearer to it than "
+            f"{away - arm.reach:.4g} m, for it is {away:.4g} m from the first joint and the "
+            f"lengths from joint to joint make {arm.reach:.4g} m; positions are in m"
+        )
+
+
 def _solve(
     arm: Arm,
     seed: np.ndarray,
@@ -759,7 +816,15 @@ def _otherwise(
     first: bool,
 ) -> Found:
     """Another solution for the first waypoint, else the reason why there is none."""
-    tries = [arm.search(arm.anywhere(random), target) for _ in range(_RESTARTS)]
+    restarts: Iterable[int] = ProgressBar(
+        range(_RESTARTS),
+        f"looking for {what}",
+        unit="try",
+        delay=_PATIENCE_S,
+        leave=False,
+        position=0,
+    )
+    tries = [arm.search(arm.anywhere(random), target) for _ in restarts]
     others = [one for one in tries if one.reached]
     other = min(others, key=lambda one: float(np.linalg.norm(one.q - seed)), default=None)
     remedy = ""
@@ -799,25 +864,37 @@ def _otherwise(
     )
 
 
+def _way(begin: Target, end: Target) -> tuple[np.ndarray, np.ndarray]:
+    """From one target to the next: way [m] and rotation vector [rad]."""
+    axis = np.zeros(3)
+    if begin.turn is not None and end.turn is not None:
+        axis = pin.log3(begin.turn.T @ end.turn)
+    return end.position - begin.position, axis
+
+
+def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
+    """Configurations that are solved on the line between two targets at their times."""
+    way, axis = _way(first[1], last[1])
+    size = float(np.linalg.norm([*way, *(ANGLE_ARM_M * axis)]))
+    # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
+    most = max((last[0] - first[0]) / SAMPLE_S, 15.0 / 8.0 * size / SAMPLE_M)
+    return max(math.ceil(most), 10)
+
+
 def _line(
     arm: Arm,
     q: np.ndarray,
     times: np.ndarray,
     targets: Sequence[Target],
+    count: int,
     number: int,
     random: np.random.Generator,
-) -> list[tuple[float, np.ndarray]]:
-    """Times and configurations on the line to waypoint `number`, its beginning left out."""
-    (begin, before), (end, after) = targets[0], targets[1]
+) -> Iterator[tuple[float, np.ndarray]]:
+    """`count` times and configurations on the line to waypoint `number`."""
+    begin, before = targets[0]
     base = arm.freedoms(q)
-    way, axis = end - begin, np.zeros(3)
-    if before is not None and after is not None:
-        axis = pin.log3(before.T @ after)
-    size = float(np.linalg.norm([*way, *(ANGLE_ARM_M * axis)]))
+    way, axis = _way(*targets)
     span = float(times[1] - times[0])
-    # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
-    count = max(math.ceil(span / SAMPLE_S), math.ceil(15.0 / 8.0 * size / SAMPLE_M), 10)
-    solved = []
     for k in range(1, count + 1):
         part, what = k / count, f"the line to waypoint {number}"
         law = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
@@ -825,7 +902,11 @@ def _line(
         time, target = times[0] + part * span, Target(begin + law * way, turn)
         if k == count:
             time, target, what = times[1], targets[1], f"waypoint {number}"
-        ahead = _solve(arm, q, target, what, random)
+        try:
+            ahead = _solve(arm, q, target, what, random)
+        except JointplayError:
+            _solve(arm, q, targets[1], f"waypoint {number}", random, first=True)
+            raise
         moved = np.abs(ahead - q)
         if moved.max() > JUMP:
             i = int(np.argmax(moved))
@@ -844,8 +925,7 @@ def _line(
                 )
             base = now
         q = ahead
-        solved.append((float(time), q))
-    return solved
+        yield float(time), q
 
 
 def _singular(arm: Arm, what: str, target: Target, smallest: float) -> str:
