@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,11 +11,17 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.design.static_budget import budget
-from jointplay.joints.bearings import catalogue, listed_kind, point_contact_stiffness
+from jointplay.joints.bearings import (
+    bearing_kind,
+    catalogue,
+    is_designation,
+    point_contact_stiffness,
+)
 from jointplay.loads.drive import Prescribed
 
 DEEP = jp.BallBearing(designation="6010/C3")
@@ -119,7 +126,7 @@ def test_every_line_of_the_catalogue_is_a_bearing_near_its_own_ratings(section):
         if section != "crossed_roller":
             assert 0.5 < dynamic / line["dynamic"] < 2.0, name
         assert bearing.stiffness_of_element > 0.0
-        assert listed_kind(name) == kind.kind
+        assert bearing_kind(name) == kind.kind
 
 
 def test_fits_and_heat_take_clearance_away():
@@ -395,3 +402,34 @@ def test_a_step_too_large_for_a_preloaded_bearing_is_refused():
     robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": pair})
     with pytest.raises(JointplayError, match="stiffness of 'joint_b'"):
         jp.simulate(robot, motion, duration=0.01, step=1e-4, estimate=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "near"),
+    [("6999", "6909"), ("7206 BECBP", "7206 B"), ("NU205", "6205"), ("6206/C9", "6206"),
+     ("32005X", "RE20025"), ("zz", None), ("0.2 mm", None), ("500 um", None), ("1000 mm", None)],
+)  # fmt: skip
+def test_a_designation_that_nobody_knows_is_no_length(text, near):
+    if near is None:
+        assert not is_designation(text)
+        assert bearing_kind(text) is None
+        return
+    assert is_designation(text)
+    with pytest.raises(JointplayError, match=rf"unknown bearing '{text}'; did you mean .*{near}.*"):
+        bearing_kind(text)
+
+
+def test_every_command_says_that_a_bearing_is_unknown(tmp_path):
+    for command, robot, more in (
+        ("run", ["ur5"], ["--out", str(tmp_path / "r.nc")]),
+        ("budget", ["ur5"], []),
+        ("reduce", ["ur5"], ["--out", str(tmp_path / "r")]),
+        ("urdf", ["--urdf", "example-robot-data:ur5"], ["--out", str(tmp_path / "r.urdf")]),
+    ):
+        done = subprocess.run(
+            [JOINTPLAY, command, *robot, "--joint", "elbow_joint=NU205", *more],
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 2, command
+        assert "unknown bearing 'NU205'; did you mean 6205?" in done.stderr, command

@@ -6,7 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay.core.units import WORDS, convert, readable
+from jointplay.commands import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.units import WORDS, convert, plain_number, readable
+from jointplay.scenario.load import Scenario
 
 
 @pytest.mark.parametrize(
@@ -101,3 +104,68 @@ def test_usual_units_are_what_pint_says():
         for number in ("0.2", "1.7e3", "30"):
             exact = units.exact(number, unit.factor / units.unit_of(goal).factor)
             assert float(units.convert(f"{number} {text}", goal)) == exact, text
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["0.2 mm ; 1", "0.2 mm # x", "0.2 mm,", "0.2 mm=1", "0.2 mm !", "0.2 mm ~", "0.2 $mm",
+     "\uff14 mm", "0.2 mm \\"],
+)  # fmt: skip
+def test_nothing_of_a_text_is_lost(text):
+    with pytest.raises(ValueError, match="expected a length"):
+        convert(text, "m")
+
+
+def test_a_number_too_small_for_a_float_is_not_zero(tmp_path):
+    with pytest.raises(ValueError, match='"1e-400 m" is too small'):
+        convert("1e-400 m", "m")
+    assert convert("0e-400 m", "m") == 0.0
+    path = tmp_path / "small.toml"
+    path.write_text("[joints.joint_b]\nradial_clearance = 1e-400\n")
+    with pytest.raises(JointplayError, match="1e-400 is too small"):
+        Scenario.load(path)
+
+
+@pytest.mark.parametrize("text", ["4_35", "\uff14", "0x4", "1e-400", "4,35", ""])
+def test_plain_numbers_are_plain(text):
+    with pytest.raises(ValueError):
+        plain_number(text)
+
+
+def test_plain_numbers_are_read():
+    assert plain_number(" -4.35e-1 ") == -0.435
+    assert math.isnan(plain_number("nan"))
+
+
+MOTION = """
+[robot]
+urdf = "jointplay:scara.urdf"
+[joints.joint_b]
+radial_clearance = "{clearance}"
+[motion]
+times = [0, 1]
+joints = {{ joint_a = [0, {angle}], joint_b = [0, 0], stroke = [0, 0], joint_c = [0, 0] }}
+"""
+
+
+def test_whole_numbers_that_look_like_degrees_are_asked_about(tmp_path):
+    path = tmp_path / "turn.toml"
+    path.write_text(MOTION.format(clearance="0.2 mm", angle="-90"))
+    with pytest.raises(JointplayError, match=r'14.3 turns: degrees. write "-90 deg", or "-90 rad"'):
+        Scenario.load(path).simulation()
+    for angle, value in (('"-90 deg"', -math.pi / 2), ("-1.5", -1.5), ('"-90 rad"', -90.0)):
+        path.write_text(MOTION.format(clearance="0.2 mm", angle=angle))
+        motion = Scenario.load(path).simulation().motion
+        assert motion.positions[1][0] == pytest.approx(value)
+    with pytest.raises(JointplayError, match=r"--pose joint_a: 45 without a unit.*degrees"):
+        quantity("45", "rad", "--pose joint_a")
+
+
+def test_a_clearance_of_half_the_bearing_is_told(tmp_path):
+    path = tmp_path / "wide.toml"
+    for clearance, told in (("5 mm", True), ("0.2 mm", False)):
+        path.write_text(MOTION.format(clearance=clearance, angle="0.1"))
+        scenario = Scenario.load(path)
+        scenario.simulation()
+        said = "a radial clearance of 5 mm in a bearing of radius 10 mm, 50% of it"
+        assert any(said in note for note in scenario.notes) is told

@@ -356,7 +356,7 @@ def _clearance(
     """
     from jointplay.core.schema import read
     from jointplay.joints import JOINT_KINDS, Clearance, replacing
-    from jointplay.joints.bearings import listed_kind
+    from jointplay.joints.bearings import bearing_kind, is_designation
     from jointplay.mechanism.mechanism import frame_index
 
     entries = plain.description.joints
@@ -372,7 +372,7 @@ def _clearance(
         chain = [name for name, entry in entries.items() if entry.kind in able] + [*plain.loops]
     own: dict[str, str | None] = {}
     for text in options.joint:
-        name, length = name_and_value(text, [*entries, *plain.loops])
+        name, length = name_and_value(text, [*entries, *plain.loops], is_designation)
         if name not in plain.loops and (name not in entries or entries[name].kind not in able):
             choices = [n for n, e in entries.items() if e.kind in able] + [*plain.loops]
             raise JointplayError(
@@ -391,7 +391,7 @@ def _clearance(
     clearances = {}
     for name, length in own.items():
         radial = options.clearance
-        if length is not None and (bearing := listed_kind(length)) is not None:
+        if length is not None and (bearing := bearing_kind(length)) is not None:
             clearances[name] = read(Clearance, {"kind": bearing, "designation": length})
             continue
         if length is not None:

@@ -138,9 +138,9 @@ def _run_one(options: argparse.Namespace) -> int:
         raise JointplayError("--format usd is for a whole robot: add --all")
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
-    from jointplay.joints.bearings import listed_kind
+    from jointplay.joints.bearings import is_designation
 
-    joint, length = name_and_value(options.joint[0], is_value=listed_kind)
+    joint, length = name_and_value(options.joint[0], is_value=is_designation)
     stem = joint.replace("/", "_")
     endings = [ending for one in options.format or list(FORMATS)[:-1] for ending in FORMATS[one]]
     names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 
 def number(text: str) -> Any:
     """A number, or text with its unit, which the scenario reads or refuses."""
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
+    from jointplay.core.units import plain_number
+
+    with suppress(ValueError):
+        value = plain_number(text)
+        return int(text) if text.strip().lstrip("+-").isdecimal() else value
     return text
 
 
@@ -499,17 +501,17 @@ def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:
 
 def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:
     """Names of joints, and the clearance or bearing of those given as NAME=LENGTH or =BEARING."""
-    from jointplay.joints.bearings import listed_kind
+    from jointplay.joints.bearings import bearing_kind, is_designation
     from jointplay.scenario.settings import Setting
 
     names, lengths = [], []
     for entry in entries:
-        name, length = name_and_value(entry, is_value=listed_kind)
+        name, length = name_and_value(entry, is_value=is_designation)
         names.append(name)
         if length is None:
             continue
         said = {"clearance": number(length)}
-        if (kind := listed_kind(length)) is not None:
+        if (kind := bearing_kind(length)) is not None:
             said = {"kind": kind, "designation": length}
         for key, value in said.items():
             lengths.append(Setting(("joints", name, key), value, f"--joint {entry}"))

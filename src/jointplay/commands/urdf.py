@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the URDF and say what is in it."""
     from jointplay.core.schema import read as make
     from jointplay.joints import Clearance, RevoluteClearance
-    from jointplay.joints.bearings import listed_kind
+    from jointplay.joints.bearings import bearing_kind, is_designation
     from jointplay.mechanism.export import to_urdf
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.robots import resolve
@@ -57,8 +57,8 @@ def run(options: argparse.Namespace) -> int:
     description = read(resolve(options.urdf), options.allow_unphysical)
     joints = {}
     for text in options.joint:
-        name, value = name_and_value(text, description.joints, listed_kind)
-        if value is not None and (kind := listed_kind(value)) is not None:
+        name, value = name_and_value(text, description.joints, is_designation)
+        if value is not None and (kind := bearing_kind(value)) is not None:
             joints[name] = make(Clearance, {"kind": kind, "designation": value})
             continue
         radial = options.radial if value is None else quantity(value, "m", f"--joint {name}")

@@ -65,13 +65,21 @@ _LARGEST = 10**300
 """Whole numbers beyond it are none that a float can hold."""
 
 _LONGEST_UNIT = 60
-_NO_UNIT = re.compile(r"\d{3}|\d\s*(\*\*|\^)|\n")
-"""What no unit has in it; a power of a power would keep the parser busy for ever."""
+_NO_UNIT = re.compile(r"\d{3}|\d\s*(\*\*|\^)|[^\w\s*/^().·°%Å-]|\n")
+"""What no unit has in it; a power of a power would keep the parser busy for ever, and pint leaves
+out what follows a sign that it does not know: ``mm ; 1`` would be mm."""
 
 _LONGEST_SHOWN, _MOST_SHOWN = 100, 20
 """Longest text and list that a message repeats."""
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+"""A number as all programs understand it. Python's own reader takes more, such as ``4_35`` or
+digits of other scripts."""
+_NO_NUMBER = re.compile(r"[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
+_QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER.pattern})\s*(?P<unit>.*?)\s*")
+
+_DEGREES = (10.0, 360.0)
+"""Whole numbers from and to here are degrees rather than radians: a turn has 6.28 of these."""
 
 
 class Measured(float):
@@ -118,7 +126,7 @@ def convert(value: Any, *units: str) -> Measured:
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if match is None:
         raise ValueError(f"{toml_text(value)} is not {named(*units)}; expected {expected(*units)}")
-    number, text = match.groups()
+    number, text = match["number"], match["unit"]
     usual, factor = COMMON.get(text, ("", 1.0))
     if usual in units and usual:
         return _measured(value, number, factor, usual, units)
@@ -139,12 +147,51 @@ def convert(value: Any, *units: str) -> Measured:
     )
 
 
+def plain_number(text: str) -> float:
+    """A number without a unit, `nan` and `inf` too.
+
+    Raises:
+        ValueError: it is none, or too small for a float.
+    """
+    text = text.strip()
+    if not (NUMBER.fullmatch(text) or _NO_NUMBER.fullmatch(text)):
+        raise ValueError(f"{toml_text(text)} is not a number")
+    return not_lost(text)
+
+
+def not_lost(text: str) -> float:
+    """What Python reads as a number, unless it becomes 0 that is not.
+
+    Raises:
+        ValueError: it is none, or too small for a float.
+    """
+    value = float(text)
+    if value == 0.0 and re.search("[1-9]", text.lower().partition("e")[0]):
+        raise ValueError(f"{text} is too small: the smallest number is 5e-324")
+    return value
+
+
+def ask_degrees(value: float) -> None:
+    """Refuse an angle without a unit that looks like degrees.
+
+    Raises:
+        ValueError: it asks.
+    """
+    if float(value).is_integer() and _DEGREES[0] <= abs(value) <= _DEGREES[1]:
+        raise ValueError(
+            f"{value:g} without a unit would be radians, {abs(value) / math.tau:.3g} turns: "
+            f'degrees? write "{value:g} deg", or "{value:g} rad" if that is meant'
+        )
+
+
 def _measured(
     value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
 ) -> Measured:
     measured = exact(number, factor)
     if not math.isfinite(measured):
         raise ValueError(f"{toml_text(value)} is not finite; expected {expected(*units)}")
+    if measured == 0.0 and Decimal(number) != 0:
+        raise ValueError(f"{toml_text(value)} is too small; expected {expected(*units)}")
     return Measured(measured, goal, value)
 
 

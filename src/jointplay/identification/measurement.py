@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_positive
-from jointplay.core.units import convert
+from jointplay.core.units import convert, plain_number
 from jointplay.design.poses import middle, moving
 from jointplay.loads.wrench import Wrench, WrenchOverTime
 from jointplay.mechanism.mechanism import Mechanism
@@ -281,7 +281,7 @@ def _table(path: Path) -> tuple[list[str], np.ndarray]:
         for column, cell in enumerate(row):
             if cell.strip():
                 try:
-                    table[i, column] = float(cell)
+                    table[i, column] = plain_number(cell)
                 except ValueError:
                     raise JointplayError(
                         f"{path}, line {number}: {header[column]!r} must be a number, got "

@@ -12,7 +12,7 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.core.units import convert
+from jointplay.core.units import convert, plain_number
 from jointplay.identification.measurement import split_title
 from jointplay.result.result import AXES
 
@@ -277,7 +277,7 @@ class _Table:
         if not cell and title.split()[-2:-1] == ["link"]:
             return np.nan
         try:
-            return float(cell)
+            return plain_number(cell)
         except ValueError:
             raise JointplayError(
                 f"{self.path}, line {line}: {title!r} must be a number, got {cell[:_SHOWN]!r}"

@@ -12,11 +12,12 @@ What is not given is estimated from what is; `estimates` says what, and how. The
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 import tomllib
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -85,13 +86,71 @@ def parted(designation: str, section: str) -> tuple[str, str | None]:
     return name, classes[0] if classes else None
 
 
-def listed_kind(designation: str) -> str | None:
-    """Kind of joint of a bearing in the catalogue; None if there is none of this designation."""
-    for section in ("deep_groove", "angular_contact", "crossed_roller"):
+SECTIONS = {
+    "deep_groove": "deep-groove ball",
+    "angular_contact": "angular contact ball",
+    "crossed_roller": "crossed roller",
+}
+"""Of the catalogue that have bearings, and what these are."""
+
+_LOOKS_DESIGNATED = re.compile(
+    r"\s*([A-Z]{1,4}[ -]?\d{2,}.*|\d{3,}(\s*|\s?[A-Z].*|[-/].*))", re.ASCII
+)
+"""Letters and digits, or three digits and more with nothing or with capitals behind them: no
+length looks like that, whose unit has small letters."""
+
+
+def _section_of(designation: str) -> str | None:
+    """Section of the catalogue that has it; None if none does."""
+    for section in SECTIONS:
         if parted(designation, section)[0] in catalogue()[section]:
-            crossed = section == "crossed_roller"
-            return CrossedRollerBearing.kind if crossed else BallBearing.kind
+            return section
     return None
+
+
+def is_designation(text: str) -> bool:
+    """Whether `text` designates a bearing, known or not, rather than being a length."""
+    return _section_of(text) is not None or _LOOKS_DESIGNATED.fullmatch(text) is not None
+
+
+def bearing_kind(text: str) -> str | None:
+    """Kind of joint of the bearing that `text` designates; None if it designates none.
+
+    Raises:
+        JointplayError: it looks like a designation, and the catalogue does not have it.
+    """
+    section = _section_of(text)
+    if section is None:
+        if _LOOKS_DESIGNATED.fullmatch(text):
+            raise JointplayError(_unknown(text, SECTIONS))
+        return None
+    return (CrossedRollerBearing if section == "crossed_roller" else BallBearing).kind
+
+
+def _unknown(designation: str, sections: Iterable[str]) -> str:
+    """What to say of a designation that is not in these sections."""
+    names = [name for section in sections for name in catalogue()[section]]
+    text = " ".join(designation.upper().split())
+    begun = (name for name in names if re.match(rf"{re.escape(name)}(?!\d)", text))
+    near = sorted(begun, key=len)[-1:]
+    near = near or difflib.get_close_matches(text, names, 3)
+    similar = f"did you mean {', '.join(near)}? " if near else ""
+    known = "; ".join(
+        f"{SECTIONS[section]} bearings "
+        f"{', '.join(dict.fromkeys(map(_family, catalogue()[section])))}"
+        for section in sections
+    )
+    return (
+        f"unknown bearing {designation!r}; {similar}known: {known}; classes of clearance: "
+        f"{', '.join(CLASSES)}; of another bearing give the dimensions (docs/bearings.md)"
+    )
+
+
+def _family(name: str) -> str:
+    """Series of a designation: 62xx of 6206, 60x of 608, RB of RB5013."""
+    letters, digits = re.match(r"([A-Z]*)(\d*)", name).groups()  # type: ignore[union-attr]
+    size = 2 if len(digits) > 3 else 1
+    return letters or f"{digits[:-size]}{'x' * size}"
 
 
 class BearingState(NamedTuple):
@@ -124,8 +183,9 @@ class RollingBearing(WholeLawJoint):
     """What ball and crossed roller bearings have in common.
 
     Raises:
-        JointplayError: dimensions that are missing, not positive, contradictory or impossible.
-        MissingName: an unknown designation or class; the nearest ones are named.
+        JointplayError: dimensions that are missing, not positive, contradictory or impossible; an
+            unknown designation, with the nearest ones.
+        MissingName: an unknown class.
     """
 
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
@@ -251,7 +311,9 @@ class RollingBearing(WholeLawJoint):
             return {}
         lines, name = catalogue()[self.section], self._words[0]
         if name not in lines:
-            raise MissingName("bearing", name, list(lines), where=("designation",))
+            crossed = self.section == "crossed_roller"
+            sections = [one for one in SECTIONS if (one == "crossed_roller") == crossed]
+            raise JointplayError(_unknown(self.designation, sections), ("designation",))
         entry: Mapping[str, Any] = lines[name]
         return entry
 
@@ -855,8 +917,9 @@ class BallBearing(RollingBearing):
     16281:2008; bearings of one row, angular contact: A. B. Jones, Trans. ASME D 82 (1960) 309-320.
 
     Raises:
-        JointplayError: dimensions that are missing, not positive, contradictory or impossible.
-        MissingName: an unknown designation or class; the nearest ones are named.
+        JointplayError: dimensions that are missing, not positive, contradictory or impossible; an
+            unknown designation, with the nearest ones.
+        MissingName: an unknown class.
     """
 
     kind: ClassVar[str] = "ball-bearing"
@@ -1146,7 +1209,7 @@ class CrossedRollerBearing(RollingBearing):
     Raises:
         JointplayError: dimensions that are missing, not positive, contradictory or impossible; an
             odd number of rollers.
-        MissingName: an unknown designation or class; the nearest ones are named.
+        MissingName: an unknown class.
     """
 
     kind: ClassVar[str] = "crossed-roller-bearing"

@@ -19,6 +19,7 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_finite, within
 from jointplay.core.schema import quantity
 from jointplay.core.tables import few
+from jointplay.core.units import plain_number
 from jointplay.joints.base import Clearance
 from jointplay.joints.materials import material
 from jointplay.mechanism.urdf import Description, parse
@@ -134,7 +135,7 @@ def _curve(path: Path) -> tuple[list[str], np.ndarray]:
 
 def _cell(path: Path, number: int, cell: str) -> float:
     try:
-        return require_finite("the value", float(cell), "")
+        return require_finite("the value", plain_number(cell), "")
     except ValueError:
         raise JointplayError(f"{path}, line {number}: {cell.strip()!r} is not a number") from None
 

@@ -11,10 +11,8 @@ from typing import NamedTuple
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import closest, one_of
+from jointplay.core.units import NUMBER
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-"""A number as every reader of URDFs understands it. Python's own reader takes more, such as
-``4_35`` or digits of other scripts; of a mass like that Pinocchio makes 0 without a word."""
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
 
@@ -152,8 +150,10 @@ def numbers(
 ) -> list[float]:
     """So many numbers of an attribute, which must be there if it has no `default`.
 
-    In the element they are then separated by single spaces: of a mass with a space behind it
-    Pinocchio makes 0, and it does not read vectors with tabs or line ends in them.
+    Of a mass that Python reads and other programs do not, such as ``4_35``, Pinocchio makes 0
+    without a word. In the element the numbers are then separated by single
+    spaces: of a mass with a space behind it it makes 0, too, and it does not read vectors with
+    tabs or line ends in them.
 
     Args:
         element: which has the attribute.

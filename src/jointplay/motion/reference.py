@@ -20,6 +20,7 @@ from jointplay.core.errors import (
 )
 from jointplay.core.schema import Described, quantity
 from jointplay.core.tables import few
+from jointplay.core.units import plain_number
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
@@ -215,7 +216,7 @@ class Motion(Described):
             cells = []
             for name, cell in zip(header, row, strict=True):
                 try:
-                    cells.append(float(cell))
+                    cells.append(plain_number(cell))
                 except ValueError:
                     raise JointplayError(
                         f"{path}, line {number}: {name} must be a number, got {cell.strip()!r}"

@@ -15,9 +15,10 @@ import numpy as np
 from jointplay.contact import trust
 from jointplay.core.errors import JointplayError, MissingName, require_positive, within
 from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
-from jointplay.core.units import Measured, expected, named, toml_text
+from jointplay.core.units import Measured, ask_degrees, expected, named, readable, toml_text
 from jointplay.design.robot_errors import JointErrors, RobotErrors
 from jointplay.joints import JOINT_WORDS, Clearance, Elasticity, GuideElasticity
+from jointplay.joints.base import RoundClearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.beams import FlexibleLink
@@ -88,6 +89,11 @@ def fit(
             f"expected {expected(unit)}",
             where=path,
         )
+    if unit == "rad" and not (isinstance(value, Measured) and value.unit):
+        try:
+            ask_degrees(value)
+        except ValueError as error:
+            raise JointplayError(str(error), path) from None
     return float(value)
 
 
@@ -421,6 +427,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes += mechanism.warm
     notes += [mechanism.base_words] if mechanism.base_words else []
     notes += _of_zero(model, mechanism)
+    notes += _of_wide_clearances(mechanism)
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = ((Integration, model.integration), (Recording, model.output), (Limited, model.robot))
@@ -449,6 +456,20 @@ def _of_zero(model: Model, mechanism: Mechanism) -> list[str]:
         f"payload {number} has a mass of 0 kg: there is none"
         for number, draft in enumerate(bodies, 1)
         if draft.fields["mass"] == 0.0
+    ]
+
+
+_WIDE = 0.1
+"""Part of a bearing's radius from which a clearance is told: a loose fit has a hundredth."""
+
+
+def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
+    """Clearances so wide that millimetres may have been meant."""
+    return [
+        f"joint {name!r} has a radial clearance of {readable(joint.cr, 'm')} in a bearing of "
+        f"radius {readable(joint.ri, 'm')}, {joint.cr / joint.ri:.0%} of it: is the unit right?"
+        for name, joint in mechanism.clearance.items()
+        if isinstance(joint, RoundClearance) and joint.cr >= _WIDE * joint.ri
     ]
 
 

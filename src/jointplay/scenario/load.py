@@ -16,7 +16,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import is_file, read_text
 from jointplay.core.schema import check, fields_of, make, unknown_key
 from jointplay.core.tables import Overview, few
-from jointplay.core.units import toml_text
+from jointplay.core.units import not_lost, toml_text
 from jointplay.mechanism.robots import SHIPPED, resolve
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
@@ -123,7 +123,7 @@ class Scenario(Overview):
             line = text.count("\n", 0, deep.start()) + 1
             raise JointplayError(f"{self.path}, line {line}: a key has at most {DEEPEST} parts")
         try:
-            return tomllib.loads(text)
+            return tomllib.loads(text, parse_float=not_lost)
         except tomllib.TOMLDecodeError as error:
             raise JointplayError(f"{self.path}{_syntax(str(error))}") from None
         except RecursionError:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.units import toml_text
+from jointplay.core.units import not_lost, toml_text
 from jointplay.scenario.places import Key, dotted
 
 
@@ -91,7 +91,7 @@ def _value(text: str) -> Any:
     """A value as TOML reads it, or the text itself where TOML does not."""
     for written in (text, json.dumps(text, ensure_ascii=False)):
         try:
-            table = tomllib.loads(f"value = {written}")
+            table = tomllib.loads(f"value = {written}", parse_float=not_lost)
         except (ValueError, RecursionError):
             continue
         if set(table) == {"value"}:
