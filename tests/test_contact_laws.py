@@ -334,6 +334,29 @@ def test_a_law_that_does_not_compile_is_named(free_mass):
         free_mass(normal=jp.contact.CustomNormalForce(uncompilable))
 
 
+def without_name(delta, ddelta, ddelta0, p):
+    return nobody_knows(delta)  # noqa: F821
+
+
+def without_attribute(delta, ddelta, ddelta0, p):
+    return math.gamm(delta)
+
+
+@pytest.mark.parametrize(
+    ("law", "reason"),
+    [
+        (
+            without_name,
+            r"NameError: name 'nobody_knows' is not defined( \(line \d+ of its file\))?",
+        ),
+        (without_attribute, "module 'math' has no attribute 'gamm'"),
+    ],
+)
+def test_the_reason_why_a_law_does_not_compile_is_its_own(free_mass, law, reason):
+    with pytest.raises(JointplayError, match=rf"{law.__name__}' does not compile: {reason}$"):
+        free_mass(normal=jp.contact.CustomNormalForce(law))
+
+
 def nowhere_finite(delta, ddelta, ddelta0, p):
     return math.nan * p[0]
 

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import jointplay as jp
 import jointplay.simulation.ensemble as module
-from jointplay.core import processes
+from jointplay.core import processes, signals
 from jointplay.core.processes import Pool, cores, number_of
 
 
@@ -198,3 +198,17 @@ def test_a_process_that_dies_of_an_item_again_and_again_is_replaced():
 
     with closing(Pool(bite, 2, lost=lambda item: -item, small=True)) as pool:
         assert sorted(pool.run(range(5))) == [(0, 0), (1, 10), (2, -2), (3, 30), (4, 40)]
+
+
+def test_a_process_told_to_end_before_it_is_set_up_says_nothing(capfd):
+    def slowly():
+        os.kill(os.getpid(), signal.SIGTERM)  # with the handlers of the process that it copies
+        time.sleep(0.1)
+        processes.begin()
+
+    with (
+        signals.listening(),
+        closing(Pool(abs, 1, begin=slowly, lost=lambda item: -item)) as pool,
+    ):
+        assert list(pool.run([5])) == [(0, -5)]
+    assert "Traceback" not in capfd.readouterr().err

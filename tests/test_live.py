@@ -427,6 +427,7 @@ def test_who_comes_from_elsewhere_or_has_no_token_is_refused(address):
         ({"values": {"payload": "much"}}, "numbers"),
         ({"values": {"payload": True}}, "numbers"),
         ({"values": {"payload": -1.0}}, "payload"),
+        ({"values": {"payload": 10**400}}, "payload must be finite"),
         ([], "values"),
     ],
 )

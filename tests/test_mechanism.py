@@ -7,7 +7,9 @@ from conftest import body, gaps, joint, journal_axis
 
 from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
 from jointplay.kernel import Command, Status
+from jointplay.scenario.robot import robot_scenario
 from jointplay.simulation.run import Run
+from jointplay.simulation.simulation import Simulation
 from jointplay.study import scara
 
 PLAY = RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
@@ -185,3 +187,29 @@ def test_description_round_trip():
     again = Mechanism.from_description(mechanism.describe())
     assert again.describe() == mechanism.describe()
     assert again.coordinates == mechanism.coordinates
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"clearance": ["joint_b"]}, "clearance must be a dictionary of joints by name"),
+        ({"clearance": "joint_b"}, "clearance must be a dictionary"),
+        ({"loops": ["x"]}, "loops must be a dictionary of loops by name"),
+        ({"gears": "x"}, "gears must be a dictionary of gears by joint"),
+        ({"gears": {"joint_b": 3}}, "joint 'joint_b' needs a Gear, got 3"),
+        ({"flexible": ["x"]}, "flexible must be a dictionary"),
+        ({"gravity": 9.81}, "gravity must have three components, got 9.81"),
+        ({"allow_unphysical": "arm1"}, "must be a list of names of links, got 'arm1'"),
+        ({"path": 3}, "needs the path of a URDF, or a robot's name, got 3"),
+    ],
+)
+def test_the_wrong_container_is_refused_in_words(given, said):
+    with pytest.raises(JointplayError, match=said):
+        Mechanism(**({"path": "jointplay:scara.urdf"} | given))
+
+
+def test_one_name_is_no_list_of_names():
+    with pytest.raises(JointplayError, match="joints must be a list of names, got 'elbow_joint'"):
+        robot_scenario("ur5", "elbow_joint")
+    with pytest.raises(JointplayError, match="state must be a dictionary of positions"):
+        Simulation(Mechanism("jointplay:scara.urdf"), duration=1.0, state=[0.1])

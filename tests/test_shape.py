@@ -109,6 +109,7 @@ def test_nobody_outside_joints_tells_kinds_of_joint_apart():
 
 WIDE = {
     "contact/custom.py:_check_elastic": "a user's law that may run compiled only: not checked",
+    "contact/compiled.py:compiled_function": "numba raises whatever its own parts do: said",
     "contact/trust.py:_load": "a user's module raises anything: said",
     "core/processes.py:_portable": "an error that cannot be sent: said in another's words",
     "core/processes.py:_serve": "sent to the other process, which raises it",

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -137,18 +138,32 @@ def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
     """
     import numba
 
-    from jointplay.core.compiler import NumbaError, cfunc
+    from jointplay.core.compiler import cfunc
 
     try:
         try:
             return cfunc(signature, error_model="numpy")(function)
         except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
             return numba.cfunc(signature, error_model="numpy")(function)
-    except NumbaError as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        reason = next((line for line in lines if not line.startswith("Failed in")), "no reason")
+    except Exception as error:  # numba raises whatever its own parts do
         name = getattr(function, "__name__", str(function))
-        raise JointplayError(f"law {name!r} does not compile: {reason}") from error
+        raise JointplayError(f"law {name!r} does not compile: {_reason(error)}") from error
+
+
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
+_FRAME = ("Failed in", "During", "File ")
+"""Beginnings of the lines in which numba tells its own way rather than the reason."""
+_LINE = re.compile(r'(?:File ".*", line |Raised from .* \()(\d+)')
+
+
+def _reason(error: Exception) -> str:
+    """Why numba cannot compile a law, and in which line, without what it says of itself."""
+    text = _ESCAPES.sub("", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    reason = next((line for line in lines if not line.startswith(_FRAME)), "no reason given")
+    places = _LINE.findall(text)
+    where = f" (line {places[-1]} of its file)" if places else ""
+    return f"{reason.partition(' Raised from')[0].rstrip('. :')}{where}"
 
 
 def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:

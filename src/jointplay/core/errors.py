@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from numbers import Integral
@@ -182,6 +182,22 @@ def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
         if isinstance(error, JointplayError):
             raise
         raise JointplayError(f"{name} must be numbers: {error}", where) from None
+
+
+def require_names(name: str, values: object, noun: str, where: Where = ()) -> tuple[str, ...]:
+    """Return names as a tuple, else raise; a single text, whose letters would be names, is none."""
+    text = isinstance(values, str | bytes)
+    given = () if text or not isinstance(values, Iterable) else tuple(values)
+    if text or not isinstance(values, Iterable) or not all(isinstance(one, str) for one in given):
+        raise JointplayError(f"{name} must be a list of {noun}, got {values!r:.60}", where)
+    return tuple(map(str, given))
+
+
+def require_table(name: str, values: Any, form: str, where: Where = ()) -> dict[Any, Any]:
+    """Return what stands by name as a dictionary, nothing for None, else raise with its `form`."""
+    if not isinstance(values, Mapping | None):
+        raise JointplayError(f"{name} must be a dictionary {form}, got {values!r:.60}", where)
+    return dict(values or {})
 
 
 def require_increasing(name: str, values: Sequence[float], unit: str, where: Where = ()) -> None:

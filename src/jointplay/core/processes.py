@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.signals import SIGNALS
 
 _FORKS = sys.platform == "linux"
 """Whether processes are copies of this one, which are there at once; elsewhere that is unsafe."""
@@ -170,7 +171,12 @@ class Pool(Generic[Item, Value]):
         process = context.Process(target=self._target, args=(theirs,), daemon=True)
         with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
             warnings.simplefilter("ignore", DeprecationWarning)
-            process.start()
+            # Until it is set up the process has this one's handlers, which raise.
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+            try:
+                process.start()
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         self.processes[mine], self._queues[mine] = process, deque()
         if self._closed:  # by another thread
@@ -279,6 +285,7 @@ def with_item(error: BaseException, name: str, place: int) -> BaseException:
 def _serve(work: Callable[[Any], Any], begin: Callable[[], None], connection: Any) -> None:
     """What a process does: the work for each item that comes."""
     begin()
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     with one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             content = connection.recv_bytes()

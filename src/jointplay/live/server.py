@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_finite
 from jointplay.live.answer import look
 from jointplay.live.state import State
 from jointplay.live.workers import Workers
@@ -112,7 +112,7 @@ def values_of(asked: Any) -> dict[str, float]:
         isinstance(one, int | float) and not isinstance(one, bool) for one in values.values()
     ):
         raise JointplayError("a question has values, numbers by control")
-    return {name: float(one) for name, one in values.items()}
+    return {name: require_finite(name, one, "") for name, one in values.items()}
 
 
 class Routes:

@@ -18,7 +18,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, Where, require_finite, within
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    Where,
+    require_names,
+    require_table,
+    require_vector,
+    within,
+)
 from jointplay.core.imports import load_object
 from jointplay.core.schema import Described, choice, plain, quantity
 from jointplay.core.tables import Overview, few
@@ -84,12 +92,7 @@ def _gravity(given: Sequence[float] | str) -> tuple[float, float, float]:
         if given not in GRAVITY:
             raise MissingName("gravity", given, GRAVITY, where=("gravity",))
         given = GRAVITY[given]
-    if len(given) != 3:
-        raise JointplayError(
-            f"gravity must have three components, got {given!r}", where=("gravity",)
-        )
-    x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in given)
-    return x, y, z
+    return require_vector("gravity", given, "m/s^2", ("gravity",))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,13 +171,22 @@ class Mechanism(Overview, Described):
         base: str = HELD,
     ) -> None:
         """Read the URDF and build the model."""
+        allow_unphysical = require_names(
+            "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
+        )
+        if not isinstance(path, urdf.Description | str | Path):
+            raise JointplayError(
+                f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
+            )
         if not isinstance(path, urdf.Description):
             path = urdf.read(urdf_of(path), allow_unphysical)
         self.description = path
         # Names out of NumPy arrays print as np.str_(...).
-        self.given_joints = {str(name): joint for name, joint in (clearance or {}).items()}
-        self.loops = dict(loops or {})
-        self.gears = dict(gears or {})
+        joints = require_table("clearance", clearance, "of joints by name", ("clearance",))
+        self.given_joints = {str(name): joint for name, joint in joints.items()}
+        self.loops = require_table("loops", loops, "of loops by name", ("loops",))
+        self.gears = require_table("gears", gears, "of gears by joint", ("gears",))
+        flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
         self.allow_unphysical = tuple(allow_unphysical)
         self.base = base
         self.free_base = self._name_of_free_base()
@@ -182,18 +194,21 @@ class Mechanism(Overview, Described):
         for name in self.loops:
             with within("loops", name):
                 refuse_name(name, self.description.joints)
-        cut = cut_links(self.description, self.loops, flexible or {})
+        cut = cut_links(self.description, self.loops, flexible)
         self.description, self.loops, self.flexible = cut.description, cut.loops, cut.words
         for name, joint in self.given_joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)
+        for name, gear in self.gears.items():
+            if not isinstance(gear, Gearing):
+                raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}", ("gears", name))
         self.warm: tuple[str, ...] = ()
         self.tool_reason = ""
         if tool is None:
             tool, self.tool_reason = choose_tool(
                 self.description, {*self.given_joints, *self.gears}
             )
-            tool = end_of_tool(tool, flexible or {})
+            tool = end_of_tool(tool, flexible)
         self.given_joints |= cut.hinges
         self._take_seats()
         self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
@@ -283,8 +298,6 @@ class Mechanism(Overview, Described):
         return 0 if self.free_base is None else int(self.model.getJointId(self.free_base))
 
     def _check_gear(self, name: str, gear: Gearing) -> None:
-        if not isinstance(gear, Gearing):
-            raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
         entry = self.description.joints.get(name)
         if entry is None or not entry.turns:
             raise MissingName("joint for a gear", name, self.description.revolute)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_names
 from jointplay.core.schema import one_of
 from jointplay.core.tables import few
 from jointplay.core.units import round_below
@@ -105,6 +105,7 @@ def _of_robot(
     place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool
 ) -> Scenario:
     """See `robot_scenario`; its steps are those of any scenario."""
+    joints = require_names("joints", joints, "names")
     scara = place is None
     place = SCARA if place is None else _prefixed(place)
     # The URDF alone: what is wrong elsewhere is said when the scenario is built.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, require_non_negative
+from jointplay.core.errors import JointplayError, require_non_negative, require_table
 from jointplay.core.imports import load_object
 from jointplay.core.schema import check_fields, unknown_key
 from jointplay.core.tables import Overview, few
@@ -59,7 +59,8 @@ class Simulation(Overview, Inputs):
                 "'centred', or hold the base",
                 where=("start",),
             )
-        state = {name: position_and_speed(name, value) for name, value in self.state.items()}
+        given = require_table("state", self.state, "of positions [rad, m] by joint", ("state",))
+        state = {name: position_and_speed(name, value) for name, value in given.items()}
         object.__setattr__(self, "state", state)
         object.__setattr__(self, "payloads", tuple(one for one in self.payloads if one.mass > 0.0))
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
