@@ -85,7 +85,7 @@ BAD_INPUT = {
     "negative clearance": (["--radial", "-1e-4"], "-0.0001 m"),
     "not a number": (["--radial", "wide"], '--radial: "wide" is not a length'),
     "non-finite": (["--radial", "nan"], "nan"),
-    "journal too large": (["--journal-radius", "0.02"], "0.02 m does not fit"),
+    "journal too large": (["--journal-radius", "0.02"], "20 mm does not fit"),
     "restitution": (["--restitution", "1.5"], "(0, 1], got 1.5"),
     "friction": (["--friction", "-0.1"], "-0.1"),
     "step too large": (["--step", "1e-3"], "0.001 s is too large for the contact stiffness"),

@@ -224,6 +224,30 @@ def test_undo_redo_and_reset(tab):
     answered(tab)
 
 
+def test_keys_on_a_slider_are_one_step_until_a_pause(tab):
+    """Each control on its own; a pause, or another control, begins another step."""
+    values = "() => ({...live.values})"
+    first = tab.evaluate(values)
+    names = "joint_b.friction", "joint_b.restitution"
+    seen = []
+    for name in (*names, *names[1:]):
+        tab.locator(f"[id$='-{name}-slider']").focus()
+        for _ in range(4):
+            tab.keyboard.press("ArrowLeft")
+        seen.append(tab.evaluate(values))
+        if len(seen) == 2:
+            tab.wait_for_timeout(1200)
+    for before in (seen[1], seen[0], first):
+        tab.get_by_role("button", name="Undo").click()
+        assert tab.evaluate(values) == before
+    assert tab.get_by_role("button", name="Undo").is_disabled()
+    for after in seen:
+        tab.get_by_role("button", name="Redo").click()
+        assert tab.evaluate(values) == after
+    tab.get_by_role("button", name="Reset").click()
+    answered(tab)
+
+
 def test_a_kept_case_stays_beside_later_ones(tab):
     kept = figures(tab)["peak force, joint_b"]
     tab.get_by_role("button", name="Keep as case").click()

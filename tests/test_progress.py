@@ -35,6 +35,23 @@ def test_nothing_is_estimated_from_a_start_that_compiles(monkeypatch):
     assert re.search(r"\d\d:\d\d left$", last)
 
 
+def test_what_is_left_is_told_without_the_start_that_compiles(monkeypatch):
+    """A minute of compiling, then 1 s of work in each second: 90 s are left after 10."""
+    monkeypatch.setenv("JOINTPLAY_PROGRESS_S", "0")
+    now = [0.0]
+    monkeypatch.setattr("jointplay.core.progress.ProgressBar._time", lambda self: now[0], False)
+    file = io.StringIO()
+    bar = progress.ProgressBar(total=100, unit="run", smoothing=0.0, file=file)
+    bar._time = lambda: now[0]
+    bar.start_t = 0.0
+    now[0] = 60.0
+    for _ in range(10):
+        now[0] += 1.0
+        bar.update()
+    bar.refresh()
+    assert file.getvalue().splitlines()[-1].endswith("01:30 left")
+
+
 def test_into_a_file_go_whole_lines_and_seldom(monkeypatch):
     monkeypatch.delenv("JOINTPLAY_PROGRESS_S")
     file = io.StringIO()

@@ -25,6 +25,7 @@ from typing import ClassVar, NamedTuple
 from jointplay.contact.law import FILM_NUMBERS, Law
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import choice, quantity
+from jointplay.core.units import readable
 
 
 class FilmForce(NamedTuple):
@@ -106,7 +107,7 @@ class FilmLaw(Law):
         if thinnest < self.least_thickness:
             lines.append(
                 f"{self.name}: the film got as thin as {max(thinnest, 0.0):.2g} m; below "
-                f"{self.least_thickness:g} m the surfaces are too rough for a film"
+                f"{readable(self.least_thickness, 'm')} the surfaces are too rough for a film"
             )
         return lines
 
@@ -118,8 +119,8 @@ class FilmLaw(Law):
         """
         if self.least_thickness >= clearance:
             raise JointplayError(
-                f"the least film thickness {self.least_thickness:g} m must be smaller than the "
-                f"radial clearance {clearance:g} m",
+                f"the least film thickness {readable(self.least_thickness, 'm')} must be smaller "
+                f"than the radial clearance {readable(clearance, 'm')}",
                 where=("least_thickness",),
             )
         return 1.0 - self.least_thickness / clearance

@@ -24,6 +24,7 @@ from typing import ClassVar
 from jointplay.contact.hertzian import HysteresisLaw, LankaraniNikravesh, damped, elastic_limits
 from jointplay.contact.law import ContactProperties
 from jointplay.core.errors import JointplayError
+from jointplay.core.units import readable
 
 LINE_YIELD = 1.79
 """Peak pressure over yield strength at first yield of a line contact (von Mises, nu = 0.3).
@@ -320,7 +321,7 @@ class Pereira(CylindricalLaw):
         if not NARROWEST_M <= contact.clearance <= WIDEST_M:
             raise JointplayError(
                 f"law 'pereira' is fitted for radial clearances from {NARROWEST_M:g} to "
-                f"{WIDEST_M:g} m, got {contact.clearance:g} m"
+                f"{readable(WIDEST_M, 'm')}, got {readable(contact.clearance, 'm')}"
             )
         gap = 1e3 * contact.clearance  # mm
         n = pereira_exponent(gap)

@@ -10,6 +10,8 @@ from itertools import pairwise
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
+from jointplay.core.units import readable
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -102,7 +104,7 @@ def require_positive(name: str, value: float, unit: str, where: Where = ()) -> f
     """Return `value` as float if it is finite and > 0, else raise naming it with its `unit`."""
     value = require_finite(name, value, unit, where)
     if value <= 0.0:
-        message = f"{name} must be greater than zero, got {value:g} {unit}".rstrip()
+        message = f"{name} must be greater than zero, got {readable(value, unit)}"
         raise JointplayError(message, where)
     return value
 
@@ -111,7 +113,7 @@ def require_non_negative(name: str, value: float, unit: str, where: Where = ()) 
     """Return `value` as float if it is finite and >= 0, else raise naming it with its `unit`."""
     value = require_finite(name, value, unit, where)
     if value < 0.0:
-        message = f"{name} must not be negative, got {value:g} {unit}".rstrip()
+        message = f"{name} must not be negative, got {readable(value, unit)}"
         raise JointplayError(message, where)
     return value
 

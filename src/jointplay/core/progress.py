@@ -6,6 +6,7 @@ that was killed while it held the lock would never give it back.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
@@ -33,6 +34,8 @@ class ProgressBar(tqdm):
     """
 
     disable: bool
+    _first: tuple[float, float] | None = None
+    """When something was done first, and how much [s]: before, kernels are compiled or loaded."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         """Begin; standard error takes it, as with tqdm."""
@@ -50,11 +53,22 @@ class ProgressBar(tqdm):
 
     @property
     def format_dict(self) -> dict[str, Any]:
-        """What the bar shows; no estimate from a start in which kernels were compiled or loaded."""
+        """What the bar shows; the speed is that since something was done first."""
         shown: dict[str, Any] = super().format_dict
-        if shown["elapsed"] < _EARLY_S and shown["n"] < _EARLY * (shown["total"] or 0.0):
-            shown["rate"] = 0.0  # tqdm then writes "?"
+        early = shown["elapsed"] < _EARLY_S and shown["n"] < _EARLY * (shown["total"] or 0.0)
+        time, done = self._first or (math.inf, 0.0)
+        span = self._time() - time
+        shown["rate"] = 0.0  # tqdm then writes "?"
+        if not early and span > 0.0:
+            shown["rate"] = (shown["n"] - done) / span
         return shown
+
+    def update(self, n: float | None = 1) -> bool | None:
+        """So much more is done."""
+        told: bool | None = super().update(n)
+        if self._first is None and n:
+            self._first = self._time(), self.n
+        return told
 
     def close(self) -> None:
         """End it; a bar stays as it is, and of lines there is a last one if there was any."""

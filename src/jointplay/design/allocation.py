@@ -32,6 +32,7 @@ from jointplay.core.errors import (
 )
 from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import columns
+from jointplay.core.units import readable
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget, half_sphere
 from jointplay.mechanism.mechanism import Mechanism
@@ -456,7 +457,10 @@ def _check(
         )
     most = require_positive("the most clearance", most, "m")
     if require_positive("least clearance", least, "m") >= most:
-        raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
+        raise JointplayError(
+            f"the least clearance {readable(least, 'm')} must be below the most, "
+            f"{readable(most, 'm')}"
+        )
     if not names:
         raise JointplayError("no joint has clearance to allocate")
     for name, value in weights.items():

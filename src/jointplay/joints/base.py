@@ -712,14 +712,16 @@ def complete(
         require_positive(f"journal {dimension}", inner, "m", at_inner)
         if inner >= outer and not (play == 0.0 and inner == outer):
             raise JointplayError(
-                f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m",
+                f"journal {dimension} {readable(inner, 'm')} does not fit into the bearing's "
+                f"{readable(outer, 'm')}",
                 where=at_inner,
             )
         left = outer - inner
         if play is not None and not math.isclose(left, factor * play, rel_tol=1e-6, abs_tol=1e-9):
             raise JointplayError(
-                f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
-                f"{outer:g} m and journal {inner:g} m give {left / factor:g} m",
+                f"{clearance} clearance {readable(play, 'm')} contradicts the dimensions: bearing "
+                f"{readable(outer, 'm')} and journal {readable(inner, 'm')} give "
+                f"{readable(left / factor, 'm')}",
                 where=at_play,
             )
         play = left / factor if play is None else play
@@ -727,8 +729,8 @@ def complete(
     inner = outer - factor * play if inner is None else inner
     if inner <= 0.0:
         raise JointplayError(
-            f"{clearance} clearance {play:g} m leaves no room for a journal in a bearing of "
-            f"{dimension} {outer:g} m",
+            f"{clearance} clearance {readable(play, 'm')} leaves no room for a journal in a "
+            f"bearing of {dimension} {readable(outer, 'm')}",
             where=at_play,
         )
     return float(play), float(inner)

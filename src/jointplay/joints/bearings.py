@@ -266,20 +266,22 @@ class RollingBearing(WholeLawJoint):
                 )
         if self.d_outside <= self.d_bore:
             raise JointplayError(
-                f"outside diameter {self.d_outside:g} m must exceed the bore {self.d_bore:g} m",
+                f"outside diameter {readable(self.d_outside, 'm')} must exceed the bore "
+                f"{readable(self.d_bore, 'm')}",
                 where=("outside_diameter",),
             )
         if not self.d_bore < self.d_pitch < self.d_outside:
             raise JointplayError(
-                f"pitch diameter {self.d_pitch:g} m must lie between the bore {self.d_bore:g} m "
-                f"and the outside diameter {self.d_outside:g} m",
+                f"pitch diameter {readable(self.d_pitch, 'm')} must lie between the bore "
+                f"{readable(self.d_bore, 'm')} and the outside diameter "
+                f"{readable(self.d_outside, 'm')}",
                 where=("pitch_diameter",),
             )
         room = 0.5 * (self.d_outside - self.d_bore)
         if self.d_element >= room:
             raise JointplayError(
-                f"elements of {self.d_element:g} m do not fit between bore and outside diameter, "
-                f"{room:g} m apart",
+                f"elements of {readable(self.d_element, 'm')} do not fit between bore and outside "
+                f"diameter, {readable(room, 'm')} apart",
                 where=("element_diameter",),
             )
         if self.count < 3:
@@ -288,8 +290,8 @@ class RollingBearing(WholeLawJoint):
             )
         if self.count * self.d_element > math.pi * self.d_pitch:
             raise JointplayError(
-                f"{self.count} elements of {self.d_element:g} m do not fit on a pitch circle of "
-                f"{self.d_pitch:g} m",
+                f"{self.count} elements of {readable(self.d_element, 'm')} do not fit on a pitch "
+                f"circle of {readable(self.d_pitch, 'm')}",
                 where=("elements",),
             )
         self.bought_clearance  # noqa: B018 - classes that the bore does not have are refused
@@ -1230,8 +1232,8 @@ class CrossedRollerBearing(RollingBearing):
             )
         if self.length > self.d_element:
             raise JointplayError(
-                f"crossed rollers are no longer than wide: length {self.length:g} m, diameter "
-                f"{self.d_element:g} m",
+                f"crossed rollers are no longer than wide: length {readable(self.length, 'm')}, "
+                f"diameter {readable(self.d_element, 'm')}",
                 where=("roller_length",),
             )
 

@@ -16,6 +16,7 @@ import numpy as np
 from jointplay.contact import ContactProperties
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
+from jointplay.core.units import readable
 from jointplay.joints.base import Outline, RoundClearance
 from jointplay.joints.play import JournalPlay
 
@@ -104,9 +105,9 @@ class CylindricalClearance(RoundClearance):
         shortest = 2.0 * math.sqrt(self.ri * self.cr)  # as for a journal: docs/theory.md
         if self.bearing_length <= shortest:
             raise JointplayError(
-                f"bearing length {self.bearing_length:g} m is too short for radial clearance "
-                f"{self.cr:g} m: an edge would touch both sides of the rod; it must exceed "
-                f"{shortest:.3g} m",
+                f"bearing length {readable(self.bearing_length, 'm')} is too short for radial "
+                f"clearance {readable(self.cr, 'm')}: an edge would touch both sides of the rod; "
+                f"it must exceed {readable(shortest, 'm')}",
                 where=("bearing_length",),
             )
 

@@ -13,6 +13,7 @@ import numpy as np
 from jointplay.contact import ContactProperties
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
+from jointplay.core.units import readable
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Outline, SlidingClearance
 
@@ -71,7 +72,8 @@ class PrismaticClearance(SlidingClearance):
         ):
             if play >= side:
                 raise JointplayError(
-                    f"slider clearance {play:g} m is as large as the slider's side {side:g} m",
+                    f"slider clearance {readable(play, 'm')} is as large as the slider's side "
+                    f"{readable(side, 'm')}",
                     where=(name,),
                 )
 

@@ -97,7 +97,8 @@ class RevoluteClearance(RoundClearance):
             require_positive("journal length", length, "m", ("journal_length",))
             if length > self.bearing_length:
                 raise JointplayError(
-                    f"journal length {length:g} m exceeds the bearing's {self.bearing_length:g} m: "
+                    f"journal length {readable(length, 'm')} exceeds the bearing's "
+                    f"{readable(self.bearing_length, 'm')}: "
                     "its rims would not touch the bore; exchange the roles of the two bodies",
                     where=("journal_length",),
                 )
@@ -122,7 +123,8 @@ class RevoluteClearance(RoundClearance):
         shortest = 2.0 * math.sqrt(self.rj * self.cr)
         if not self.lock_tilt and self.lj <= shortest:
             raise JointplayError(
-                f"journal length {self.lj:g} m is too short for radial clearance {self.cr:g} m: "
+                f"journal length {readable(self.lj, 'm')} is too short for radial clearance "
+                f"{readable(self.cr, 'm')}: "
                 f"a rim would touch both sides of the bore; it must exceed {shortest:.3g} m",
                 where=("journal_length",),
             )
@@ -149,8 +151,8 @@ class RevoluteClearance(RoundClearance):
             raise JointplayError("the worn profile must be finite depths >= 0 [m]")
         if depths.max() > 0.1 * self.rj:
             raise JointplayError(
-                f"the worn profile is up to {depths.max():g} m deep; more than a tenth of the "
-                f"journal's radius {self.rj:g} m is not a bearing any more"
+                f"the worn profile is up to {readable(depths.max(), 'm')} deep; more than a tenth "
+                f"of the journal's radius {readable(self.rj, 'm')} is not a bearing any more"
             )
         if self.lubricant is not None:
             raise JointplayError(

@@ -797,14 +797,22 @@ class Run:
 _COMPILES_S = 5.0
 """Loading compiled kernels takes less than this; compiling them, at the first start, much more."""
 
+_said = threading.Event()
+"""Whether this process has said so: each of several kernels is compiled when it is called for."""
+
 
 @contextmanager
 def _saying_if_long(say: bool) -> Iterator[None]:
     """Within the block kernels are loaded; what is going on is said if they are compiled."""
     words = "compiling the kernels, half a minute or two; the next start loads them"
-    timer = threading.Timer(_COMPILES_S, lambda: print(words, file=sys.stderr, flush=True))
+
+    def tell() -> None:
+        _said.set()
+        print(words, file=sys.stderr, flush=True)
+
+    timer = threading.Timer(_COMPILES_S, tell)
     timer.daemon = True
-    if say:
+    if say and not _said.is_set():
         timer.start()
     try:
         yield

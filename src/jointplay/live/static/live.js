@@ -7,6 +7,7 @@
 const STEPS = 300;          // of a slider
 const DIGITS = 3;           // that a slider's value has
 const MOST_KEPT = 5;
+const PAUSE_MS = 1000; // a slider that stood so long begins another step of the history
 const COLOURS = ["--k0", "--k1", "--k2", "--k3", "--k4", "--k5"];
 const DASHES = ["", "6 3", "2 3", "8 3 2 3", "4 4", "1 3"];
 const FACTORS = [["automatic", 0], ["1", 1], ["10", 10], ["100", 100], ["1000", 1000]];
@@ -83,6 +84,7 @@ class Live {
         this.values = {...this.first};
         this.history = [{...this.values}];
         this.at = 0;
+        this.sliding = {name: null, time: 0, at: 0}; // the slider that made the last step, and when
         this.number = 0;          // of the newest question
         this.kept = [];
         this.joint = contents.joints[0] || null;
@@ -157,7 +159,7 @@ class Live {
             "aria-label": `${words}, ${control.group}`});
         const wrong = element("p", {class: "wrong", id: `${id}-wrong`});
         slider.oninput = () => { this.values[name] = this.valueAt(control, Number(slider.value)); this.showValue(name); this.ask(); };
-        slider.onchange = () => this.remember();
+        slider.onchange = () => this.remember(name);
         field.onchange = () => {
             const value = field.value.trim() === "" ? NaN : Number(field.value);
             if (Number.isNaN(value)) { this.refuse(name, `${label}: not a number`); return; }
@@ -506,13 +508,20 @@ class Live {
         this.ask();
     }
 
-    remember() {
+    // Keep the values as a step of the history. Those to which the slider of one control is moved
+    // without a pause, key by key, are one step.
+    remember(slider = null) {
+        const now = performance.now(), last = this.sliding;
         const same = JSON.stringify(this.history[this.at]) === JSON.stringify(this.values);
         if (!same) {
+            const goesOn = slider !== null && slider === last.name && now - last.time < PAUSE_MS
+                && this.at === last.at && this.at === this.history.length - 1;
+            if (goesOn) this.at--;
             this.history.splice(this.at + 1);
             this.history.push({...this.values});
             this.at++;
         }
+        this.sliding = {name: slider, time: now, at: this.at};
         this.showButtons();
     }
 
