@@ -65,7 +65,7 @@ def test_given_stiffnesses_win():
 
 GOOD = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
 BAD = [
-    ({"radial_clearance": -1e-4}, "-0.0001 m"),
+    ({"radial_clearance": -1e-4}, "-0.1 mm"),
     ({"axial_clearance": float("nan")}, "nan"),
     ({"radial_clearance": float("inf")}, "inf"),
     ({"radial_clearance": "wide"}, '"wide" is not a length'),
