@@ -55,8 +55,8 @@ def test_the_oldest_versions_that_are_allowed_work(tmp_path):
     for suffix in ("parquet", "mcap", "yaml", "rrd", "fmu"):
         does(jointplay, "export", "run/result.nc", "--out", f"result.{suffix}")
     does(jointplay, "budget", "ur5", "--clearance", "0.05 mm")
-    reduce = ("reduce", "ur5", "--joint", "elbow_joint", "--clearance", "0.1 mm", "--quiet")
-    does(jointplay, *reduce, "--out", "reduced")
+    reduce = ("reduce", "ur5", "--joint", "elbow_joint", "--clearance", "0.1 mm", "--tilt")
+    does(jointplay, *reduce, "--quiet", "--out", "reduced")
     scenario = tmp_path / "sweep.toml"
     scenario.write_text(SCENARIO.format(duration="20 ms", options="", axes=GRID))
     does(jointplay, "sweep", str(scenario), "--quiet", "--out", "sweep.zarr")

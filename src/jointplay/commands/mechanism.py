@@ -57,8 +57,12 @@ class Task:
     """Besides play, of the scenario."""
 
 
-def add_robot(parser: Any) -> Any:
-    """Add the options that say which robot has which play; returns their last group."""
+def add_robot(parser: Any, default: str = "by default all joints that move the tool") -> Any:
+    """Add the options that say which robot has which play; returns their last group.
+
+    Args:
+        default: which joints have clearance if --joint names none, in words.
+    """
     parser.add_argument(
         "robot",
         metavar="ROBOT",
@@ -71,7 +75,7 @@ def add_robot(parser: Any) -> Any:
         group,
         "--joint NAME[=LENGTH|=BEARING]",
         "joint with clearance, and optionally its radial clearance, or the designation of its "
-        'rolling bearing, such as elbow="6010/C3"; by default all joints that move the tool',
+        f'rolling bearing, such as elbow="6010/C3"; {default}',
     )
     add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
     add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")

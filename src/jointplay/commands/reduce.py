@@ -58,13 +58,13 @@ def add(commands: Any) -> None:
         "model of one joint's play, by reversals about a pose, and write it as MJCF "
         "(MuJoCo), SDF (Gazebo), URDF and YAML, JSON with ranges for domain "
         "randomisation. The dead band about the axis comes from the gear; the "
-        "bearing contributes friction and tilt. With --all: the play of all joints in one file "
-        "of each format, USD with Newton's schemas among them, and random copies of it "
-        "(--batch). See docs/decisions.md.",
+        "bearing contributes friction and tilt, which --tilt writes. --joint names the joint. "
+        "With --all: the play of all joints in one file of each format, USD with Newton's schemas "
+        "among them, and random copies of it (--batch). See docs/decisions.md.",
         epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
         'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
     )
-    add_robot(parser)
+    add_robot(parser, "one joint, or with --all any number, by default all that move the tool")
     add_option(parser, "--pose JOINT=X,...", "pose about which the joint reverses")
     group = parser.add_argument_group("gear (of a scenario, or these)")
     for name, (unit, text) in GEAR.items():
@@ -137,7 +137,10 @@ def _run_one(options: argparse.Namespace) -> int:
     if "usd" in options.format:
         raise JointplayError("--format usd is for a whole robot: add --all")
     if len(options.joint) != 1:
-        raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
+        raise JointplayError(
+            f"--joint must name one joint, got {len(options.joint) or 'none'}: name it, or add "
+            "--all, which reduces every joint that has play"
+        )
     from jointplay.joints.bearings import is_designation
 
     joint, length = name_and_value(options.joint[0], is_value=is_designation)
@@ -162,6 +165,7 @@ def _run_one(options: argparse.Namespace) -> int:
             "--clearance or --gear is missing: without play there is nothing to reduce"
         )
     mechanism = _with_gear(options, work.mechanism, scenario)
+    _require_play(options, mechanism, [joint], options.format or list(FORMATS)[:-1])
     out.claim()
     pose = _pose(mechanism, work)
     model = reduce(
@@ -229,6 +233,8 @@ def _run_all(options: argparse.Namespace) -> int:
     options.pose = [options.pose or ""]
     work = task(options)
     mechanism = _with_gear(options, work.mechanism, str(options.robot).endswith(".toml"))
+    play = [*mechanism.clearance, *mechanism.gears]
+    _require_play(options, mechanism, play, options.format or list(WHOLE))
     found = None
     if options.identified is not None:
         found = whole_robot.read_identified(options.identified, mechanism.joints)
@@ -266,6 +272,39 @@ def _run_all(options: argparse.Namespace) -> int:
     if options.check:
         _check_all(contents, writer, reductions)
     return 0
+
+
+def _require_play(
+    options: argparse.Namespace, mechanism: Any, joints: list[str], formats: list[str]
+) -> None:
+    """Refuse to write files without any play of a robot that has some.
+
+    A journal has no play about its own axis, which is all that a dead band can say; JSON has the
+    numbers of its lean and travel, too.
+
+    Raises:
+        JointplayError: no file but JSON would have any.
+    """
+    gears = [mechanism.gears[name] for name in joints if name in mechanism.gears]
+    reach = {
+        name: mechanism.clearance[name].play(second_order=False).reach
+        for name in dict.fromkeys(joints)
+        if name in mechanism.clearance and mechanism.clearance[name].hinge is not None
+    }
+    loose = [name for name, far in reach.items() if max(far) > 0.0]
+    leans = options.tilt and any(turn > 0.0 for _, turn in reach.values())
+    bands = any(gear.unloaded_range > 0.0 for gear in gears)
+    empty = [name for name in dict.fromkeys(formats) if name != "json"]
+    if not empty or not loose or leans or bands:
+        return
+    remedy = "a gear's play (--gear NAME=ANGLE)"
+    if not options.tilt:
+        remedy = f"--tilt for the lean, or {remedy}"
+    raise JointplayError(
+        f"{', '.join(empty)} would have no play: the clearance of {', '.join(loose)} gives none "
+        f"about a journal's own axis, only lean and travel, which move the tool; add {remedy}; "
+        "--format json has all numbers"
+    )
 
 
 def _endings(options: argparse.Namespace) -> tuple[list[str], list[str]]:
