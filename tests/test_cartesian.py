@@ -1,13 +1,19 @@
 """Cartesian motions: the tool where it was asked for, and one-line reasons where it cannot be."""
 
+import json
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import body, joint
 
 import jointplay as jp
+from jointplay import analysis
+from jointplay.design.poses import times_along
 from jointplay.joints import SphericalClearance
 from jointplay.motion.cartesian import JUMP, SINGULAR_M, Arm, cartesian_motion
+from jointplay.motion.completion import complete_motion
+from jointplay.nonlinear.steady_motion import repeated
 
 TIMES = [0.0, 0.4, 1.0]
 SCARA_CONFIGURATIONS = np.array([[0.3, 0.8, -0.02, 0.1], [0.6, 0.9, -0.04, 0.4], [-0.3, 1.2, 0, 0]])
@@ -141,6 +147,35 @@ def test_samples_of_a_line_are_dense_and_exact(scara):
         part = (line.times >= TIMES[a]) & (line.times <= TIMES[b])
         off = np.cross(found[part] - places[a], places[b] - places[a])
         assert np.abs(off).max() < 1e-11
+
+
+def test_a_line_lists_the_waypoints_that_were_given_and_rests_at_each(scara):
+    """Not the points between them, of which there are hundreds."""
+    places = poses(scara, SCARA_CONFIGURATIONS)[0][[0, 1, 1, 2]]
+    times = [0.0, 0.4, 0.5, 1.0]
+    line = cartesian_motion(scara, times, places, path="line", start={"joint_b": 0.5})
+    again = jp.Motion.from_description(json.loads(json.dumps(line.describe())))
+    led = complete_motion(
+        scara, jp.Motion(line.joints[:2], line.times, line.positions[:, :2], "spline", line.given)
+    ).motion
+    for motion in (line, again, led):
+        found, positions = motion.waypoints
+        assert found.tolist() == times
+        assert np.abs(positions[:, :2] - line(np.array(times))[0][:, :2]).max() < 1e-9
+        assert motion.summary == f"4 waypoints, spline through {len(line.times)} points"
+        ends = [(stop.start, stop.end, stop.at_rest) for stop in analysis.stops(motion, 1.0)]
+        assert ends == [(0.0, 0.0, True), (0.4, 0.5, True), (1.0, 1.0, True)]
+    assert "4 waypoints in 1 s" in repr(line)
+    assert line.at_speed(2.0).waypoints[0].tolist() == [0.0, 0.2, 0.25, 0.5]
+    twice = repeated(line, 2)
+    assert twice.waypoints[0].tolist() == [0.0, 0.4, 0.5, 1.0, 1.4, 1.5, 2.0]
+    assert set(times) <= set(times_along(line, 9)) and len(times_along(line, 9)) < 13
+
+
+@pytest.mark.parametrize("given", [[0.0], [0.0, 2.0], [0.0, 0.7, 0.3, 1.0]])
+def test_waypoints_outside_a_motion_are_refused(given):
+    with pytest.raises(jp.JointplayError, match="given waypoints"):
+        jp.Motion(["j"], [0.0, 0.5, 1.0], [[0.0], [0.1], [0.3]], given=given)
 
 
 def test_redundant_joints_take_the_nearest_configuration(urdf):

@@ -94,7 +94,8 @@ def along_motion(
 def times_along(motion: Motion, count: int = ALONG) -> np.ndarray:
     """Equal intervals over a motion, and its waypoints unless they are more, (n,) [s]."""
     even = np.linspace(motion.times[0], motion.times[-1], count)
-    return np.union1d(even, motion.times) if len(motion.times) <= count else even
+    waypoints = motion.waypoints[0]
+    return np.union1d(even, waypoints) if len(waypoints) <= count else even
 
 
 def over_workspace(

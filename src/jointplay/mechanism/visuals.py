@@ -356,7 +356,8 @@ def _link_places(source: pin.Model) -> dict[str, pin.SE3]:
 def _stand_ins(
     mechanism: Mechanism, places: dict[str, pin.SE3], links: Sequence[str], radius: float
 ) -> list[tuple[str, np.ndarray, Form]]:
-    """Capsules from each of `links` to the links that it carries, or to its centre of mass.
+    """Capsules from each of `links` to the links that it carries and to the ends of loops on it, or
+    to its centre of mass.
 
     Args:
         mechanism: whose links they are.
@@ -371,6 +372,11 @@ def _stand_ins(
     origins = {
         link.name: None if link.inertial is None else link.inertial.origin for link in robot.links
     }
+    closing = [
+        side
+        for loop in mechanism.loops.values()
+        for side in ((loop.bearing_link, loop.bearing), (loop.journal_link, loop.journal))
+    ]
     rods: list[tuple[str, np.ndarray, Form]] = []
     for name in links:
         ends = [
@@ -378,6 +384,7 @@ def _stand_ins(
             for joint in mechanism.description.joints.values()
             if joint.parent == name
         ]
+        ends += [place.translation for link, place in closing if link == name]
         if not any(np.linalg.norm(end) > 1e-6 for end in ends) and origins[name] is not None:
             ends.append(np.array(origins[name])[:3, 3])
         rods.append((name, np.eye(4), ("capsule", (1.3 * radius, 0.0))))

@@ -650,7 +650,8 @@ def cartesian_path(
     interpolation = "spline" if path == "line" else "rest-to-rest"
     nodes, configurations = zip(*solved, strict=True)
     table = np.array(configurations)[:, arm.at]
-    motion = Motion(arm.joints, np.array(nodes), table, interpolation)
+    given = moments if path == "line" else None
+    motion = Motion(arm.joints, np.array(nodes), table, interpolation, given)
     return CartesianPath(motion, _followers_at(arm, solved[0][1]))
 
 

@@ -94,7 +94,7 @@ def complete_motion(
     following = _follow(mechanism, mimics, columns, len(motion.times))
     if len(columns) > len(motion.joints):
         table = np.array(list(columns.values())).T
-        motion = Motion(list(columns), motion.times, table, motion.interpolation)
+        motion = Motion(list(columns), motion.times, table, motion.interpolation, motion.given)
     return CompleteMotion(motion, held, following)
 
 
@@ -125,7 +125,8 @@ def _beside_loops(
         following |= _follow(ideal, mimics, columns, len(motion.times))
     names = [*motion.joints, *following]
     table = np.array([columns[name] for name in names]).T
-    return CompleteMotion(Motion(names, motion.times, table, motion.interpolation), {}, following)
+    whole = Motion(names, motion.times, table, motion.interpolation, motion.given)
+    return CompleteMotion(whole, {}, following)
 
 
 def _with_leaders(
@@ -160,7 +161,8 @@ def _with_leaders(
         for name in ideal.joints
         if name in columns or (name in leaders and name in ideal.coordinates)
     }
-    return Motion(motion.joints, times, motion(times)[0], "spline"), found
+    waypoints = motion.waypoints[0]
+    return Motion(motion.joints, times, motion(times)[0], "spline", waypoints), found
 
 
 def _follow(

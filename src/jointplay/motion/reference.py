@@ -51,6 +51,7 @@ class WrittenMotion:
     times: list[float] = quantity("s")
     positions: list[list[float]] = quantity("rad", "m")
     interpolation: str = INTERPOLATIONS[0]
+    given: list[float] | None = quantity("s", default=None)
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -67,9 +68,9 @@ class Motion(Described):
     joints: tuple[str, ...]
     """Names of the joints, one for each column of `positions`."""
     times: np.ndarray
-    """Times of the waypoints, increasing, shape (n,), n >= 2 [s]."""
+    """Times of the points that the curve goes through, increasing, shape (n,), n >= 2 [s]."""
     positions: np.ndarray
-    """Joint positions, shape (n, joints) [rad, or m for prismatic joints]."""
+    """Joint positions at them, shape (n, joints) [rad, or m for prismatic joints]."""
     interpolation: str
     """How joints move between waypoints.
 
@@ -81,6 +82,9 @@ class Motion(Described):
     evenly on the way to each of the others, without a jump; it goes on with its last speed (a crank
     that is run up).
     """
+    given: np.ndarray | None
+    """Times of the waypoints where the other points were computed, as on a line of the tool, from
+    the first point to the last, increasing, shape (m,), m >= 2 [s]; None: all are waypoints."""
 
     def __init__(
         self,
@@ -88,12 +92,15 @@ class Motion(Described):
         times: Sequence[float] | np.ndarray,
         positions: Sequence[Sequence[float]] | np.ndarray,
         interpolation: str = INTERPOLATIONS[0],
+        given: Sequence[float] | np.ndarray | None = None,
     ) -> None:
         """Check the waypoints and fit the curve."""
         object.__setattr__(self, "joints", tuple(joints))
         object.__setattr__(self, "interpolation", interpolation)
-        for name, given in (("times", times), ("positions", positions)):
-            values = require_numbers("waypoints", given, (name,))
+        object.__setattr__(self, "given", None)
+        arrays = {"times": times, "positions": positions}
+        for name, numbers in (arrays if given is None else {**arrays, "given": given}).items():
+            values = require_numbers("waypoints", numbers, (name,))
             values.flags.writeable = False
             object.__setattr__(self, name, values)
         self._check()
@@ -118,6 +125,15 @@ class Motion(Described):
         if len(self.times) < 2:
             raise JointplayError(f"a motion needs at least 2 waypoints, got {len(self.times)}")
         check_waypoints({"times": self.times, "positions": self.positions})
+        if self.given is not None:
+            ends = self.times[[0, -1]]
+            if self.given.ndim != 1 or not np.array_equal(self.given[[0, -1]], ends):
+                raise JointplayError(
+                    f"the given waypoints must be at times from {ends[0]:g} to {ends[1]:g} s, got "
+                    f"{self.given}",
+                    ("given",),
+                )
+            require_increasing("given waypoints", self.given.tolist(), "s", ("given",))
         if self.interpolation not in INTERPOLATIONS:
             raise MissingName(
                 "interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",)
@@ -151,6 +167,20 @@ class Motion(Described):
         pieces = [np.vstack([bends, 0.0 * means[:1]]), np.array(speeds), self.positions]
         ends = np.append(self.times, 2.0 * self.times[-1] - self.times[-2])
         return PPoly(np.stack(pieces), ends)
+
+    @property
+    def waypoints(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) [s] and joint positions (m, joints) [rad or m] of the waypoints."""
+        if self.given is None:
+            return self.times, self.positions
+        return self.given, self(self.given)[0]
+
+    @property
+    def summary(self) -> str:
+        """Number of waypoints, and the way between them."""
+        number = len(self.waypoints[0])
+        through = f" through {len(self.times)} points" if number < len(self.times) else ""
+        return f"{number} waypoints, {self.interpolation}{through}"
 
     @property
     def duration(self) -> float:
@@ -191,7 +221,8 @@ class Motion(Described):
             JointplayError: a factor that is not positive and finite.
         """
         require_positive("factor of the speed", factor, "")
-        return Motion(self.joints, self.times / factor, self.positions, self.interpolation)
+        given = None if self.given is None else self.given / factor
+        return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
 
     @classmethod
     def from_csv(cls, path: str | Path, interpolation: str = "rest-to-rest") -> Motion:
@@ -262,6 +293,6 @@ class Motion(Described):
     def __repr__(self) -> str:
         """Joints, number of waypoints, duration, and the way between them."""
         return (
-            f"<jointplay Motion: {few(list(self.joints))}; {len(self.times)} waypoints in "
+            f"<jointplay Motion: {few(list(self.joints))}; {len(self.waypoints[0])} waypoints in "
             f"{self.duration:g} s, {self.interpolation}>"
         )

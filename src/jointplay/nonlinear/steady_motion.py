@@ -143,13 +143,18 @@ def repeated(motion: Motion | None, turns: int) -> Motion | None:
     turns = require_whole("turns", turns, 1)
     if motion is None or motion.interpolation == "constant-speed" or turns == 1:
         return motion
-    times = [motion.times[:-1] + k * motion.duration for k in range(turns)]
-    places = np.vstack([np.tile(motion.positions[:-1], (turns, 1)), motion.positions[-1:]])
+
+    def again(times: np.ndarray) -> np.ndarray:
+        return np.append(
+            [times[:-1] + k * motion.duration for k in range(turns)], turns * times[-1]
+        )
+
     return Motion(
         motion.joints,
-        np.concatenate([*times, [turns * motion.duration]]),
-        places,
+        again(motion.times),
+        np.vstack([np.tile(motion.positions[:-1], (turns, 1)), motion.positions[-1:]]),
         motion.interpolation,
+        None if motion.given is None else again(motion.given),
     )
 
 

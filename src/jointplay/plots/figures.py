@@ -273,7 +273,8 @@ def joint_force(cases: Cases, axis: str) -> Figure:
 
 
 def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
-    """Lines from each joint to that of its parent, then to the tool, in world axes (n, 3) [m]."""
+    """Lines from each joint to that of its parent, to the ends of loops on what it carries, then to
+    the tool, in world axes (n, 3) [m]; nothing of the base."""
     model, data = mechanism.model, mechanism.data
     pin.framesForwardKinematics(model, data, q)
     at = [place.translation.copy() for place in data.oMi]
@@ -282,7 +283,8 @@ def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
     ]
     for name in mechanism.loops:
         for i, placement in (mechanism.bearing_frame(name), mechanism.journal_frame(name)):
-            lines.append(np.array([at[i], data.oMi[i].act(placement.translation)]))
+            if i:
+                lines.append(np.array([at[i], data.oMi[i].act(placement.translation)]))
     tool = model.frames[mechanism.tool_frame].parentJoint
     return [*lines, np.array([at[tool], data.oMf[mechanism.tool_frame].translation])]
 

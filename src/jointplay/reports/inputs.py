@@ -7,12 +7,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jointplay import analysis
 from jointplay.core.errors import JointplayError
 from jointplay.joints import RollingBearing
 from jointplay.mechanism.free_base import FREE
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.urdf import parse
+from jointplay.motion.reference import Motion
 from jointplay.reports.cases import Case, dark
 from jointplay.reports.html import Cell, Html, details, joined, markup, table
 from jointplay.result.result import Result
@@ -120,7 +123,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
     motion, drives = inputs["motion"], inputs["drive"]
     cells["motion"] = "none"
     if motion is not None:
-        cells["motion"] = f"{len(motion['times'])} waypoints, {motion['interpolation']}"
+        cells["motion"] = Motion.from_description(motion).summary
     shared = isinstance(drives.get("kind"), str)
     for name, drive in ({"all joints": drives} if shared else drives).items():
         cells[f"drive of {name}"] = _drive(drive)
@@ -209,14 +212,13 @@ def _motions(cases: Sequence[Case]) -> Html:
     parts = []
     groups = _grouped(cases, lambda inputs: json.dumps(inputs["motion"], sort_keys=True))
     for text, those in groups.items():
-        motion = json.loads(text)
-        if motion is None:
+        if text == "null":
             continue
-        pairs = zip(motion["times"], motion["positions"], strict=True)
-        rows = [[time, *position] for time, position in pairs]
+        motion = Motion.from_description(json.loads(text))
+        rows = np.column_stack(motion.waypoints).tolist()
         of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
         units = _units(those[0].result)
-        names = (f"{name} [{units.get(name, 'rad or m')}]" for name in motion["joints"])
+        names = (f"{name} [{units.get(name, 'rad or m')}]" for name in motion.joints)
         parts.append(details(f"Waypoints{of}", table(["time [s]", *names], rows[:500], left=0)))
     return joined(parts)
 

@@ -93,8 +93,7 @@ def _facts(run: Run) -> dict[str, str]:
         facts[f"gear {name}"] = f"{kind}{_fields(gear)}{notes}"
     if simulation.motion is not None:
         joints = ", ".join(simulation.motion.joints)
-        number = len(simulation.motion.times)
-        facts["motion"] = f"{joints}: {number} waypoints, {simulation.motion.interpolation}"
+        facts["motion"] = f"{joints}: {simulation.motion.summary}"
     drives: dict[str, list[str]] = {}
     for name, drive in assign(mechanism, simulation.motion, simulation.drive).items():
         words = _fields(drive, joint=mechanism.description.joints[name])

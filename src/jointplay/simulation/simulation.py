@@ -76,7 +76,7 @@ class Simulation(Overview, Inputs):
         headline, facts = self.mechanism.facts()
         if self.motion is not None:
             motion, joints = self.motion, few(list(self.motion.joints))
-            facts["motion"] = f"{joints}: {len(motion.times)} waypoints, {motion.interpolation}"
+            facts["motion"] = f"{joints}: {motion.summary}"
         drives = {"all": self.drive} if isinstance(self.drive, Drive) else self.drive
         facts["drives"] = "; ".join(f"{name}: {one.kind}" for name, one in drives.items()) or "none"
         duration = self._simulated_time()
