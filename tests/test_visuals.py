@@ -9,6 +9,8 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay.mechanism.robots import robot_urdf
+from jointplay.mechanism.visuals import look
+from jointplay.plots.figures import _skeleton
 from jointplay.study import scara
 
 SHAPE = """<{tag}><origin xyz="0.1 0.2 0.3" rpy="0.1 0.2 0.3"/>
@@ -98,3 +100,25 @@ def test_collada_meshes_are_shown_whole():
     assert {shape.meshPath for shape in viz.visual_model.geometryObjects} == {""}
     assert sum(shape.geometry.num_tris for shape in viz.visual_model.geometryObjects) > 10_000
     assert [shape.meshPath for shape in mechanism.visual_model.geometryObjects] == given
+
+
+def test_rods_reach_from_their_joint_to_the_ends_of_loops_on_them(urdf):
+    """A four-bar whose rocker is closed to the ground: the rocker whole, nothing of the base."""
+    robot = urdf(
+        *(body(name) for name in ("crank", "rod", "rocker")),
+        joint("j1", "base", "crank", at="0.1 0.1 0"),
+        joint("j2", "crank", "rod", at="0.1 0 0"),
+        joint("j3", "rod", "rocker", at="0.3 0 0"),
+    )
+    end = jp.Loop("rocker", "base", bearing_xyz=(0.0, -0.2, 0.0), journal_xyz=(0.5, -0.1, 0.0))
+    mechanism = jp.Mechanism(robot, loops={"ground": end})
+    middles = [
+        shape.frame[:3, 3].tolist()
+        for shape in look(mechanism).shapes
+        if shape.link == "rocker" and shape.form[1][1] > 0.0
+    ]
+    assert middles == [[0.0, -0.1, 0.0]]
+    lines = _skeleton(mechanism, mechanism.configuration({}))
+    drawn = [line.round(9).tolist() for line in lines]
+    assert [[0.5, 0.1, 0.0], [0.5, -0.1, 0.0]] in drawn
+    assert not any(line[0] == [0.0, 0.0, 0.0] for line in drawn)
