@@ -358,7 +358,7 @@ def test_playback_marks_the_joint_with_play_and_no_hinges(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("links.forearm_link", "links.forarm", "no link 'forarm'; available: base_link,"),
+        ("links.forearm_link", "links.forarm", "no link 'forarm'; did you mean"),
         ('"aluminium"', '"alumnium"', 'did you mean "aluminium"?'),
         ('"tube 80x4 mm"', '"pipe 80x4 mm"', 'possible are "tube 80x4 mm" (outside diameter'),
         ('"tube 80x4 mm"', '"tube 80 mm"', 'a tube has outside diameter and wall, as in "tube'),

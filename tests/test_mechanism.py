@@ -213,3 +213,16 @@ def test_one_name_is_no_list_of_names():
         robot_scenario("ur5", "elbow_joint")
     with pytest.raises(JointplayError, match="state must be a dictionary of positions"):
         Simulation(Mechanism("jointplay:scara.urdf"), duration=1.0, state=[0.1])
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda: Mechanism(shipped("scara.urdf"), {"jont_b": PLAY}),
+        lambda: Mechanism(shipped("scara.urdf")).coordinate("jont_b"),
+    ],
+)
+def test_a_wrong_joint_is_answered_by_the_nearest_of_those_that_move(ask):
+    with pytest.raises(JointplayError, match=r'joint .jont_b.; did you mean "joint_b"\?') as caught:
+        ask()
+    assert "suction" not in str(caught.value)

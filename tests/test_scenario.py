@@ -20,6 +20,7 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import lines
 from jointplay.scenario.schema import schema
+from jointplay.scenario.summary import summary
 from jointplay.study import CASES, CONDITIONS, scara
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -435,7 +436,7 @@ def test_bad_loops_are_refused_in_one_line(change, words):
 def test_missing_files():
     with pytest.raises(jp.JointplayError, match=r"cannot read the scenario 'none.toml'"):
         Scenario.load("none.toml")
-    with pytest.raises(jp.JointplayError, match=r"'none.toml'; available: .*four_bar.toml"):
+    with pytest.raises(jp.JointplayError, match=r"'none.toml'; .*available: .*four_bar.toml"):
         Scenario.load("jointplay:none.toml")
 
 
@@ -586,3 +587,26 @@ def test_a_mechanism_is_built_whole_yet_errors_name_their_part():
         scenario.simulation("A and B", {"joints": joints})
     with pytest.raises(jp.JointplayError, match=r"joints.joint_x.*no joint"):
         scenario.simulation("A and B", {"joints": {"joint_x": {"ideal": True}}})
+
+
+def test_a_wrong_joint_of_a_file_is_answered_by_the_nearest_of_those_that_move():
+    text = """
+title = "x"
+robot.urdf = "jointplay:scara.urdf"
+joints.jont_b = { radial_clearance = "0.1 mm", axial_clearance = "0.1 mm" }
+motion = { times = [0, 1], joints = { joint_a = [0, 0.1] } }
+"""
+    message = refusal(text)
+    assert 'did you mean "joint_b"? available: joint_a, joint_b, joint_c' in message
+    assert "suction" not in message
+
+
+def test_a_start_that_is_rounding_is_said_as_zero():
+    """Loops are closed by iteration: 1.5e-20 m is no place."""
+    scenario = jp.Scenario.load("jointplay:four_bar.toml")
+    run = scenario.ready_run("ideal")
+    run.workspace.q[:] = [1.5182e-20, -3e-17, 0.25][: len(run.workspace.q)]
+    (line,) = [one for one in summary(scenario, {"ideal": run}).splitlines() if "  start " in one]
+    assert "e-" not in line
+    assert " 0 rad" in line
+    assert "-0 " not in line

@@ -161,7 +161,7 @@ def test_impossible_springs_are_refused(load, words):
 def test_a_spring_says_which_frames_there_are(urdf):
     robot = slider(urdf)
     for load, words in (
-        (Spring("carts", 1.0, 0.1), "no frame for a load 'carts'; available: world, x, base, cart"),
+        (Spring("carts", 1.0, 0.1), "no frame for a load 'carts'; did you mean \"cart\""),
         (Spring("base", 1.0, 0.1), "do not move against each other"),
         ("rubber", "loads.*is not a table; a load is a table"),
     ):

@@ -74,16 +74,28 @@ class JointplayError(ValueError):
         return type(self), (str(self), self.where)
 
 
+def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Question after the one of `choices` that `word` resembles so much; empty if none does."""
+    import difflib  # seldom needed
+
+    plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
+    given = str(word).lower().replace("-", "_")
+    near = difflib.get_close_matches(given, plain_words, 1, likeness)
+    return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
+
+
 class MissingName(JointplayError):
-    """A name that does not exist; the message lists those that do."""
+    """A name that does not exist; the message names the nearest, and lists those that do."""
 
     def __init__(
         self, kind: str, name: str, choices: Iterable[str], hint: str = "", where: Where = ()
     ) -> None:
         """Say that `name` is no `kind`, list the `choices`, and append an optional `hint`."""
         self._parts = kind, name, tuple(choices), hint
-        listed = ", ".join(self._parts[2]) or "none"
-        super().__init__(f"no {kind} {name!r}; available: {listed}{hint}", where)
+        choices = self._parts[2]
+        listed = ", ".join(choices) or "none"
+        near = closest(name, choices)
+        super().__init__(f"no {kind} {name!r}; {near}available: {listed}{hint}", where)
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Travel whole between processes: an exception is otherwise rebuilt from its message."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import difflib
 import inspect
 import math
 import textwrap
@@ -47,6 +46,7 @@ from jointplay.core.errors import (
     JointplayError,
     MissingName,
     Where,
+    closest,
     require_finite,
     require_non_negative,
     require_positive,
@@ -657,14 +657,6 @@ def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
     """What to say of a choice that does not exist."""
     choices = list(choices)
     return f"no {kind} {toml_text(value)}; {closest(value, choices)}available: {', '.join(choices)}"
-
-
-def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
-    """Question after the one of `choices` that `word` resembles so much; empty if none does."""
-    plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
-    given = str(word).lower().replace("-", "_")
-    near = difflib.get_close_matches(given, plain_words, 1, likeness)
-    return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
 
 
 # Two pieces of plain data side by side.

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, closest
 from jointplay.core.files import read_text
-from jointplay.core.schema import closest
 from jointplay.mechanism.vocabulary import check_words, numbers
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
-from jointplay.core.errors import JointplayError
-from jointplay.core.schema import closest, one_of
+from jointplay.core.errors import JointplayError, closest
+from jointplay.core.schema import one_of
 from jointplay.core.units import NUMBER
 
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)

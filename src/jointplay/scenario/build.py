@@ -511,7 +511,9 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
     for name, draft in drafts(model.joints).items():
         with within("joints", name):
             if name not in description.joints and name not in loops:
-                raise MissingName("joint", name, [*description.joints, *loops])
+                kind: Any = draft.kind
+                able = [j.name for j in description.joints.values() if j.kind in kind.replaces]
+                raise MissingName("joint", name, [*able, *loops])
             if draft.fields.get("ideal") and _plain_when_ideal(draft.word, name in loops):
                 continue
             joint = _joint(draft, folder)
