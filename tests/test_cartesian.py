@@ -173,6 +173,13 @@ def test_a_line_lists_the_waypoints_that_were_given_and_rests_at_each(scara):
     assert len(times_along(line, 9)) < 13
 
 
+def test_the_reference_rests_at_the_ends_of_the_coarsest_lines(scara):
+    places = poses(scara, [[0.3, 0.8, 0, 0], [0.302, 0.8, -0.002, 0], [0.302, 0.803, 0, 0]])[0]
+    line = cartesian_motion(scara, [0, 0.02, 0.04], places, path="line", start={"joint_b": 0.5})
+    assert len(line.times) == 21  # ten to each line
+    assert [stop.kind for stop in analysis.stops(line, 0.04)] == ["stop"] * 3
+
+
 @pytest.mark.parametrize("given", [[0.0], [0.0, 2.0], [0.0, 0.7, 0.3, 1.0]])
 def test_waypoints_outside_a_motion_are_refused(given):
     with pytest.raises(jp.JointplayError, match="given waypoints"):

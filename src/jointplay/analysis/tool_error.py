@@ -217,9 +217,9 @@ class Stop:
         return "dwell" if self.end > self.start else "stop" if self.at_rest else "pass"
 
 
-_OSCILLATION = 1e-4
+_OSCILLATION = 3e-3
 """Speed at a waypoint at which the reference rests, at most, relative to that of the way there or
-on; 2e-5 was found for lines of a tool."""
+on; 2e-3 was found at lines of ten points, the coarsest."""
 
 
 def stops(motion: Motion, end: float) -> list[Stop]:
