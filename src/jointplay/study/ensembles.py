@@ -17,6 +17,7 @@ from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
 from jointplay.core.progress import current
 from jointplay.core.tables import csv_text, markdown
+from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.urdf import GRAVITY
 from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions
@@ -24,9 +25,11 @@ from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import (
     CASES,
     CONDITIONS,
+    METHODS,
     VARIANTS,
     Condition,
-    explicit,
+    Found,
+    by_method,
     length,
     perturbed,
 )
@@ -42,20 +45,35 @@ class Ensembles:
         runs: perturbed runs for each clearance and condition.
         table: CSV file to which every run is written as soon as it is done.
         jobs: processes; None takes one for each core.
+        condition: under which the cases are also run by other methods.
+        integrator: of the perturbed runs; the other methods are those of `METHODS` without it.
 
     Attributes:
         measures: results so far, by condition, case and seed.
-        explicit: figures by the explicit method so far, by case.
+        others: what other methods found so far, by case and method.
     """
 
-    def __init__(self, runs: int, table: Path, jobs: int | None = None) -> None:
+    def __init__(
+        self,
+        runs: int,
+        table: Path,
+        jobs: int | None = None,
+        condition: Condition = CONDITIONS[0],
+        integrator: str = DEFAULT,
+    ) -> None:
         """Plan the runs."""
+        self.condition, self.integrator = condition, integrator
         self.runs = runs
         self.table = table
         self.jobs = number_of(jobs)
         self.measures: dict[tuple[Condition, str, int], Measures] = {}
-        self.explicit: dict[str, dict[str, float]] = {}
-        self._others: list[str] = []
+        self.others: dict[tuple[str, str], Found] = {}
+        self._methods = [
+            (label, method)
+            for label in CASES
+            for method, options in METHODS.items()
+            if options["integrator"] != integrator or "tolerance" in options
+        ]
         labels = [label for label, clearance in CASES.items() if clearance is not None]
         self.plan = [
             (condition, label, seed)
@@ -65,13 +83,12 @@ class Ensembles:
         ]
 
     @contextmanager
-    def started(self, others: Sequence[str] = ()) -> Iterator[Future[None]]:
+    def started(self) -> Iterator[Future[None]]:
         """Run in the background while the block runs; Ctrl-C in the block ends the processes.
 
-        Whatever the block is doing, each run is kept and written to the table when it is done. The
-        cases `others` are also run by the explicit method. Yields what `wait` waits for.
+        Whatever the block is doing, each run is kept and written to the table when it is done.
+        Yields what `wait` waits for.
         """
-        self._others = list(others)
         kept = f"the runs so far are in {str(self.table)!r}"
         pool: Pool[Callable[[], Any], Any] = Pool(call, self.jobs, kept=kept)
         with ThreadPoolExecutor(1) as thread, closing(pool):
@@ -79,14 +96,17 @@ class Ensembles:
 
     def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:
         """Keep what the processes find, as it comes."""
-        work: list[Callable[[], Any]] = [partial(explicit, label) for label in self._others]
-        work += [partial(perturbed, *key) for key in self.plan]
-        for place, found in pool.run(work):
-            if place < len(self._others):
-                self.explicit[self._others[place]] = found
+        work: list[Callable[[], Any]]
+        work = [partial(by_method, *key, self.condition) for key in self._methods]
+        work += [partial(perturbed, *key, self.integrator) for key in self.plan]
+        found: dict[tuple[str, str], Found] = {}
+        for place, answer in pool.run(work):
+            if place < len(self._methods):
+                found[self._methods[place]] = answer
+                self.others = {key: found[key] for key in self._methods if key in found}
                 self._simulated()
             else:
-                self._keep(self.plan[place - len(self._others)], found)
+                self._keep(self.plan[place - len(self._methods)], answer)
 
     def _keep(self, key: tuple[Condition, str, int], measures: Measures) -> None:
         condition, label, seed = key
@@ -109,8 +129,8 @@ class Ensembles:
 
     @property
     def to_simulate(self) -> float:
-        """What the runs that `started` begins simulate, without `others` [s]."""
-        return len(self.plan) * length()
+        """What the runs that `started` begins simulate [s]."""
+        return (len(self.plan) + len(self._methods)) * length()
 
     def wait(self, collecting: Future[None]) -> None:
         """Wait for the runs, those by the explicit method among them.

@@ -13,6 +13,11 @@ JOINT = "joint_b"
 FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
 """Results by case."""
 
+PAGE = "paper.md"
+"""Shows all of the study."""
+DRAWINGS = ("fig01_joint.png", "fig02_forms.png")
+"""Its drawings of the joint."""
+
 MOST_RUNS = 1000
 """Most perturbed runs for each clearance and condition: days of computing."""
 
@@ -20,7 +25,8 @@ MOST_RUNS = 1000
 def output_names() -> list[str]:
     """Every file that the study writes."""
     drawn = file_names(paper=True, rolling=False)
-    return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]
+    tables = ("errors.md", "ensemble.csv", "claims.csv", "claims.md")
+    return [*FILES.values(), *drawn, *DRAWINGS, *tables, PAGE]
 
 
 def folder(out: str | Path, runs: int, jobs: int | None) -> Path:

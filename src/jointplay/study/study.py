@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from jointplay.analysis.certification import further_runs
@@ -10,59 +12,72 @@ from jointplay.analysis.claims import Verdict
 from jointplay.core import files, signals
 from jointplay.core.progress import printing, whole
 from jointplay.core.tables import columns, markdown
-from jointplay.result.certificate import shown_in
+from jointplay.kernel.integrators import DEFAULT
+from jointplay.result.certificate import CertifiedFigure, shown_in
 from jointplay.result.result import Result
 from jointplay.study.cases import (
-    BESIDE,
     CASES,
-    DIFFERS,
-    EXPLICIT,
-    EXPLICIT_STEP_S,
+    CONDITIONS,
+    EARLY,
+    EARLY_S,
+    Condition,
+    Found,
+    early_peak,
     length,
     run_case,
     scara,
 )
 from jointplay.study.ensembles import Ensembles, made_with, write_claims
 from jointplay.study.outputs import folder
+from jointplay.study.page import write_page
 
 
 def errors_table(
-    cases: Mapping[str, Result], others: Mapping[str, Mapping[str, float]]
+    cases: Mapping[str, Result], others: Mapping[tuple[str, str], Found]
 ) -> list[tuple[str, ...]]:
-    """Certified figures of the cases, and the explicit method's where they differ.
+    """Certified figures of the cases, and what other methods find.
 
     Args:
         cases: results by label.
-        others: what `explicit` found, by label.
+        others: what `by_method` found, by label and method.
 
     Returns:
-        Rows of case, figure, value ± error and unit, mark, the explicit method's value or nothing.
+        The head; then rows of case, figure, value ± error and unit, mark, and for each other method
+        its value and the difference, or why there is none.
     """
-    rows: list[tuple[str, ...]] = []
+    methods = list(dict.fromkeys(method for _, method in others))
+    rows: list[tuple[str, ...]] = [("case", "figure", "value ± numerical error", "error", *methods)]
     for label, result in cases.items():
         certificate = result.certificate
-        for figure in certificate.headline if certificate else ():
-            other = others.get(label, {}).get(figure.name)
-            beside = ""
-            if other is not None and figure.name in BESIDE:
-                change = other / figure.value - 1.0 if figure.value else 0.0
-                if abs(other - figure.value) > max(figure.error, DIFFERS * abs(figure.value)):
-                    factor, unit = shown_in(figure.unit)
-                    beside = f"{factor * other:.4g} {unit} ({100 * change:+.1f} %)"
-                else:
-                    beside = "the same"
-            mark = "above 5 %" if figure.marked else ""
-            rows.append((label, figure.name, str(figure), mark, beside))
+        headline = certificate.headline if certificate else ()
+        unknown = CertifiedFigure(EARLY, early_peak(result), math.inf, "N")
+        for figure in (unknown, *headline):
+            beside = [_beside(figure, others.get((label, method))) for method in methods]
+            mark = "above 5 %" if figure.marked and figure is not unknown else ""
+            shown = str(figure) if figure is not unknown else f"{figure.value:.5g} N"
+            rows.append((label, figure.name, shown, mark, *beside))
     return rows
 
 
-ERRORS_HEADER = (
-    "case",
-    "figure",
-    "value ± numerical error",
-    "error",
-    f"{EXPLICIT}, {1e6 * EXPLICIT_STEP_S:g} µs",
-)
+def _beside(figure: CertifiedFigure, found: Found | None) -> str:
+    """What another method finds of a figure, and how much that differs."""
+    if found is None or figure.name not in found.figures:
+        return "not computed"
+    other, (factor, unit) = found.figures[figure.name], shown_in(figure.unit)
+    text = f"{factor * other:.5g} {unit}".rstrip()
+    if figure.value == 0.0:
+        return text
+    held = ", within the error" if abs(other - figure.value) <= figure.error < math.inf else ""
+    return f"{text} ({100.0 * (other / figure.value - 1.0):+.1f} %{held})"
+
+
+def method_warnings(others: Mapping[tuple[str, str], Found]) -> list[str]:
+    """What the audits of other methods' runs warn of, a line each."""
+    return [
+        f"{label}, {method}: {warning}"
+        for (label, method), found in others.items()
+        for warning in found.warnings
+    ]
 
 
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
@@ -83,22 +98,28 @@ def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
 
 
 def write_errors(
-    rows: Sequence[tuple[str, ...]], measures: Sequence[tuple[str, ...]], out: Path
+    rows: Sequence[tuple[str, ...]],
+    measures: Sequence[tuple[str, ...]],
+    warnings: Sequence[str],
+    setting: str,
+    out: Path,
 ) -> None:
     """Write ``errors.md``."""
-    done = len({label for label, *_ in rows})
+    done = len({label for label, *_ in rows[1:]})
     used = "What the claims use, of these runs, by the names in ensemble.csv:"
     lines = [
         "# The study's figures with their numerical errors",
         "",
-        "Each case was repeated with finer steps (docs/certificates.md); errors above 5 % are "
-        f"marked. The last column is the explicit integration with a fixed step ({EXPLICIT}, "
-        f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
-        f"{100 * DIFFERS:g} % and the error.",
+        f"{setting}. Each case was repeated with finer steps (docs/certificates.md); errors above "
+        "5 % are marked. The columns after that are the same case by other methods, with their "
+        "difference: explicit integration with the paper's fixed step, and the paper's integration "
+        f"tolerance (Table 3), which is run for {EARLY_S:g} s. What an error of the value is not "
+        "stated for has none estimated.",
         "",
         *([f"**Incomplete: {done} of {len(CASES)} cases.**", ""] if done < len(CASES) else []),
-        *markdown([ERRORS_HEADER, *rows]),
+        *markdown(rows),
         "",
+        *([*(f"- warning of {line}" for line in warnings), ""] if warnings else []),
         *([used, "", *markdown(measures), ""] if len(measures) > 1 else []),
         made_with(),
         "",
@@ -106,9 +127,23 @@ def write_errors(
     files.write(out / "errors.md", "\n".join(lines))
 
 
-def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
+def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -> str:
     """The same table for the terminal."""
-    return "\n".join(columns([ERRORS_HEADER, *rows]))
+    return "\n".join([*columns(rows), *(f"warning of {line}" for line in warnings)])
+
+
+@dataclass(frozen=True)
+class Study:
+    """What `run_study` found."""
+
+    cases: dict[str, Result]
+    """By label."""
+    rows: list[tuple[str, ...]]
+    """Of `errors_table`, its head first."""
+    warnings: list[str]
+    """Of other methods' runs, a line each."""
+    verdicts: list[Verdict]
+    """On the claims."""
 
 
 def run_study(
@@ -117,22 +152,26 @@ def run_study(
     jobs: int | None = None,
     progress: bool = True,
     done: Callable[[str, Result], None] = lambda label, result: None,
-) -> tuple[dict[str, Result], list[tuple[str, ...]], list[Verdict]]:
+    *,
+    condition: Condition = CONDITIONS[0],
+    integrator: str = DEFAULT,
+) -> Study:
     """Run the whole study into the folder `out`.
 
     Args:
         out: folder for ``*.nc``, ``fig09`` ... ``fig15`` (PNG and PDF), ``errors.md``,
-            ``claims.md``, ``claims.csv`` and ``ensemble.csv`` (the numbers of every perturbed run).
+            ``claims.md``, ``claims.csv``, ``ensemble.csv`` (the numbers of every perturbed run),
+            and ``paper.md``, which shows all of it beside what the paper says.
         runs: perturbed runs for each clearance and condition; 0 leaves the claims out.
         jobs: processes; None takes one for each core.
         progress: show a bar.
         done: is told of each case when it has been run and certified.
-
-    Returns:
-        The cases by label, the rows of `errors_table`, and the verdicts on the claims.
+        condition: gravity and inertia of the three cases; claims are judged under all conditions.
+        integrator: of the cases and of all runs behind the claims.
 
     Raises:
-        JointplayError: fewer than 2 runs (but not 0), or a folder that cannot be used.
+        JointplayError: fewer than 2 runs (but not 0), no such integrator, or a folder that cannot
+            be used.
         KeyboardInterrupt: after Ctrl-C, when all that was computed has been written.
     """
     from jointplay import plots
@@ -141,30 +180,35 @@ def run_study(
     # The first case has the kernels compiled and cached; from then on all cores can work.
     first, *rest = CASES
     cases: dict[str, Result] = {}
-    ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
-    played = [label for label, clearance in CASES.items() if clearance is not None]
+    ensembles = Ensembles(runs, out / "ensemble.csv", jobs, condition, integrator)
+    setting = f"{str(condition)[:1].upper()}{str(condition)[1:]}, {integrator}"
 
     def run(label: str) -> None:
-        cases[label] = run_case(label, out, progress)
+        cases[label] = run_case(label, out, progress, condition, integrator)
         with printing():
             done(label, cases[label])
 
     of_cases = sum(1 + further_runs(scara(clearance)) for clearance in CASES.values())
-    total = (of_cases + len(played)) * length() + ensembles.to_simulate
+    total = of_cases * length() + ensembles.to_simulate
     try:
         with whole(total, progress):
             run(first)
-            with ensembles.started(played) as collecting:
+            with ensembles.started() as collecting:
                 for label in rest:
                     run(label)
                 ensembles.wait(collecting)
     finally:  # whatever happens, what was found is written
         with signals.keeping(f"the tables in {out}"):
-            rows = errors_table(cases, ensembles.explicit)
-            verdicts = ensembles.verdicts()
-            write_errors(rows, measures_table(cases), out)
+            found = Study(
+                cases,
+                errors_table(cases, ensembles.others),
+                method_warnings(ensembles.others),
+                ensembles.verdicts(),
+            )
+            write_errors(found.rows, measures_table(cases), found.warnings, setting, out)
             if runs:
-                write_claims(verdicts, ensembles, out)
+                write_claims(found.verdicts, ensembles, out)
     with signals.keeping(f"the figures in {out}"):
         plots.save(cases, out)  # last: whatever happens to figures, the numbers are there
-    return cases, rows, verdicts
+        write_page(found, setting, out)
+    return found
