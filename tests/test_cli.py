@@ -251,7 +251,7 @@ from dataclasses import replace
 from jointplay import cli
 from jointplay.study import cases
 scara = cases.scara
-cases.scara = lambda *given: replace(scara(*given), duration=float(sys.argv[1]))
+cases.scara = lambda *a, **b: replace(scara(*a, **b), duration=float(sys.argv[1]))
 sys.exit(cli.main(sys.argv[2:]))
 """
 
@@ -531,8 +531,10 @@ def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
     work = getattr(place, name)
     monkeypatch.setattr(place, name, told)
     monkeypatch.setattr(study, "CASES", {"ideal": None})
+    monkeypatch.setattr("jointplay.study.ensembles.CASES", {"ideal": None})
     short = replace(scara(None), duration=0.002)
     monkeypatch.setattr(study, "run_case", lambda *_: short.run())
+    monkeypatch.setattr("jointplay.study.ensembles.METHODS", {})
     assert main(["scara", "--runs", "0", "--out", str(tmp_path / "o"), "--quiet"]) == 0
     assert (
         "stop requested after the computation had ended: the result is saved"

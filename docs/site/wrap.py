@@ -11,6 +11,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 WIDTH = 99
+WRITTEN = ("claims.md", "paper.md")
+"""Pages that programs write."""
 _WHOLE = re.compile(r"`[^`\n]+`|\$[^$\n]+\$|!?\[[^\]\n]*\]\([^)\n]*\)")
 _ITEM = re.compile(r"^(\s*)([-*+]|\d+[.)])\s+")
 _FENCE = re.compile(r"^\s*(```|~~~|\$\$)")
@@ -20,7 +22,7 @@ _KEPT = re.compile(r"^\s*(\||#|<|!\[|\[[^\]]+\]:|>|\$\$)|^ {4,}\S|^---$")
 def pages():
     """All pages whose prose is wrapped."""
     every = (ROOT / "docs").rglob("*.md")
-    found = [one for one in every if one.parent.name != "law_cards" and one.name != "claims.md"]
+    found = [one for one in every if one.parent.name != "law_cards" and one.name not in WRITTEN]
     return [
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
         *sorted(found),

@@ -213,7 +213,11 @@ def _found(study: Study, claims: Sequence[int]) -> list[str]:
     ]
 
 
-_CLAIMS = {"fig09": (1,), "fig10": (2,), "fig11": (3,), "fig12": (4,), "fig13": (5,)}
+_CLAIMS = {
+    **{"fig09": (1, 6), "fig10": (2,), "fig11": (3,), "fig12": (4,)},
+    **{f"fig{number}": (5,) for number in (13, 14, 15)},
+}
+"""Claims that a figure shows."""
 
 
 def page(study: Study, setting: str, pictures: str = "") -> str:
@@ -271,7 +275,8 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
     ]
     for name, title, said in READINGS:
         lines += [f"### {title}", "", f"![{title}]({pictures}{name}.png)", "", f"The paper: {said}"]
-        lines += ["", "Found:", "", *(_found(study, _CLAIMS.get(name, ())) or ["- see below"]), ""]
+        found = _found(study, _CLAIMS.get(name, ()))
+        lines += ["", *(["Found:", "", *found, ""] if found else [])]
         if name == "fig12":
             lines += [*markdown(orbit_table(cases)), ""]
     lines += [
@@ -301,7 +306,7 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         *([*(f"- warning of {line}" for line in study.warnings), ""] if study.warnings else []),
         "## Equations",
         "",
-        "Files under src/jointplay; [M, C, G and F_C by hand](equation_of_motion.md) computes eq. "
+        "Files under src/jointplay; docs/equation_of_motion.md computes eq. "
         "23 term by term.",
         "",
         *markdown([("eq.", "says", "file, function"), *EQUATIONS]),
