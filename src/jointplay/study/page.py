@@ -283,8 +283,8 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         "### Times of the force peaks",
         "",
         "The two largest peaks of each case beside the times in the paper. The motion is sketched "
-        "in the paper and assumed here, so the times need not agree; docs/assumptions.md says "
-        "whether other timings of the same motion bring them nearer.",
+        "in the paper and assumed here, so the times need not agree. benchmarks/peak_times.py "
+        "searches timings of the same motion that bring them nearer.",
         "",
         *markdown(peaks_table(cases)),
         "",
@@ -306,8 +306,7 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         *([*(f"- warning of {line}" for line in study.warnings), ""] if study.warnings else []),
         "## Equations",
         "",
-        "Files under src/jointplay; docs/equation_of_motion.md computes eq. "
-        "23 term by term.",
+        "Files under src/jointplay; docs/equation_of_motion.md computes eq. 23 term by term.",
         "",
         *markdown([("eq.", "says", "file, function"), *EQUATIONS]),
         "",
