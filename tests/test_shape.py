@@ -108,6 +108,7 @@ def test_nobody_outside_joints_tells_kinds_of_joint_apart():
 
 
 WIDE = {
+    "analysis/certification.py:errors_if_possible": "the run is finished and kept: said",
     "contact/custom.py:_check_elastic": "a user's law that may run compiled only: not checked",
     "contact/compiled.py:compiled_function": "numba raises whatever its own parts do: said",
     "contact/trust.py:_load": "a user's module raises anything: said",

@@ -5,8 +5,12 @@ import shutil
 import sys
 from pathlib import Path
 
+from PIL import Image
+
 DOCS = Path(__file__).parents[1]
 PICTURES = "images/paper"
+WIDTH = 900
+"""Of the pictures [px]."""
 
 
 def main(study: Path) -> None:
@@ -15,7 +19,9 @@ def main(study: Path) -> None:
     folder = DOCS / PICTURES
     folder.mkdir(parents=True, exist_ok=True)
     for name in re.findall(r"\]\((fig\w+\.png)\)", text):
-        shutil.copyfile(study / name, folder / name)
+        picture = Image.open(study / name).convert("RGB")
+        size = (WIDTH, round(picture.height * WIDTH / picture.width))
+        picture.resize(size, Image.Resampling.LANCZOS).save(folder / name)
     (DOCS / "paper.md").write_text(text.replace("](fig", f"]({PICTURES}/fig"), encoding="utf-8")
     shutil.copyfile(study / "claims.md", DOCS / "claims.md")
 

@@ -175,9 +175,9 @@ class HuntCrossley(PointContactLaw):
     q: float = quantity("", default=1.0, above=0.0, words="exponent q")
     """Exponent of the penetration rate."""
     stiffness: float | None = quantity("", default=None, above=0.0, words="stiffness k")
-    """Stiffness k in N/m^n, a number without unit; None derives it from the joint's Hertz one."""
+    """Stiffness k [N/m^n], a number without its unit; None: from the joint's Hertz stiffness."""
     damping: float | None = quantity("", default=None, least=0.0, words="damping b")
-    """Damping b in N s^q/m^(p+q), a number without unit; None derives it from c_e (eq. 14)."""
+    """Damping b [N s^q/m^(p+q)], a number without its unit; None: from c_e (eq. 14)."""
 
     def __post_init__(self) -> None:
         """Check the parameters."""
