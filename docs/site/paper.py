@@ -9,8 +9,8 @@ from PIL import Image
 
 DOCS = Path(__file__).parents[1]
 PICTURES = "images/paper"
-WIDTH = 900
-"""Of the pictures [px]."""
+WIDTH, COLOURS = 800, 32
+"""Of the pictures [px], which few colours are enough for."""
 
 
 def main(study: Path) -> None:
@@ -21,7 +21,9 @@ def main(study: Path) -> None:
     for name in re.findall(r"\]\((fig\w+\.png)\)", text):
         picture = Image.open(study / name).convert("RGB")
         size = (WIDTH, round(picture.height * WIDTH / picture.width))
-        picture.resize(size, Image.Resampling.LANCZOS).save(folder / name)
+        small = picture.resize(size, Image.Resampling.LANCZOS)
+        small = small.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=0)
+        small.save(folder / name, optimize=True)
     (DOCS / "paper.md").write_text(text.replace("](fig", f"]({PICTURES}/fig"), encoding="utf-8")
     shutil.copyfile(study / "claims.md", DOCS / "claims.md")
 
