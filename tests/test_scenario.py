@@ -330,7 +330,7 @@ REFUSED = {
     "wrong dimension": (("0.2 mm", "0.2 kg"), "line 7", '"0.2 kg" is not a length', '"0.2 mm"'),
     "angle of a slider": (("-50 mm", "50 deg"), "line 14, motion.joints.stroke", "is prismatic"),
     "length of a hinge": (("30 deg", "30 mm"), "line 12", '"30 mm" is not an angle', "is revolute"),
-    "negative": (("0.2 mm", "-0.2 mm"), "line 7, joints.joint_b.radial_clearance", "-0.0002 m"),
+    "negative": (("0.2 mm", "-0.2 mm"), "line 7, joints.joint_b.radial_clearance", "-0.2 mm"),
     "two clearances on one joint": (
         ("[motion]", '[joints.joint_b]\nkind = "planar"\n[motion]'),
         "line 9",

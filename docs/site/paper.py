@@ -9,7 +9,7 @@ from PIL import Image
 
 DOCS = Path(__file__).parents[1]
 PICTURES = "images/paper"
-WIDTH, COLOURS = 800, 32
+WIDTH, COLOURS = 800, 64
 """Of the pictures [px], which few colours are enough for."""
 
 
@@ -22,7 +22,7 @@ def main(study: Path) -> None:
         picture = Image.open(study / name).convert("RGB")
         size = (WIDTH, round(picture.height * WIDTH / picture.width))
         small = picture.resize(size, Image.Resampling.LANCZOS)
-        small = small.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=0)
+        small = small.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=0)
         small.save(folder / name, optimize=True)
     (DOCS / "paper.md").write_text(text.replace("](fig", f"]({PICTURES}/fig"), encoding="utf-8")
     shutil.copyfile(study / "claims.md", DOCS / "claims.md")
