@@ -1,11 +1,13 @@
 """Links that nothing gives inertia: named, all at once, the right ones."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, PrismaticClearance, RevoluteClearance, shipped
 from jointplay.mechanism.massless import massless_motions, require_inertia
+from jointplay.scenario import Scenario
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 CHAIN = (
@@ -74,3 +76,59 @@ def test_a_point_mass_that_joints_turn_is_named(urdf):
     path = urdf(body("a"), body("b", inertia=1e-300), *CHAIN[:2])
     with pytest.raises(JointplayError, match="link 'b'"):
         require_inertia(Mechanism(path), np.zeros(2))
+
+
+@pytest.mark.parametrize(("massless", "held"), [("d", "j4"), ("cd", "j3,j4")])
+def test_links_without_mass_at_the_end_of_a_chain_are_cured_by_holding_their_joints(
+    urdf, massless, held
+):
+    mechanism = chain(urdf, ["j1"], *massless)
+    q = np.full(mechanism.model.nq, 0.1)
+    with pytest.raises(JointplayError, match=f"or hold (its joint|their joints) .--fix {held}.$"):
+        require_inertia(mechanism, q)
+    cured = Mechanism(mechanism.description.path, mechanism.clearance, fix=held.split(","))
+    require_inertia(cured, np.full(cured.model.nq, 0.1))
+    assert cured.joints == tuple(one for one in mechanism.joints if one not in held)
+    assert cured.with_clearance(cured.clearance) == cured
+    assert cured.ideal().joints == cured.joints
+    assert cured.facts()[1]["held joints"] == held.replace(",", ", ")
+
+
+def test_holding_the_joint_that_has_the_clearance_is_not_advised(urdf):
+    mechanism = chain(urdf, ["j4"], "d")
+    with pytest.raises(JointplayError, match=r"when 'j4' has clearance: .* in the URDF$"):
+        require_inertia(mechanism, np.full(mechanism.model.nq, 0.1))
+
+
+def test_held_joints_stand_at_zero_or_the_limit_nearest_to_it_and_what_mimics_them_follows(urdf):
+    place = {"at": "0.1 0.2 0.3", "rpy": "0.3 -0.5 0.7"}
+    turning = joint("turn", "a", "b", axis="0 2 1", **place)
+    sliding = joint("slide", "b", "c", "prismatic", axis="1 0 2", **place)
+    mimic = '<mimic joint="turn" multiplier="0.5" offset="-0.1"/></joint>'
+    path = urdf(
+        *map(body, "abc"),
+        joint("base_joint", "base", "a"),
+        turning.replace('lower="-9"', 'lower="0.4"'),
+        sliding.replace("</joint>", mimic),
+    )
+    free, held = Mechanism(path), Mechanism(path, fix=["turn"])
+    assert held.joints == ("base_joint",)
+    places = []
+    for one, q in (
+        (free, {"base_joint": 0.2, "turn": 0.4, "slide": 0.1}),
+        (held, {"base_joint": 0.2}),
+    ):
+        pin.framesForwardKinematics(one.model, one.data, one.configuration(q))
+        places.append(one.data.oMf[one.model.getFrameId("c")].homogeneous)
+    np.testing.assert_allclose(*places, atol=1e-12)
+    assert Mechanism(path, fix=["slide"]).joints == ("base_joint", "turn")
+    with pytest.raises(JointplayError, match="no joint 'turm'; did you mean \"turn\""):
+        Mechanism(path, fix=["turm"])
+
+
+def test_a_scenario_holds_joints_and_says_where_one_is_misspelt(urdf, tmp_path):
+    path = chain(urdf, [], "d").description.path
+    text = f'[robot]\nurdf = "{path}"\nallow_unphysical = ["all"]\nfix = ["j4"]\n'
+    assert Scenario(text, tmp_path / "s.toml").simulation().mechanism.joints == ("j1", "j2", "j3")
+    with pytest.raises(JointplayError, match=r"robot\.fix.*no joint 'j5'"):
+        Scenario(text.replace("j4", "j5"), tmp_path / "s.toml").simulation()

@@ -135,6 +135,7 @@ def test_impossible_inertia_is_refused_unless_named():
     with pytest.raises(JointplayError, match=r"'arm1'.*4\.937 > 0\.1689 \+ 3\.08"):
         Mechanism(path)
     assert Mechanism(path, allow_unphysical=["arm1"]).model.nv == 4
+    assert Mechanism(path, allow_unphysical=["all"]).model.nv == 4
     with pytest.raises(JointplayError, match="no link 'arm9'"):
         Mechanism(path, allow_unphysical=["arm9"])
 

@@ -311,7 +311,7 @@ def _csv(seed: int, rng: random.Random, folder: Path) -> Case:
 
 
 VALUES = (
-    "--joint", "--tool", "--gravity", "--allow-unphysical", "--radial", "--axial",
+    "--joint", "--tool", "--gravity", "--allow-unphysical", "--fix", "--radial", "--axial",
     "--bearing-radius", "--bearing-length", "--journal-radius", "--journal-length", "--young",
     "--poisson", "--stiffness", "--axial-stiffness", "--law", "--restitution", "--damping",
     "--impact-mass", "--friction", "--motion", "--interpolation", "--bandwidth",

@@ -215,7 +215,16 @@ _SHARED: dict[str, dict[str, Any]] = {
         "type": listed,
         "default": [],
         "metavar": "LINK,...",
-        "help": "accept these links' inertias although they are physically impossible (repeatable)",
+        "help": "accept these links' inertias although they are physically impossible, or all "
+        "(repeatable)",
+    },
+    "--fix": {
+        "action": "extend",
+        "type": listed,
+        "default": [],
+        "metavar": "JOINT,...",
+        "help": "hold these joints, at zero or the limit nearest to it; those that mimic them are "
+        "held, too (repeatable)",
     },
 }
 """Options that several commands have."""

@@ -45,6 +45,7 @@ def add(commands: Any) -> None:
         group, "--payload MASS", "body that the tool carried all the time, at the measured point"
     )
     add_shared(group, "--allow-unphysical")
+    add_shared(group, "--fix")
     group = parser.add_argument_group("causes")
     add_repeatable(
         group,
@@ -99,7 +100,10 @@ def run(options: argparse.Namespace) -> int:
     terms = [Term.parse(text) for text in options.term or TERMS]
     always = [Term.parse(text) for text in options.always]
     mechanism = Mechanism(
-        options.robot, tool=options.tool, allow_unphysical=options.allow_unphysical
+        options.robot,
+        tool=options.tool,
+        allow_unphysical=options.allow_unphysical,
+        fix=options.fix,
     )
     poses = read_poses(mechanism, options.poses)
     payloads = []

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.motion.reference import Motion
     from jointplay.scenario.presets import Preset
+    from jointplay.scenario.settings import Setting
     from jointplay.simulation.simulation import Simulation
 
 
@@ -94,6 +95,7 @@ def add_robot(parser: Any, default: str = "by default all joints that move the t
     group = parser.add_argument_group("robot")
     add_option(group, "--tool FRAME", "frame whose error is computed")
     add_shared(group, "--allow-unphysical")
+    add_shared(group, "--fix")
     return group
 
 
@@ -289,11 +291,11 @@ def _mechanism(
     if str(options.robot).endswith(".toml"):
         from jointplay.scenario import Scenario
 
-        scenario = Scenario.load(options.robot)
+        scenario = Scenario.load(options.robot, settings=robot_settings(options))
         simulation, errors = scenario.simulation(options.case), scenario.robot_errors(options.case)
         named = scenario.model(options.case or scenario.cases[0]).robot.tool
         description = simulation.mechanism.description
-        allowed = simulation.mechanism.allow_unphysical
+        allowed, fix = simulation.mechanism.allow_unphysical, simulation.mechanism.fix
         plain = simulation.mechanism.ideal()
         if plain.free_base is not None:
             notes.append(
@@ -303,8 +305,8 @@ def _mechanism(
     elif options.case is not None:
         raise JointplayError("--case needs a scenario (.toml)")
     else:
-        allowed, named = options.allow_unphysical, None
-        plain = Mechanism(options.robot, allow_unphysical=allowed)
+        allowed, fix, named = options.allow_unphysical, options.fix, None
+        plain = Mechanism(options.robot, allow_unphysical=allowed, fix=fix)
         description = plain.description
     description.require_moving()
     if plain.held:
@@ -324,7 +326,7 @@ def _mechanism(
         clearance = _clearance(options, plain, tool, notes, simulation)
     gears = dict(simulation.mechanism.gears) if simulation is not None else {}
     if (chosen := preset_chosen(options)) is not None:
-        made = chosen.mechanism(description.path, allow_unphysical=allowed)
+        made = chosen.mechanism(description.path, allow_unphysical=allowed, fix=fix)
         clearance = {**made.clearance, **clearance}
         gears = {**made.gears, **gears}
         notes += [f"preset {chosen.name}: {one}" for one in chosen.origins]
@@ -336,8 +338,21 @@ def _mechanism(
         gravity=plain.gravity,
         tool=tool,
         allow_unphysical=allowed,
+        fix=fix,
     )
     return mechanism, simulation, errors, notes
+
+
+def robot_settings(options: argparse.Namespace) -> list[Setting]:
+    """What --allow-unphysical and --fix say, as settings of a scenario."""
+    from jointplay.scenario.settings import Setting
+
+    given = {"allow_unphysical": options.allow_unphysical, "fix": options.fix}
+    return [
+        Setting(("robot", key), list(names), f"--{key.replace('_', '-')}")
+        for key, names in given.items()
+        if names
+    ]
 
 
 def preset_chosen(options: argparse.Namespace) -> Preset | None:

@@ -81,8 +81,9 @@ def _detail(survey: Survey) -> str:
             "until the URDF gives the links an <inertial>"
         )
     lines += [_wrapped(f"! {remark}") for remark in remarks]
-    if survey.unphysical:
-        lines.append(f"    option: --allow-unphysical {as_option(survey.unphysical)}")
+    options = ["--allow-unphysical all"] if survey.unphysical else []
+    options += [f"--fix {as_option(survey.massless)}"] if survey.massless else []
+    lines += [f"    option: {one}" for one in options]
     return "\n".join(lines)
 
 

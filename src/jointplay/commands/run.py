@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import add_option, add_repeatable, add_shared, add_switch, name_and_value
+from jointplay.commands.mechanism import robot_settings
 from jointplay.core import streams
 from jointplay.core.errors import JointplayError
 
@@ -155,10 +156,7 @@ def option_settings(options: Any, joints: Sequence[str]) -> list[Setting]:
             entries += [Setting(k, value, flag.name) for k in _keys(flag, key, joints, options)]
     if options.bandwidth is not None or options.damping_ratio is not None:
         entries.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
-    if options.allow_unphysical:
-        links = list(options.allow_unphysical)
-        entries.append(Setting(("robot", "allow_unphysical"), links, "--allow-unphysical"))
-    return [*entries, *_friction(options.joint_friction)]
+    return [*entries, *robot_settings(options), *_friction(options.joint_friction)]
 
 
 def _keys(flag: Flag, key: str, joints: Sequence[str], options: Any) -> list[tuple[str, ...]]:
@@ -334,6 +332,7 @@ def add_inputs(run: Any) -> dict[str, Any]:
     add_option(groups["robot"], "--urdf ROBOT", "another way to give ROBOT")
     add_switch(groups["robot"], "--ideal", "simulate the robot without clearance")
     add_shared(groups["robot"], "--allow-unphysical")
+    add_shared(groups["robot"], "--fix")
     add_repeatable(
         groups["clearance joint"],
         "--joint NAME[=LENGTH|=BEARING]",
@@ -455,7 +454,8 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
     """The scenario of a bare robot, of a preset if that is asked for."""
     if options.preset is None:
         return _asked(options, target, [], given)
-    chosen, settings = _of_preset(options.preset, target)
+    own = [*robot_settings(options), *given]
+    chosen, settings = _of_preset(options.preset, target, own)
     scenario = _asked(options, target, settings, given)
     scenario.assumptions.append(f"preset {chosen.name}: {chosen.words}")
     scenario.assumptions.extend(f"preset {chosen.name}: {one}" for one in chosen.origins)
@@ -480,12 +480,13 @@ def _asked(
     return robot_scenario(target, joints, settings, options.ideal)
 
 
-def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:
+def _of_preset(
+    name: str, target: str | None, given: Sequence[Setting]
+) -> tuple[Preset, list[Setting]]:
     """A preset, by its name or that of the robot, and its tables as settings."""
     from jointplay.mechanism.robots import urdf_of
-    from jointplay.mechanism.urdf import read
     from jointplay.scenario.presets import preset_for
-    from jointplay.scenario.robot import SCARA, resolve
+    from jointplay.scenario.robot import SCARA, description_of, resolve
     from jointplay.scenario.settings import Setting
 
     place = SCARA if target is None else target
@@ -493,7 +494,7 @@ def _of_preset(name: str, target: str | None) -> tuple[Preset, list[Setting]]:
     path = resolve(place) if ":" in place else urdf_of(place)
     return chosen, [
         Setting((table, joint, key), value, f"--preset {chosen.name}")
-        for table, joints in chosen.tables(read(path)).items()
+        for table, joints in chosen.tables(description_of(path, given)).items()
         for joint, keys in joints.items()
         for key, value in keys.items()
     ]

@@ -39,6 +39,7 @@ def add(commands: Any) -> None:
     add_option(parser, "--bearing-radius LENGTH", "R_i", 10e-3)
     add_option(parser, "--bearing-length LENGTH", "L_i", 40e-3)
     add_shared(parser, "--allow-unphysical")
+    add_shared(parser, "--fix")
     add_option(parser, "--out FILE", "URDF file to write", required=True)
 
 
@@ -68,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
             radial_clearance=radial,
             axial_clearance=options.axial,
         )
-    mechanism = Mechanism(description, joints, allow_unphysical=options.allow_unphysical)
+    mechanism = Mechanism(
+        description, joints, allow_unphysical=options.allow_unphysical, fix=options.fix
+    )
     text = to_urdf(mechanism)
     files.write(out, text)
     for joint in joints:

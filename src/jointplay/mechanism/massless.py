@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.urdf import as_option
 
 _NO_INERTIA = 1e-12
 """An entry on the mass matrix's diagonal that is no larger is none [kg m^2 or kg]."""
@@ -71,11 +72,12 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
             "the rest, so nothing says how it moves: give its links an <inertial> of their size"
         )
     one = len(links) == 1
+    able = [name for name in links.values() if name not in mechanism.clearance]
+    hold = f", or hold {'its joint' if one else 'their joints'} (--fix {as_option(able)})"
     when = f" when {', '.join(map(repr, play))} has clearance" if play else ""
     raise JointplayError(
         f"{'link' if one else 'links'} {', '.join(map(repr, links))} moved by joints "
         f"{'has' if one else 'have'} no mass or inertia to speak of, so nothing says how "
         f"{'it moves' if one else 'they move'}{when}: give {'it' if one else 'each'} an <inertial> "
-        f"in the URDF, or make {'its joint' if one else 'their joints'} "
-        f"({', '.join(map(repr, links.values()))}) fixed"
+        f"in the URDF{hold if len(able) == len(links) else ''}"
     )

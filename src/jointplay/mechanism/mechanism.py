@@ -42,6 +42,7 @@ from jointplay.joints import (
 )
 from jointplay.mechanism import urdf
 from jointplay.mechanism.beams import FlexibleLink
+from jointplay.mechanism.fixing import with_fixed
 from jointplay.mechanism.flexible import cut_links, end_of_tool, hinges_of
 from jointplay.mechanism.free_base import BASE, BASES, HELD
 from jointplay.mechanism.gear import Gear, Gearing
@@ -107,6 +108,7 @@ class WrittenMechanism:
     gravity: tuple[float, float, float] = quantity("m/s^2")
     tool: str
     allow_unphysical: tuple[str, ...]
+    fix: tuple[str, ...] = ()
     loops: dict[str, Loop] = field(default_factory=dict)
     gears: dict[str, Gearing] = field(default_factory=dict)
     base: str = choice("base", BASES, default=HELD)
@@ -127,7 +129,10 @@ class Mechanism(Overview, Described):
             ``"balanced"`` none.
         tool: name of the frame whose motion is reported; None takes the end of the chain of moving
             joints that has most of those with clearance (`mechanism.tool`).
-        allow_unphysical: links whose inertia is used although no rigid body has it.
+        allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
+            stands for all of them.
+        fix: joints that are held, with those that mimic them: at zero, or at the limit nearest to
+            it.
         base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
             or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
             ``.roll`` [rad] come first; they are zero where the URDF has it.
@@ -168,19 +173,22 @@ class Mechanism(Overview, Described):
         gravity: Sequence[float] | str = STANDARD_GRAVITY,
         tool: str | None = None,
         allow_unphysical: Collection[str] = (),
+        fix: Collection[str] = (),
         base: str = HELD,
     ) -> None:
         """Read the URDF and build the model."""
         allow_unphysical = require_names(
             "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
         )
+        fix = require_names("fix", fix, "names of joints", ("fix",))
         if not isinstance(path, urdf.Description | str | Path):
             raise JointplayError(
                 f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
             )
         if not isinstance(path, urdf.Description):
             path = urdf.read(urdf_of(path), allow_unphysical)
-        self.description = path
+        self.description = with_fixed(path, fix)
+        self.fix = fix
         # Names out of NumPy arrays print as np.str_(...).
         joints = require_table("clearance", clearance, "of joints by name", ("clearance",))
         self.given_joints = {str(name): joint for name, joint in joints.items()}
@@ -469,6 +477,7 @@ class Mechanism(Overview, Described):
             gravity=self.gravity,
             tool=self.tool,
             allow_unphysical=self.allow_unphysical,
+            fix=self.fix,
             base=self.base,
         )
 
@@ -495,6 +504,7 @@ class Mechanism(Overview, Described):
             "gravity": list(self.gravity),
             "tool": self.tool,
             "allow_unphysical": list(self.allow_unphysical),
+            "fix": list(self.fix),
             "base": self.base,
         }
 
@@ -521,6 +531,8 @@ class Mechanism(Overview, Described):
         facts = {"moving joints": few(moving)}
         if self.base_words:
             facts["base"] = self.base_words.removeprefix("the base ")
+        if self.fix:
+            facts["held joints"] = few(list(self.fix))
         hinges = self.hinges
         for name, its in hinges.items():
             one = self.clearance[its[0]]

@@ -183,8 +183,8 @@ class Survey:
         """What is not as it should be, in words."""
         astray = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
         remarks = (
-            (self.massless, "cannot be simulated: {} move links without mass"),
-            (self.unphysical, "physically impossible inertia, must be allowed by name: {}"),
+            (self.massless, "cannot be simulated unless held: {} move links without mass"),
+            (self.unphysical, "physically impossible inertia, must be allowed: {}"),
             (self.mimics, "joints that follow others: {}"),
             (astray, "move independently, because the joint that they mimic does not exist: {}"),
         )
@@ -205,7 +205,7 @@ def survey(place: str | Path) -> Survey:
 
     from jointplay.mechanism.massless import massless_links, massless_motions
     from jointplay.mechanism.mechanism import Mechanism
-    from jointplay.mechanism.urdf import elements, impossible_inertias, leaders
+    from jointplay.mechanism.urdf import ALL, elements, impossible_inertias, leaders
 
     path = urdf_of(place)
     given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml")
@@ -218,7 +218,7 @@ def survey(place: str | Path) -> Survey:
     mimics = tuple(n for n in moving if n in following)
     unphysical = tuple(impossible_inertias(root))
     try:
-        mechanism = Mechanism(path, allow_unphysical=unphysical)
+        mechanism = Mechanism(path, allow_unphysical=[ALL])
     except JointplayError as error:
         return Survey(name, path, moving, False, unphysical, mimics, (), str(error), astray)
     moving = {n: moving[n] for n in mechanism.coordinates}

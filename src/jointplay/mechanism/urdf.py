@@ -353,12 +353,17 @@ class Description:
         return deepcopy(self.declared.root)
 
 
+ALL = "all"
+"""Stands for the names of all links whose inertia no rigid body has."""
+
+
 def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
     """Read a URDF and check every inertia.
 
     Args:
         path: the file.
-        allow_unphysical: names of links whose inertia is used although no rigid body has it.
+        allow_unphysical: names of links whose inertia is used although no rigid body has it, or
+            ``"all"``.
 
     Raises:
         JointplayError: the file is missing or malformed, its links do not form one tree, or a
@@ -388,7 +393,9 @@ def _root(text: str, path: Path) -> ElementTree.Element:
 
 
 def as_option(names: Sequence[str]) -> str:
-    """Names as ``--allow-unphysical`` takes them in a shell: with commas, quoted if need be."""
+    """Names as ``--fix`` and ``--allow-unphysical`` take them in a shell: with commas, quoted if
+    need be.
+    """
     written = io.StringIO()
     csv.writer(written, lineterminator="").writerow(names)
     return shlex.quote(written.getvalue())
@@ -424,12 +431,12 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     _check_placements(root)
     _check_pictures(root)
     for name in allow_unphysical:
-        if name not in links:
-            raise MissingName("link", name, links)
+        if name not in links and name != ALL:
+            raise MissingName("link", name, [*links, ALL])
     faults = impossible_inertias(root)
-    wrong = [name for name in faults if name not in allow_unphysical]
+    wrong = [] if ALL in allow_unphysical else [n for n in faults if n not in allow_unphysical]
     if wrong:
-        flag = f"--allow-unphysical {as_option(wrong)}"
+        flag = f"--allow-unphysical {ALL}"
         rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
@@ -649,7 +656,7 @@ def _fault(name: str, inertial: ElementTree.Element) -> str:
         return f"{owner} has the mass {mass:g} kg; it must be positive"
     low, middle, high = np.linalg.eigvalsh(tensor)
     moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m2"
-    hint = f"; correct it, or allow this link by name (--allow-unphysical {name})"
+    hint = f"; correct it, or allow this link by name (--allow-unphysical {as_option([name])})"
     if low <= 0.0:
         return f"{owner} has {moments}: not positive definite{hint}"
     if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):

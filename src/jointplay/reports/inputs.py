@@ -111,6 +111,8 @@ def _parameters(result: Result) -> dict[str, Cell]:
         cells["base"] = "free: nothing holds it"
     if robot.get("allow_unphysical"):
         cells["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
+    if robot.get("fix"):
+        cells["held joints"] = ", ".join(robot["fix"])
     if robot.get("loops"):
         cells["closed loops"] = "; ".join(
             f"{name}: {loop.get('bearing_link')} - {loop.get('journal_link')}"

@@ -22,6 +22,7 @@ from jointplay.joints.base import RoundClearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.beams import FlexibleLink
+from jointplay.mechanism.fixing import with_fixed
 from jointplay.mechanism.flexible import end_of_tool
 from jointplay.mechanism.heat import warmed
 from jointplay.mechanism.loop import Loop, refuse_name
@@ -487,6 +488,8 @@ def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
     with within("robot", "urdf"):
         path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
+    with within("robot"):
+        description = with_fixed(description, robot.fix)
     parts = model.loops, model.joints, model.gears, model.heat, model.links
     inputs = (robot, *parts, folder)
     key = (str(path), description.text, *map(repr, inputs))
@@ -549,6 +552,7 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
             gravity=robot.gravity,
             tool=tool,
             allow_unphysical=robot.allow_unphysical,
+            fix=robot.fix,
             base=robot.base,
         )
     mechanism.tool_reason = reason

@@ -50,7 +50,10 @@ class Robot(Limited):
     gravity: Vector = quantity("m/s^2", default=STANDARD_GRAVITY, choices=("gravity", GRAVITY))
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (zero), or three components in world axes."""
     allow_unphysical: tuple[str, ...] = ()
-    """Links whose inertias are accepted although they are physically impossible."""
+    """Links whose inertias are accepted although they are physically impossible; ``["all"]`` stands
+    for all of them."""
+    fix: tuple[str, ...] = ()
+    """Joints that are held, with those that mimic them: at zero, or at the limit nearest to it."""
     base: str = choice("base", BASES, default=HELD)
     """``held``: bolted to the ground; or ``free``: held by nothing, so that it moves with what its
     joints and loads do, and falls under gravity."""

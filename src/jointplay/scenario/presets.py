@@ -122,6 +122,7 @@ class Preset:
         """
         from jointplay.core.schema import read as make
         from jointplay.joints import Clearance
+        from jointplay.mechanism.fixing import with_fixed
         from jointplay.mechanism.gear import Gearing
         from jointplay.mechanism.mechanism import Mechanism
         from jointplay.mechanism.robots import urdf_of
@@ -130,7 +131,8 @@ class Preset:
         if place is None:
             raise JointplayError(f"preset {self.name!r} is for any arm: give a robot")
         path = resolve(place) if ":" in str(place) else urdf_of(place)
-        tables = self.tables(read(path, ()))
+        description = read(path, options.get("allow_unphysical", ()))
+        tables = self.tables(with_fixed(description, options.get("fix", ())))
         joints = {name: make(Clearance, one) for name, one in tables.get("joints", {}).items()}
         gears = {name: make(Gearing, one) for name, one in tables.get("gears", {}).items()}
         return Mechanism(path, joints, gears=gears, **options)

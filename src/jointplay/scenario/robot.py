@@ -14,6 +14,7 @@ from jointplay.core.schema import one_of
 from jointplay.core.tables import few
 from jointplay.core.units import round_below
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.mechanism.fixing import with_fixed
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.urdf import Description, read
 from jointplay.result.settings import Integration, Recording
@@ -101,6 +102,14 @@ def robot_scenario(
     return scenario
 
 
+def description_of(path: Path, settings: Sequence[Setting]) -> Description:
+    """The URDF with what settings allow and hold; what else they say is read with the scenario."""
+    robot = tree(settings).get("robot", {})
+    names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
+    allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
+    return with_fixed(read(path, allowed), fix)
+
+
 def _of_robot(
     place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool
 ) -> Scenario:
@@ -110,8 +119,7 @@ def _of_robot(
     place = SCARA if place is None else _prefixed(place)
     # The URDF alone: what is wrong elsewhere is said when the scenario is built.
     path = resolve(place, Path())
-    allowed = tree(settings).get("robot", {}).get("allow_unphysical", [])
-    description = read(path, allowed if isinstance(allowed, list) else [])
+    description = description_of(path, settings)
     settings = with_names(settings, description.joints)
     given = tree(settings)
     description.require_moving()
