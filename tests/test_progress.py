@@ -136,3 +136,10 @@ def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(jobs, tmp_p
     assert done.returncode == 0, done.stderr
     assert "%|" not in done.stderr
     assert "\r" not in done.stderr
+
+
+def test_a_bar_that_is_not_shown_counts_nothing_and_fails_at_nothing():
+    with progress.ProgressBar(total=3, disable=True) as bar:
+        bar.update(1)
+        assert bar.format_dict["n"] == 0
+        str(bar)

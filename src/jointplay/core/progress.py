@@ -55,6 +55,8 @@ class ProgressBar(tqdm):
     def format_dict(self) -> dict[str, Any]:
         """What the bar shows; the speed is that since something was done first."""
         shown: dict[str, Any] = super().format_dict
+        if self.disable:  # tqdm then has no clock
+            return shown
         early = shown["elapsed"] < _EARLY_S and shown["n"] < _EARLY * (shown["total"] or 0.0)
         time, done = self._first or (math.inf, 0.0)
         span = self._time() - time
@@ -66,7 +68,7 @@ class ProgressBar(tqdm):
     def update(self, n: float | None = 1) -> bool | None:
         """So much more is done."""
         told: bool | None = super().update(n)
-        if self._first is None and n:
+        if not self.disable and self._first is None and n:
             self._first = self._time(), self.n
         return told
 
