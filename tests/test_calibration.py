@@ -3,6 +3,7 @@
 import importlib
 import json
 import subprocess
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +26,7 @@ from jointplay.identification.static_poses import (
 )
 from jointplay.mechanism.payload import Payload
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 JOINTS = ("waist", "shoulder", "elbow", "wrist")
 NOISE = 5e-5
 
@@ -152,7 +154,7 @@ def test_intervals_hold_the_truth_in_95_of_100_cases(arm):
         seen += fit.within.sum()
         for kind, sizes in (("offset", offsets), ("compliance", soft), ("play", halves)):
             for name, size in sizes.items():
-                one = fit[f"{kind} {name}"]
+                one = fit.play_of(name) if kind == "play" else fit[f"{kind} {name}"]
                 total += 1
                 inside += one.low <= size <= one.high
                 assert one.high - one.low < {"compliance": 2e-4}.get(kind, 2e-3)
@@ -178,6 +180,26 @@ def test_play_is_found_with_its_friction_and_told_from_compliance(arm):
     text = str(fit)
     assert str(elbow) in text
     assert "waist                this measurement cannot tell: gravity does not load" in text
+
+
+def test_what_is_told_of_play_stands_in_one_place(arm):
+    """No second interval among the coefficients, that another verdict could contradict."""
+    truth = Truth(arm, 3).offset(elbow=0.02).play(friction=1.0, transition=0.4, elbow=4e-3)
+    fit = calibrate(arm, truth.measured(), ["offset", "play"])
+    assert "play" in {term.kind for term in fit.kept}
+    assert "play" not in {one.term for one in fit.coefficients}
+    rows = [row.split(",") for row in fit.csv().splitlines()]
+    assert not [row for row in rows if row[0] == "coefficient" and row[1].startswith("play")]
+    assert str(fit).count(f"{1e3 * fit.play_of('elbow').half:.3g} mrad (") == 1
+
+
+def test_intervals_of_play_cover_frictions_and_transitions_that_nobody_gave():
+    """Robots of the benchmark whose friction and transition lie between those that are tried."""
+    benchmark = importlib.import_module("calibrate")
+    rows = [row for seed in (1, 10, 13, 21, 45) for row in benchmark.case(seed)]
+    found = [row for row in rows if row["kind"] == "joint's play"]
+    assert len(found) >= 5
+    assert not [row for row in found if row["wrong"]]
 
 
 def test_eccentric_encoders_are_not_taken_for_play(arm):

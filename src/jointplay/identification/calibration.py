@@ -48,11 +48,12 @@ LARGE = 1.2
 """Excess of held-back errors from which on it is said."""
 TOGETHER = 0.7
 """Correlation from which two coefficients are said to act together."""
-FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
-TRANSITIONS = (0.02, 0.05, 0.15, 0.3, 0.6)
+FRICTIONS = tuple(step / 20.0 for step in range(15))
+TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
 """Of play, over the largest load of the joint, where they are sought."""
-DRAWS, NORMAL = 1000, 1.96
-"""Of coefficients for an effect's interval; half of a 95 % interval in standard deviations."""
+DRAWS, NORMAL, TWO_UNKNOWNS = 1000, 1.96, 5.99
+"""Of coefficients for an effect's interval; half of a 95 % interval in standard deviations; 95 %
+quantile of chi-square with two degrees of freedom, friction's and transition's."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
 _SHOWN = {
@@ -192,6 +193,7 @@ class Calibration:
     steps: tuple[Step, ...]
     """All models that were tried, in order; the first has no causes but those always in it."""
     coefficients: tuple[Coefficient, ...]
+    """Of the terms that were kept, but play, of which `play` has what is told."""
     play: tuple[PlayBound, ...]
     """Of every joint of the chain, all candidates and everybody's play free."""
     error: tuple[float, float]
@@ -805,17 +807,17 @@ def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, 
 
 
 def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Coefficient, ...]:
-    """Of the terms that were kept, with intervals."""
+    """Of the terms that were kept, with intervals; of play see `_bounds`."""
     rows = np.arange(len(fits.poses))
     problem, fitted, _ = fits.problem(kept, rows, start)
-    half, _, stretch = _spread(fits, problem, fitted)
+    half, _, _ = _spread(fits, problem, fitted)
     made = []
     for i, column in enumerate(problem.columns):
         k = problem.first + i
         value = float(fitted.state.c[i])
         low, high = value - half[k], value + half[k]
-        if column.term.kind == "play" and fits.sought(column):
-            low, high = _over_leans(fits, problem, fitted, i, half[k], stretch)
+        if column.term.kind == "play":
+            continue  # what is told of it stands in one place, `_bounds`
         told, _, other = _informed(problem, fitted, i)
         name, kind, unit = column.label, column.term.kind, column.unit
         made.append(
@@ -858,7 +860,7 @@ def _over_leans(
     fits: _Fits, problem: Problem, fitted: Fitted, i: int, half: float, stretch: float
 ) -> tuple[float, float]:
     """Ends of play's interval over all frictions and transitions that are not worse by more than
-    the 95 % quantile of chi-square; each fit to first order from the best one."""
+    the 95 % quantile of chi-square, of two unknowns; each fit to first order from the best one."""
     column = problem.columns[i]
     rows, k = fitted.rows, problem.first + i
     bare = replace(column, feature=np.ones(len(fits.poses)))
@@ -879,7 +881,7 @@ def _over_leans(
         step = np.linalg.solve(hessian, gradient)
         found.append((-float(gradient @ step), float(step[k])))
     best = min(cost for cost, _ in found)
-    near = [value for cost, value in found if cost <= best + 3.84 * stretch]
+    near = [value for cost, value in found if cost <= best + TWO_UNKNOWNS * stretch]
     return min(near) - half, max(near) + half
 
 
