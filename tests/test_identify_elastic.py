@@ -1,7 +1,9 @@
 """Play and elasticity are told apart, or it is said that they cannot be."""
 
+import importlib
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +15,9 @@ from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identi
 from jointplay.cli import main
 from jointplay.contact import Ambrosio
 from jointplay.identification import Measurement
+from jointplay.identification.identification import apply
 from jointplay.identification.measurement import visits
-from jointplay.identification.parameters import compliances
+from jointplay.identification.parameters import Parameter, compliances
 from jointplay.loads import JointFriction
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -270,3 +273,36 @@ def test_a_stop_holds_the_records_within_which_nothing_moves(arm, rate):
     assert (made.time[moving, 1] < 2.0 + 1.01 / rate)[made.position[moving, 0] < 0.49].all()
     path = made.path_visit >= 0
     assert (made.path_near[path] == made.path_visit[path]).all()
+
+
+SOFT = {
+    "a bush along the normal": (312, {"friction": 0.2, "sinks": 1e-5}, 1.0, "shoulder friction"),
+    "2 um and 0.6 um/N that stiffens": (
+        313, {"clearance": 2e-6, "sinks": 6e-5}, 0.9, "elbow radial clearance",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SOFT)
+def test_soft_bearings_are_not_taken_for_friction_or_play(monkeypatch, case):
+    """Friction turns what a bush gives way by; a contact that stiffens looks like play."""
+    benchmark = importlib.import_module("identify")
+    seed, change, exponent, label = SOFT[case]
+    drawn = benchmark.elastic_arm
+
+    def arm(random, kind):
+        made = drawn(random, kind)
+        joints = [replace(one, dry=0.0, **(change if one.clearance else {})) for one in made.joints]
+        return replace(made, joints=tuple(joints), vertical=True)
+
+    monkeypatch.setattr(benchmark, "elastic_arm", arm)
+    monkeypatch.setattr(elastic, "HERTZ", exponent)
+    row = next(row for row in benchmark.elastic_case(seed) if row["unknown"] == label)
+    assert not row["wrong"], row
+
+
+def test_what_holds_at_rest_is_no_value_of_the_mechanism(arm):
+    """Stiction is fitted because others depend on it; a gear's joint has no bearing to change."""
+    gear = Mechanism(arm, gears={"shoulder": Gear(1e-3, 0.1, 1e5)})
+    at_rest = Parameter("shoulder", "stiction", "", 1.0, 1.0, 3.0, sought=False)
+    assert apply(gear, [at_rest], np.ones(1), [""]).gears == gear.gears

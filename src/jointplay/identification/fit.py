@@ -151,6 +151,8 @@ class LeastSquares:
     """Numbers that may be wrong together, of a place or of a load, have the same number, (m,)."""
     elastic: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Columns of `nuisance` that are compliances, by their labels."""
+    softening: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """By joint, see `StaticModel.softening`, (m,)."""
 
     @property
     def scale(self) -> np.ndarray:
@@ -181,6 +183,19 @@ class LeastSquares:
     def residual(self, theta: np.ndarray) -> np.ndarray:
         """Residual in standard errors, shape (m,)."""
         return self.whiten(self.predict(theta) - self.measured)
+
+    def softened(self, joint: str) -> LeastSquares | None:
+        """The problem of a machine whose bearing in a joint gives way like a contact of lines, not
+        in proportion to its load; None where that is no unknown.
+
+        What becomes stiffer under load looks like play and a stiffer one in proportion.
+        """
+        k = self.elastic.get(f"{joint} radial")
+        if k is None:
+            return None
+        nuisance = self.nuisance.copy()
+        nuisance[:, k] *= self.softening[joint][:, None]
+        return replace(self, nuisance=nuisance, softening={})
 
     def cost(self, theta: np.ndarray) -> float:
         """Sum of the squared residuals, in standard errors."""
@@ -363,6 +378,11 @@ def search(problem: LeastSquares, start: np.ndarray, kinds: np.ndarray) -> tuple
     others += _with_other_walls(problem, best.theta)
     limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
+    softened = [soft for joint in problem.softening if (soft := problem.softened(joint))]
+    for soft in softened:
+        fit = solve(soft, best.theta, _LATER)
+        if soft.cost(fit.theta) <= limit:
+            away.append(np.abs(fit.theta - best.theta) + fit.half_width)
     wide = np.max([best.half_width, *away], axis=0)
     wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
     return problem, replace(best, half_width=wide)

@@ -111,7 +111,7 @@ def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Ela
     nuisance = problem.nuisance / problem.error[:, None]
     found = []
     for one in model.elastic:
-        if one.label == TOOL or not one.effect.any():
+        if one.label == TOOL or one.label.endswith(" bush") or not one.effect.any():
             continue
         k = int(problem.elastic[one.label][0])
         span = basis(np.column_stack([np.delete(nuisance, k, axis=1), effect]))
@@ -708,6 +708,12 @@ def _problem(
         np.concatenate([free, more]),
         tuple(np.concatenate([group[use], alone]) for group in groups),
         columns,
+        {
+            name: np.concatenate(
+                [np.broadcast_to(factor[:, None], use.shape)[use], np.zeros(len(more))]
+            )
+            for name, factor in model.softening.items()
+        },
     )
 
 
@@ -735,7 +741,7 @@ def apply(
             gears[one.joint] = replace(gears[one.joint], play=float(value))
         elif one.name == "gear_compliance":
             gears[one.joint] = replace(gears[one.joint], stiffness=1.0 / max(float(value), 1e-12))
-        elif one.name not in ("dry_friction", "torsional_compliance"):
+        elif one.joint in joints and one.name in (*joints[one.joint].clearances, "friction"):
             joints[one.joint] = with_clearance(joints[one.joint], {one.name: float(value)})
     return mechanism.with_clearance(joints, gears)
 

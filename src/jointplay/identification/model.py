@@ -53,8 +53,18 @@ from jointplay.mechanism.model import z_to
 from jointplay.result.result import AXES
 
 _LATERAL = [0, 1, 3, 4]
-_AXES = {"torsional": [5], "link": [5], "tilt": [3, 4], "radial": [0, 1], "axial": [2]}
+_AXES = {
+    "torsional": [5],
+    "link": [5],
+    "tilt": [3, 4],
+    "radial": [0, 1],
+    "bush": [0, 1],
+    "axial": [2],
+}
 """Components of a joint's load and displacement in bearing axes."""
+_LINE_CONTACT = 0.9
+"""Exponent of the load by which contacts of lines give way, those of points by 2/3; the compliances
+here give way in proportion to it."""
 _REMEMBERED = 100
 """Displacements of bearings and lags that are kept: differences move one joint at a time."""
 _FAINT_LOAD = 0.02
@@ -135,6 +145,23 @@ class _Bearing:
         """
         return self.torque(None) * (self.slides + 0.5 * self.kept)
 
+    def aside(self) -> np.ndarray:
+        """Load that friction turns out of its direction, by the expected friction, (n, 2) [N].
+
+        A bush gives way along the contact's normal, which friction turns as it turns the journal's
+        place: aside in proportion to the load, where the clearance alone does by the same at all.
+        """
+        angle = np.arctan(friction_of(self.joint) or 0.0) * (self.slides + 0.5 * self.kept)
+        angle = angle if self.joint.exchanged else -angle
+        return np.asarray(_turned(self.load, angle) - self.load)[:, :2]
+
+    def softening(self) -> np.ndarray:
+        """How a contact of lines gives way beside one that gives way in proportion to its load,
+        as a factor, one at the largest load, (n,)."""
+        size = np.linalg.norm(self.load[:, :2], axis=1)
+        part = size / max(float(size.max(initial=0.0)), 1e-300)
+        return np.where(part > 0.0, np.maximum(part, 1e-12) ** (_LINE_CONTACT - 1.0), 0.0)
+
     def torque(self, friction: float | None) -> np.ndarray:
         """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
         coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
@@ -164,6 +191,7 @@ class StaticModel:
     Attributes:
         certain: visits at which the sides of all gears, and of all rims, are known, shape (n,).
         elastic: effects of compliances; what is given of them is in `predict`.
+        softening: of each bearing, see `_Bearing.softening`, by its joint's name, (n,).
         levers: how displacements of a joint move the tool, by its name, (n, 3, 6).
 
     Raises:
@@ -203,6 +231,7 @@ class StaticModel:
         self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
         self._hold = {name: -own[name][:, axis] for name, axis in about.items()}
         self._pushed = {name: self.levers[name][:, :, axis] for name, axis in about.items()}
+        self.softening = {name: one.softening() for name, one in self._bearings.items()}
         elastic = self._elastic(loads, tool)
         self._known = np.zeros((len(visits), len(keys)))
         for one in elastic:
@@ -229,6 +258,10 @@ class StaticModel:
                 if (way == "link") != (name in self._gives) and axes == [5]:
                     continue  # of one that winds up, the torsional one is no column
                 own = load[:, axes]
+                if way == "bush":
+                    if name not in self._bearings or not friction_of(self._bearings[name].joint):
+                        continue
+                    own = self._bearings[name].aside()
                 if way == "torsional" and name in self._bearings:
                     own = own - self._bearings[name].drag()[:, None]
                 moved = np.einsum("nki,ni->nk", self.levers[name][:, :, axes], own)

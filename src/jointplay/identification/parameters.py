@@ -35,11 +35,13 @@ WAYS = {
     "link": "rad/(N*m)",
     "tilt": "rad/(N*m)",
     "radial": "m/N",
+    "bush": "m/N",
     "axial": "m/N",
 }
 """In which a joint gives way, and the unit of that compliance: about its axis; its link about that
 axis, where friction at the joint holds none of it (a joint that winds up has both, others one);
-about the axes across; across; along."""
+about the axes across; across, along the load; of a bush that gives way across, how much of it turns
+aside with the contact's normal where friction does; along."""
 TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 WOUND = ("gear_compliance", "torsional_compliance")
