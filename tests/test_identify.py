@@ -103,9 +103,12 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
     found = identify(mechanism, seen())
     for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
         value, half = found[label]
-        assert half < 0.2 * wanted
+        assert half < 0.25 * wanted
         assert abs(value - wanted) < 2.0 * half
     assert found.identified[:2].all()
+    # A bush that gives way aside may be there, unless it is said that there is none.
+    known = identify(mechanism, seen(), stiffness={"j bush": math.inf})
+    assert known["j friction"][1] < found["j friction"][1]
     assert found.mechanism.clearance["j"].cr == pytest.approx(found["j radial clearance"][0])
     assert found.misfit < 1.5
 
@@ -115,11 +118,11 @@ def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     wanted = np.array([CLEARANCE, FRICTION])
     off, half = np.zeros((10, 2)), np.zeros((10, 2))
     for seed in range(10):
-        found = identify(mechanism, seen(seed=seed, noise=2e-5, rate=50.0))
+        found = identify(mechanism, seen(seed=seed, noise=1e-5, rate=50.0))
         assert found.identified[:2].all()  # an interval without end covers everything
         off[seed] = np.abs(found.value[:2] - wanted)
         half[seed] = found.half_width[:2]
-    assert (half < 0.4 * wanted).all()
+    assert (half < 0.5 * wanted).all()
     assert np.mean(off <= half) >= 0.85  # 17 of 20 at 95 %: fewer happen once in 60 times
     assert np.mean(off <= half / 10.0) < 0.85  # intervals a tenth as wide would be found out
 

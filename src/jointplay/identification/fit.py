@@ -378,11 +378,16 @@ def search(problem: LeastSquares, start: np.ndarray, kinds: np.ndarray) -> tuple
     others += _with_other_walls(problem, best.theta)
     limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
+    plays = [one.name.endswith("clearance") for one in problem.unknowns]
     softened = [soft for joint in problem.softening if (soft := problem.softened(joint))]
     for soft in softened:
         fit = solve(soft, best.theta, _LATER)
-        if soft.cost(fit.theta) <= limit:
-            away.append(np.abs(fit.theta - best.theta) + fit.half_width)
+        cost = soft.cost(fit.theta)
+        if cost <= limit:
+            # Where that explains the means better, its own interval counts, too.
+            own = fit if cost < problem.cost(best.theta) else best
+            size = np.abs(fit.theta - best.theta) + own.half_width
+            away.append(np.where(plays, size, 0.0))
     wide = np.max([best.half_width, *away], axis=0)
     wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
     return problem, replace(best, half_width=wide)

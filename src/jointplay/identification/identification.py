@@ -761,6 +761,7 @@ def _assumptions(
     """All that was taken for granted, a line each."""
     machine = model.machine
     stated, weak = [], []
+    sought = {one.label for one in model.elastic if one.label.endswith(" bush")}
     for label, one in machine.compliances.items():
         unit = "N*m/rad" if label.endswith(("torsional", "tilt", "link")) else "N/m"
         if one.value:
@@ -770,6 +771,8 @@ def _assumptions(
             stated.append(f"{label} rigid")
         elif label.removesuffix(" link") in machine.wound:
             weak.append(f"{label} 0 +- {1e6 * one.spread:.3g} urad/(N m)")
+        elif label in sought:
+            weak.append(f"{label} 0 +- {1e6 * one.spread:.3g} um/N")
     if all(word.endswith(" rigid") for word in stated) and "tool rigid" in stated:
         stated = ["everything rigid but gears"]
     lines = [

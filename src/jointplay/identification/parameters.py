@@ -58,6 +58,9 @@ _SOFTEST = 100.0
 LINK = 1e-4
 """Deviation of the bending of links from none where a joint winds up, unless the gear is expected
 to give way by more [rad/(N m)]: with any number one could make up for the other."""
+BUSH = 1e-7
+"""Deviation from none of what a bush gives way by along the contact's normal [m/N]: passes under
+one load do not tell it from friction, so without a bound no friction could be told from them."""
 _TORSION = 1e-5
 """Torsional compliance from which an unknown one is sought [rad/(N m)]."""
 _STICKS = 3.0
@@ -278,6 +281,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
         gear = known_gears(mechanism).get(name)
         spread = LINK if gear is None else max(LINK, 1.0 / gear.stiffness)
         known[f"{name} link"] = Compliance(0.0, spread)
+    known |= {f"{name} bush": Compliance(0.0, BUSH) for name in mechanism.clearance}
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
