@@ -385,8 +385,8 @@ def search(problem: LeastSquares, start: np.ndarray, kinds: np.ndarray) -> tuple
         cost = soft.cost(fit.theta)
         if cost <= limit:
             # Where that explains the means better, its own interval counts, too.
-            own = fit if cost < problem.cost(best.theta) else best
-            size = np.abs(fit.theta - best.theta) + own.half_width
+            nearer = fit if cost < problem.cost(best.theta) else best
+            size = np.abs(fit.theta - best.theta) + nearer.half_width
             away.append(np.where(plays, size, 0.0))
     wide = np.max([best.half_width, *away], axis=0)
     wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
