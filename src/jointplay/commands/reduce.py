@@ -37,6 +37,8 @@ NEEDS = {
     ".usda": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
 }
 """Packages that a whole robot's formats need, and for what."""
+LEANS = ("mjcf", "json")
+"""Formats that can hold the lean of an axis."""
 STEM = "robot"
 """Name of a whole robot's files."""
 
@@ -80,7 +82,7 @@ def add(commands: Any) -> None:
         "motor",
         choices=("motor", "link"),
     )
-    add_switch(group, "--tilt", "MJCF: let the axis tilt as well")
+    add_switch(group, "--tilt", "let the axes tilt as well, which only MJCF and JSON can hold")
     add_repeatable(group, "--format", "file format; by default all", choices=FORMATS)
     add_option(
         group,
@@ -145,7 +147,8 @@ def _run_one(options: argparse.Namespace) -> int:
 
     joint, length = name_and_value(options.joint[0], is_value=is_designation)
     stem = joint.replace("/", "_")
-    endings = [ending for one in options.format or list(FORMATS)[:-1] for ending in FORMATS[one]]
+    formats, notes = _formats(options, list(FORMATS)[:-1])
+    endings = [ending for one in formats for ending in FORMATS[one]]
     names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]
     out = Outputs(options.out, [*names, "reversals.png"])
     from jointplay.design import reduced_files
@@ -165,7 +168,7 @@ def _run_one(options: argparse.Namespace) -> int:
             "--clearance or --gear is missing: without play there is nothing to reduce"
         )
     mechanism = _with_gear(options, work.mechanism, scenario)
-    _require_play(options, mechanism, [joint], options.format or list(FORMATS)[:-1])
+    _require_play(options, mechanism, [joint], formats)
     out.claim()
     pose = _pose(mechanism, work)
     model = reduce(
@@ -175,7 +178,7 @@ def _run_one(options: argparse.Namespace) -> int:
         **given(options, "amplitude", "period"),
         progress=not options.quiet,
     )
-    print("\n".join([*work.notes, str(model)]))
+    print("\n".join([*work.notes, str(model), *notes]))
     if options.tilt and model.tilt_error > model.tilt > 0.0:
         print(
             "note: the error of the lean exceeds its dead band: its load does not turn the journal "
@@ -205,8 +208,6 @@ def _run_one(options: argparse.Namespace) -> int:
 
 def _run_all(options: argparse.Namespace) -> int:
     """Reduce all joints that have play, into one file of each format."""
-    if options.tilt:
-        raise JointplayError("--tilt is for one joint: leave out --all, and give --joint")
     count = 0 if options.batch is None else options.batch
     if options.batch is not None and count < 1:
         raise JointplayError(f"--batch must be at least 1, got {count}")
@@ -234,7 +235,7 @@ def _run_all(options: argparse.Namespace) -> int:
     work = task(options)
     mechanism = _with_gear(options, work.mechanism, str(options.robot).endswith(".toml"))
     play = [*mechanism.clearance, *mechanism.gears]
-    _require_play(options, mechanism, play, options.format or list(WHOLE))
+    _require_play(options, mechanism, play, _formats(options, list(WHOLE))[0])
     found = None
     if options.identified is not None:
         found = whole_robot.read_identified(options.identified, mechanism.joints)
@@ -247,14 +248,26 @@ def _run_all(options: argparse.Namespace) -> int:
     servos = _servos(options, work)
     if servos and ".xml" in endings:
         notes.append(f"servos (MJCF): {', '.join(servos)}")
-    print("\n".join([*work.notes, _overview(reductions)]))
+    leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
+    print("\n".join([*work.notes, _overview(reductions, leaning)]))
     writer = _Writer(options, mechanism, reductions, pose, endings)
+    written, own = whole_robot.reach(mechanism, reductions, pose, leaning)
+    notes.append(
+        f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
+        f"budget's worst case is {1e3 * own.worst[0]:.5g} mm"
+        + _unwritten(mechanism, reductions, leaning)
+    )
     contents = writer.files(STEM, reductions, servos)
     if ".json" in endings:
         contents[f"{STEM}.json"] = writer.parameters()
     if count:
         ranges = whole_robot.intervals(
-            mechanism, reductions, options.spread, found, servos if writer.compiles else {}
+            mechanism,
+            reductions,
+            options.spread,
+            found,
+            servos if writer.compiles else {},
+            leaning if writer.compiles else (),
         )
         values = whole_robot.draw(ranges, count, options.seed or 0)
         for name, row in zip(copies, values, strict=True):
@@ -271,7 +284,46 @@ def _run_all(options: argparse.Namespace) -> int:
     out.write(contents)
     if options.check:
         _check_all(contents, writer, reductions)
+        if leaning:
+            direction = own.direction[0]
+            found_reach = whole_robot.find_reach(
+                contents[f"{STEM}.xml"], writer.meshes, mechanism.tool, pose, direction
+            )
+            print(
+                f"MuJoCo: the axes' lean moves the tool by {1e3 * found_reach:.5g} mm along the "
+                "budget's worst direction"
+            )
     return 0
+
+
+def _unwritten(mechanism: Any, reductions: list[Any], leaning: list[str]) -> str:
+    """Which play is in no file, in words after those on the budget; empty if all is."""
+    left = {name: "" for name in [*mechanism.clearance, *mechanism.gears]}
+    for one in reductions:
+        left.pop(one.joint)
+    parts = [f"all play of {', '.join(left)}"] if left else []
+    upright = [one.joint for one in reductions if one.tilt > 0.0 and one.joint not in leaning]
+    if upright:
+        parts.append(f"the lean of {', '.join(upright)} (--tilt writes it)")
+    if any(max(one.lateral, one.axial) > 0.0 for one in reductions):
+        parts.append("the journals' travel aside and along")
+    return f"; not written: {', '.join(parts)}" if parts else ""
+
+
+def _formats(options: argparse.Namespace, able: list[str]) -> tuple[list[str], list[str]]:
+    """Formats to write, and which of those that nobody asked for cannot hold what --tilt writes.
+
+    Raises:
+        JointplayError: one that was asked for cannot.
+    """
+    chosen = list(dict.fromkeys(options.format or able))
+    upright = [one for one in chosen if options.tilt and one not in LEANS]
+    if not upright:
+        return chosen, []
+    can = f"the lean of an axis, which --tilt writes, is held by {' and '.join(LEANS)} only"
+    if options.format:
+        raise JointplayError(f"--format {upright[0]} with --tilt: {can}")
+    return [one for one in chosen if one in LEANS], [f"no {', '.join(upright)}: {can}"]
 
 
 def _require_play(
@@ -315,8 +367,8 @@ def _endings(options: argparse.Namespace) -> tuple[list[str], list[str]]:
     """
     from importlib.util import find_spec
 
-    notes = []
-    endings = [WHOLE[one][0] for one in dict.fromkeys(options.format or WHOLE)]
+    formats, notes = _formats(options, list(WHOLE))
+    endings = [WHOLE[one][0] for one in formats]
     for ending, (package, use) in NEEDS.items():
         if ending not in endings or find_spec(package) is not None:
             continue
@@ -352,7 +404,7 @@ class _Writer:
             ".urdf": lambda ones, _: whole_robot.to_ros2(mechanism, ones, plugin),
         }
         if ".xml" in endings:
-            compiled = whole_robot.compile_robot(mechanism, reductions, pose)
+            compiled = whole_robot.compile_robot(mechanism, reductions, pose, options.tilt)
             self.notes += compiled.notes
             self.meshes = dict(compiled.meshes)
             makers[".xml"] = lambda ones, servos: compiled.mjcf(
@@ -399,8 +451,8 @@ class _Writer:
             files.write(folder / name, data)
 
 
-def _overview(reductions: list[Any]) -> str:
-    """A line for each joint."""
+def _overview(reductions: list[Any], leaning: list[str]) -> str:
+    """A line for each joint, with the lean of those whose axes lean in the files."""
     width = max(len(one.joint) for one in reductions)
     lines = [
         f"{'joint':<{width}} {'half play':>12} {'friction':>12} {'stiffness':>12} {'rotor':>12}",
@@ -409,6 +461,11 @@ def _overview(reductions: list[Any]) -> str:
     for one in reductions:
         values = (500.0 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
         lines.append(f"{one.joint:<{width}} " + " ".join(f"{value:>12.5g}" for value in values))
+    if leaning:
+        tilts = [1e3 * one.tilt if one.joint in leaning else 0.0 for one in reductions]
+        heads = [f"{'lean':>12}", f"{'[mrad]':>12}"]
+        cells = [*heads, *(f"{tilt:>12.5g}" for tilt in tilts)]
+        lines = [f"{line} {cell}" for line, cell in zip(lines, cells, strict=True)]
     return "\n".join(lines)
 
 

@@ -76,6 +76,29 @@ class TurnPlay(Play):
 
 
 @dataclass(frozen=True)
+class LeanPlay(Play):
+    """A lean of the axis alone, in a disc: what reduced models know of a journal's play."""
+
+    tilt: float
+    """Either way [rad]."""
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """No displacement, the lean."""
+        return 0.0, self.tilt
+
+    def support(self, loads: np.ndarray) -> Support:
+        """See `Play.support`."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        moment = loads[:, 3:5]
+        size = np.linalg.norm(moment, axis=1)
+        point = np.zeros((len(loads), 6))
+        some = size > 0.0
+        point[some, 3:5] = self.tilt * moment[some] / size[some, None]
+        return Support(self.tilt * size, point)
+
+
+@dataclass(frozen=True)
 class States:
     """Farthest states of j sources of play at n poses along m directions."""
 

@@ -196,17 +196,7 @@ def _wiring(
         put(play, "joint", joint=f"{joint}.motor", coef=1.0)
         put(play, "joint", joint=joint, coef=-1.0)
     if leans:
-        rim = put(
-            tendon,
-            "spatial",
-            name=f"{joint}.rim",
-            limited="true",
-            range=(0.0, reduction.half_length * reduction.tilt),
-            solreflimit=(2.0 * reduction.timestep, 1.0),
-            solimplimit=_STIFF,
-        )
-        for end in ("bore", "rim"):
-            put(rim, "site", site=f"{joint}.{end}")
+        put_rim(tendon, reduction, reduction.timestep)
     actuator, sensor = put(root, "actuator"), put(root, "sensor")
     for name in mechanism.joints:
         driven = f"{name}.motor" if name == joint and geared else name
@@ -308,13 +298,37 @@ def _lean(
     parent: ElementTree.Element, element: ElementTree.Element, body: Body, reduction: Reduction
 ) -> None:
     """Two hinges across the axis, and the places whose distance the bore limits."""
-    first = np.cross(body.axis, np.eye(3)[np.abs(body.axis).argmin()])
-    first /= np.linalg.norm(first)
-    for part, axis in (("pitch", first), ("roll", np.cross(body.axis, first))):
+    for part, axis in lean_axes(body.axis).items():
         put(element, "joint", name=f"{body.name}.{part}", type="hinge", axis=axis)
     end = reduction.half_length * body.axis
     put(element, "site", name=f"{body.name}.rim", pos=end)
     put(parent, "site", name=f"{body.name}.bore", pos=body.placement.act(end))
+
+
+def lean_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
+    """Axes of the hinges across a joint's own, unit vectors (3,), by the ends of their names."""
+    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    first /= np.linalg.norm(first)
+    return {"pitch": first, "roll": np.cross(axis, first)}
+
+
+def put_rim(tendon: ElementTree.Element, reduction: Reduction, step: float) -> None:
+    """Append the tendon that holds the sites `J.rim` and `J.bore` together as the bore does.
+
+    Args:
+        step: of the file [s]; the bore is as stiff as it bears.
+    """
+    rim = put(
+        tendon,
+        "spatial",
+        name=f"{reduction.joint}.rim",
+        limited="true",
+        range=(0.0, reduction.half_length * reduction.tilt),
+        solreflimit=(2.0 * step, 1.0),
+        solimplimit=_STIFF,
+    )
+    for end in ("bore", "rim"):
+        put(rim, "site", site=f"{reduction.joint}.{end}")
 
 
 def put(parent: ElementTree.Element, tag: str, **values: Any) -> ElementTree.Element:

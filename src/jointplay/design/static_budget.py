@@ -419,8 +419,8 @@ def budget(
     positions = np.array([tool_place(mechanism, row, relative_to).translation for row in q])
     axes = np.broadcast_to(np.eye(3), (n, 3, 3))
     both = [plays.along(axes, turn).value for turn in (False, True)]
-    worst, direction, worst_parts, errors = _farthest(plays, turn=False)
-    worst_turn, _, turn_parts, _ = _farthest(plays, turn=True)
+    worst, direction, worst_parts, errors = farthest(plays, turn=False)
+    worst_turn, _, turn_parts, _ = farthest(plays, turn=True)
     # The states that a load of random direction brings about are those just found.
     total = errors.sum(axis=0)
     rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
@@ -459,7 +459,7 @@ def _covering() -> float:
     return float(np.arccos(np.abs(fine @ half_sphere().T).max(axis=1).min()))
 
 
-def _farthest(
+def farthest(
     plays: PlaySources, turn: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Largest displacement (or rotation) at each pose: (n,), where to (n, 3), by part (n, j).

@@ -4,7 +4,8 @@ The MJCF is the robot's own URDF as MuJoCo compiles it, shapes included. In seri
 J that has a dead band stands a hinge `J_play` about the same axis, in the same body: J is the
 motor, loaded with its rotor's inertia, and J_play is what the link lags behind. A tendon whose
 spring has a dead band holds J_play; a second tendon, J plus J_play, is the link's angle and has
-the friction of bearing and joint.
+the friction of bearing and joint. A journal that leans has two more hinges, J.pitch and J.roll,
+which a tendon, J.rim, keeps within the bore.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
 from jointplay.core.imports import extra
+from jointplay.design.levers import LeanPlay, TurnPlay
 from jointplay.design.reduced_files import (
     bodies,
     check_encoder,
@@ -31,13 +33,16 @@ from jointplay.design.reduced_files import (
     dc_motor,
     document,
     explain,
+    lean_axes,
     put,
+    put_rim,
     refuse_taken,
     rotor_inertia,
     servo_friction,
     with_play,
 )
 from jointplay.design.reduction import LONGEST_STEP_S, Reduction
+from jointplay.design.static_budget import Budget, budget, farthest
 from jointplay.loads.drive import Servo
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.meshes import readable
@@ -52,8 +57,10 @@ QUANTITIES = {
     "friction": "N m",
     "stiffness": "N m/rad",
     "motor_friction": "N m",
+    "tilt": "rad",
 }
-"""What is drawn of each joint, and in which unit; the last is the servo's, which MJCF alone has."""
+"""What is drawn of each joint, and in which unit; the last two only MJCF has, the servo's friction
+and how far the axis can lean."""
 _RESOLVED = 0.2
 """Time step by the time in which the stiffest teeth swing through a radian of phase."""
 _COMPILER = {
@@ -93,6 +100,8 @@ class CompiledRobot:
     """Rows of it by joint."""
     notes: tuple[str, ...]
     """What is not as in the URDF, a line each."""
+    leaning: tuple[str, ...]
+    """Joints whose axes lean."""
 
     def mjcf(
         self,
@@ -120,7 +129,8 @@ class CompiledRobot:
         root = copy.deepcopy(self.root)
         option = root.find("option")
         assert option is not None
-        option.set("timestep", f"{self.step(loose.values()):.6g}")
+        step = self.step(loose.values())
+        option.set("timestep", f"{step:.6g}")
         world = root.find("worldbody")
         assert world is not None
         for element in world.iter("joint"):
@@ -141,6 +151,8 @@ class CompiledRobot:
             link = put(tendon, "fixed", name=f"{name}.link", **losses)
             for part in (name, f"{name}_play"):
                 put(link, "joint", joint=part, coef=1.0)
+        for name in self.leaning:
+            put_rim(tendon, reduced[name], step)
         described = self.mechanism.description.joints
         for name in self.mechanism.joints:
             if described[name].mimics:
@@ -196,6 +208,7 @@ def compile_robot(
     mechanism: Mechanism,
     reductions: Sequence[Reduction],
     pose: Mapping[str, float] = MappingProxyType({}),
+    tilt: bool = False,
 ) -> CompiledRobot:
     """Have MuJoCo compile the robot's URDF, and put a hinge in series with each loose joint.
 
@@ -205,6 +218,7 @@ def compile_robot(
     Args:
         reductions: joints with a dead band get the hinge.
         pose: joint positions at which shapes must not touch [rad or m]; the rest zero.
+        tilt: joints whose axes can lean get hinges for it.
 
     Raises:
         JointplayError: MuJoCo is not installed, or cannot compile the robot; a robot that is no
@@ -212,6 +226,7 @@ def compile_robot(
     """
     mujoco = load_mujoco()
     bodies(mechanism)
+    leaning = [one for one in reductions if tilt and one.tilt > 0.0]
     refuse_taken(mechanism, reductions)
     root = mechanism.description.elements()
     for old in root.findall("mujoco"):
@@ -223,7 +238,7 @@ def compile_robot(
         spec = mujoco.MjSpec.from_string(text, assets=meshes)
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of flat ones, too
-        _edit(mujoco, spec, mechanism, reductions)
+        _edit(mujoco, spec, mechanism, reductions, leaning)
         model = spec.compile()
         touching = _touching(mujoco, model, pose)
         for first, second in touching:
@@ -245,7 +260,8 @@ def compile_robot(
     dofs = {model.joint(i).name: int(model.jnt_dofadr[i]) for i in range(model.njnt)}
     if made.find("option") is None:
         put(made, "option")
-    return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes))
+    names = tuple(one.joint for one in leaning)
+    return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes), names)
 
 
 def _meshes(mechanism: Mechanism, root: ElementTree.Element) -> tuple[dict[str, bytes], list[str]]:
@@ -283,8 +299,14 @@ def _meshes(mechanism: Mechanism, root: ElementTree.Element) -> tuple[dict[str, 
     return made, notes
 
 
-def _edit(mujoco: Any, spec: Any, mechanism: Mechanism, reductions: Sequence[Reduction]) -> None:
-    """Put hinges of play, the tool and what mimics into the compiled tree."""
+def _edit(
+    mujoco: Any,
+    spec: Any,
+    mechanism: Mechanism,
+    reductions: Sequence[Reduction],
+    leaning: Sequence[Reduction],
+) -> None:
+    """Put hinges of play and lean, the tool and what mimics into the compiled tree."""
     spec.option.gravity = mechanism.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for one in reductions:
@@ -294,6 +316,16 @@ def _edit(mujoco: Any, spec: Any, mechanism: Mechanism, reductions: Sequence[Red
             hinge = mujoco.mjtJoint.mjJNT_HINGE
             where = {"pos": motor.pos, "axis": motor.axis}
             motor.parent.add_joint(name=f"{one.joint}_play", type=hinge, **where)
+    tree = {body.name: body for body in bodies(mechanism)}
+    for one in leaning:
+        body, moved = tree[one.joint], spec.joint(one.joint).parent
+        for part, axis in lean_axes(body.axis).items():
+            kind = mujoco.mjtJoint.mjJNT_HINGE
+            moved.add_joint(name=f"{one.joint}.{part}", type=kind, axis=axis)
+        end = one.half_length * body.axis
+        moved.add_site(name=f"{one.joint}.rim", pos=end)
+        holder = spec.joint(body.parent).parent if body.parent else spec.worldbody
+        holder.add_site(name=f"{one.joint}.bore", pos=body.placement.act(end))
     ideal = mechanism.ideal()
     tool = ideal.model.frames[ideal.tool_frame]
     carrier = str(ideal.model.names[tool.parentJoint])
@@ -339,6 +371,21 @@ class PlayFound:
     """Of what stops it [N m/rad]."""
 
 
+def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
+    """The model of a written MJCF, without gravity, friction and contacts."""
+    try:
+        model = mujoco.MjModel.from_xml_string(
+            text, {f"{MESHES}/{k}": v for k, v in meshes.items()}
+        )
+    except ValueError as error:
+        raise JointplayError(f"MuJoCo cannot load the MJCF: {error}") from None
+    model.opt.gravity[:] = 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    model.tendon_frictionloss[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    return model
+
+
 def find_play(
     text: str, meshes: Mapping[str, bytes] = MappingProxyType({})
 ) -> dict[str, PlayFound]:
@@ -351,16 +398,7 @@ def find_play(
         JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
-    try:
-        model = mujoco.MjModel.from_xml_string(
-            text, {f"{MESHES}/{k}": v for k, v in meshes.items()}
-        )
-    except ValueError as error:
-        raise JointplayError(f"MuJoCo cannot load the MJCF: {error}") from None
-    model.opt.gravity[:] = 0.0
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    model.tendon_frictionloss[:] = 0.0
-    model.dof_frictionloss[:] = 0.0
+    model = _load(mujoco, text, meshes)
     found = {}
     for index in range(model.ntendon):
         tendon = model.tendon(index)
@@ -395,6 +433,85 @@ def find_play(
         beyond = widths[1] - widths[0]
         found[name] = PlayFound(widths[0] - beyond, 2.0 * push / beyond)
     return found
+
+
+def reach(
+    mechanism: Mechanism,
+    reductions: Iterable[Reduction],
+    pose: Mapping[str, float],
+    leaning: Iterable[str] = (),
+) -> tuple[float, Budget]:
+    """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
+
+    Of both the worst case. Files have no travel of journals aside and along.
+
+    Args:
+        leaning: joints whose axes lean in the files.
+    """
+    found = budget(mechanism, pose)
+    bands = {one.joint: one.dead_band for one in reductions}
+    tilts = {one.joint: one.tilt for one in reductions if one.joint in set(leaning)}
+    plays = [LeanPlay(tilts.get(name, 0.0)) for name in mechanism.clearance]
+    turns = [TurnPlay(0.5 * bands.get(name, 0.0)) for name in mechanism.gears]
+    written = replace(found.sources, plays=(*plays, *turns))
+    return float(farthest(written, turn=False)[0][0]), found
+
+
+_PUSH_N, _CROSSING_S = 100.0, 0.05
+"""Force by which MuJoCo's tool is pushed, and time in which journals lean from side to side."""
+
+
+def find_reach(
+    text: str,
+    meshes: Mapping[str, bytes],
+    tool: str,
+    pose: Mapping[str, float],
+    direction: np.ndarray,
+) -> float:
+    """How far the lean of a written MJCF lets the tool move along a direction, either way [m].
+
+    The tool is pushed there and back in MuJoCo, all hinges but those of lean held, without gravity,
+    friction and contacts.
+
+    Args:
+        tool: frame of the tool.
+        pose: joint positions [rad or m]; the rest zero.
+        direction: unit vector in world axes, shape (3,).
+
+    Raises:
+        JointplayError: MuJoCo is not installed, or cannot load the file.
+    """
+    mujoco = load_mujoco()
+    model = _load(mujoco, text, meshes)
+    leans = [
+        int(model.jnt_dofadr[i])
+        for i in range(model.njnt)
+        if model.joint(i).name.endswith((".pitch", ".roll"))
+    ]
+    held = np.setdiff1d(np.arange(model.nv), leans)
+    model.dof_armature[held] = 1e6
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)
+    _place(mujoco, model, data, pose)
+    site = model.site(f"{tool}.tool").id
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, site)
+    torque = _PUSH_N * direction @ jacobian
+    torque[held] = 0.0
+    damping = model.dof_damping.reshape(model.nv, -1)
+    for first, second in zip(leans[::2], leans[1::2], strict=True):
+        name = model.joint(int(model.dof_jntid[first])).name.removesuffix(".pitch")
+        arm = float(np.linalg.norm(model.site(f"{name}.rim").pos))
+        tilt = float(model.tendon_range[model.tendon(f"{name}.rim").id, 1]) / arm
+        size = math.hypot(torque[first], torque[second])
+        damping[[first, second], 0] = max(size, 1e-3) * _CROSSING_S / (2.0 * tilt)
+    ends = []
+    for sign in (-1.0, 1.0):
+        data.qfrc_applied[:] = sign * torque
+        for _ in range(math.ceil(20.0 * _CROSSING_S / model.opt.timestep)):
+            mujoco.mj_step(model, data)
+        ends.append(float(direction @ data.site_xpos[site]))
+    return 0.5 * (ends[1] - ends[0])
 
 
 # ROS.
@@ -475,15 +592,17 @@ def intervals(
     spread: float,
     identified: Mapping[str, Any] | None = None,
     servos: Mapping[str, Servo] = MappingProxyType({}),
+    leaning: Iterable[str] = (),
 ) -> list[Interval]:
-    """Intervals of half play, friction and stiffness of each joint, and its servo's friction.
+    """Intervals of half play, friction, stiffness and lean of each joint, and its servo's friction.
 
     Args:
         spread: half width, relative, of what was not identified: an assumption.
         identified: what `Identification.describe` says, the contents of ``identified.json``.
             Gear play, gear compliance and dry friction are taken as they are; the coefficient of
             friction scales the bearing's part of the friction. A clearance gives no dead band about
-            the axis, and is not drawn.
+            the axis, and is not drawn; the lean is, within the spread.
+        leaning: joints whose axes lean in the files.
 
     Raises:
         JointplayError: a negative spread, or one of 100 % or more, for which play would vanish;
@@ -493,12 +612,13 @@ def intervals(
     if spread >= 1.0:
         raise JointplayError(f"the spread must be below 100 %, got {100.0 * spread:g} %")
     known = {} if identified is None else _known(identified)
-    found, used = [], 0
+    found, used, leaning = [], 0, set(leaning)
     for one in reductions:
         own = mechanism.description.joints[one.joint].friction
         numbers = {"half_play": 0.5 * one.dead_band}
         numbers |= {"friction": one.friction, "stiffness": one.stiffness}
         numbers["motor_friction"] = servo_friction(servos.get(one.joint))["frictionloss"]
+        numbers["tilt"] = one.tilt if one.joint in leaning else 0.0
         ends = {k: (x * (1.0 - spread), x * (1.0 + spread)) for k, x in numbers.items()}
         mine = {name: row for (joint, name), row in known.items() if joint == one.joint}
         better = {}
