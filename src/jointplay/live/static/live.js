@@ -388,7 +388,7 @@ class Live {
         const words = budget.whole
             ? `At ${budget.where} (${budget.poses}), as jointplay budget gives it for ${budget.tool}.`
             : `At ${budget.where}; all poses follow.`;
-        this.budgetWords.replaceChildren(element("b", {}, `worst case ${inUnits(budget.worst, "m", 4)}`), `, RMS ${inUnits(budget.rms, "m", 4)}`);
+        this.budgetWords.replaceChildren(element("b", {}, `free travel at most ${inUnits(budget.worst, "m", 4)}`), `, RMS ${inUnits(budget.rms, "m", 4)}`);
         this.budgetTable.replaceChildren(element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows)));
         this.budgetWhere.textContent = words;
     }
@@ -447,7 +447,7 @@ class Live {
         }));
         const row = (name, value) => element("tr", {}, element("th", {scope: "row"}, name), ...cases.map(one => element("td", {}, value(one))));
         const rows = [
-            row("static worst case", one => one.budget && !one.budget.error ? inUnits(one.budget.worst, "m", 4) : "\u2013"),
+            row("free travel, at most (contacts rigid)", one => one.budget && !one.budget.error ? inUnits(one.budget.worst, "m", 4) : "\u2013"),
             ...[...names].map(([name, unit]) => row(name, one => {
                 const found = one.cycle?.figures.find(figure => figure.name === name);
                 return found ? `${one.cycle.quick ? "\u2248 " : ""}${inUnits(found.value, unit, 4)}` : "\u2013";
