@@ -82,7 +82,7 @@ BAD_INPUT = {
         ["--joint", "stroke", "--set", "joints.stroke.kind=revolute"],
         "'stroke' is prismatic",
     ),
-    "negative clearance": (["--radial", "-1e-4"], "-0.0001 m"),
+    "negative clearance": (["--radial", "-1e-4"], "-0.1 mm"),
     "not a number": (["--radial", "wide"], '--radial: "wide" is not a length'),
     "non-finite": (["--radial", "nan"], "nan"),
     "journal too large": (["--journal-radius", "0.02"], "20 mm does not fit"),

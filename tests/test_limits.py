@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import math
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -95,7 +96,7 @@ def test_a_chain_of_too_many_joints_is_refused_at_once(urdf):
 
 
 def test_what_pinocchio_prints_does_not_reach_the_terminal(urdf, capfd):
-    path = urdf(body("arm"), joint("pin", "base", "arm").replace("<limit", "<nolimit"))
+    path = urdf(body("arm"), re.sub(r"<limit[^>]*/>", "", joint("pin", "base", "arm")))
     with pytest.raises(JointplayError, match="Pinocchio cannot read") as caught:
         jp.Mechanism(path)
     assert "\n" not in str(caught.value)

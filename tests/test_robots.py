@@ -435,7 +435,8 @@ def test_links_without_mass_are_named_before_a_step_is_chosen(more, tmp_path, ca
     status, _, error = command(line, capsys)
     assert status == 2
     assert "LFinger21Link" in error
-    assert "give each an <inertial> in the URDF, or make their joints" in error
+    assert "give each an <inertial>" in error
+    assert "--fix" in error
     assert error.count("\n") == 1
 
 
