@@ -368,7 +368,6 @@ ELSEWHERE = {
     "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
     "exports/table.py": {"table.iloc[block].to_csv("},  # in memory
     "exports/trajectory.py": {"yaml.dump("},  # text
-    "core/numba_inside.py": {"file.unlink()"},  # the kernels' cache, which is numba's to write
     "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
     "core/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
     "mechanism/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache

@@ -472,10 +472,10 @@ def test_a_pipe_as_target_makes_no_one_wait(edit, plain, tmp_path):
         jp.Result.load(path)
 
 
-def test_a_file_without_checksum_is_looked_at_in_the_same_way(plain, tmp_path):
+def test_a_file_without_checksum_is_not_looked_into(plain, tmp_path):
     path = resealed(plain, tmp_path / "r.nc", external)
     path.write_bytes(path.read_bytes().partition(netcdf.SEAL)[0])
-    with pytest.raises(JointplayError, match="external storage"):
+    with pytest.raises(JointplayError, match="does not end with its checksum"):
         jp.Result.load(path)
 
 

@@ -196,9 +196,9 @@ def test_pereira_exponent_changes_its_branch_without_a_jump():
     assert below == pytest.approx(above, rel=3e-4)
 
 
-@pytest.mark.parametrize("cr", [4e-6, 11e-3])
-def test_pereira_refuses_clearances_that_it_was_not_fitted_for(cr):
-    with pytest.raises(JointplayError, match=f"'pereira' is fitted .* got {cr:g} m"):
+@pytest.mark.parametrize(("cr", "words"), [(4e-6, "4 .m"), (11e-3, "11 mm")])
+def test_pereira_refuses_clearances_that_it_was_not_fitted_for(cr, words):
+    with pytest.raises(JointplayError, match=f"'pereira' is fitted .* got {words}"):
         jp.contact.Pereira().parameters(contact(ri=50e-3, cr=cr))
 
 

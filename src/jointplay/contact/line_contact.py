@@ -319,9 +319,11 @@ class Pereira(CylindricalLaw):
     def line_parameters(self, contact: ContactProperties) -> tuple[float, float]:
         """k [N/m^n] and n."""
         if not NARROWEST_M <= contact.clearance <= WIDEST_M:
+            low, high, given = (
+                readable(one, "m") for one in (NARROWEST_M, WIDEST_M, contact.clearance)
+            )
             raise JointplayError(
-                f"law 'pereira' is fitted for radial clearances from {NARROWEST_M:g} to "
-                f"{readable(WIDEST_M, 'm')}, got {readable(contact.clearance, 'm')}"
+                f"law 'pereira' is fitted for radial clearances from {low} to {high}, got {given}"
             )
         gap = 1e3 * contact.clearance  # mm
         n = pereira_exponent(gap)
