@@ -18,7 +18,15 @@ from jointplay import (
     Simulation,
 )
 from jointplay.cli import main
-from jointplay.design.reduced_files import follow, to_json, to_mjcf, to_sdf, to_urdf, to_yaml
+from jointplay.design.reduced_files import (
+    follow,
+    load_mujoco,
+    to_json,
+    to_mjcf,
+    to_sdf,
+    to_urdf,
+    to_yaml,
+)
 from jointplay.design.reduction import reduce
 from jointplay.loads.drive import Prescribed, Servo
 
@@ -399,3 +407,17 @@ def test_the_command_writes_the_servos_of_a_preset(tmp_path, capsys):
     assert motors["elbow_flex"].get("joint") == "elbow_flex.motor"
     assert float(motors["wrist_flex"].get("motorconst")) == 1.21
     assert {one.get("name") for one in root.iter("motor")} == {"gripper"}
+
+
+def test_what_mujoco_warns_of_leaves_no_file_behind(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("mujoco")
+    mujoco = load_mujoco()
+    monkeypatch.chdir(tmp_path)
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size="1" mass="1"/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e300
+    mujoco.mj_step(model, data)
+    assert "MuJoCo: " in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

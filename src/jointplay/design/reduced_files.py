@@ -10,6 +10,7 @@ one; in SDF and URDF by a second hinge in series whose limits are the dead band.
 from __future__ import annotations
 
 import json
+import sys
 import time as clock
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
@@ -21,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
+from jointplay.core.imports import extra
 from jointplay.design.reduction import SETTLED, Reduction
 from jointplay.loads.drive import Servo
 from jointplay.mechanism.mechanism import Mechanism
@@ -365,6 +367,25 @@ class Followed:
     file's joint cannot lean."""
 
 
+def load_mujoco() -> Any:
+    """The package mujoco; what it warns of is written to stderr.
+
+    By itself it writes that to a file in the folder that one happens to be in.
+
+    Raises:
+        JointplayError: it cannot be imported.
+    """
+    with extra("simulators", "mujoco"):
+        import mujoco
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(_warn)
+    return mujoco
+
+
+def _warn(text: str) -> None:
+    print(f"MuJoCo: {text}", file=sys.stderr)
+
+
 def follow(text: str, reduction: Reduction) -> Followed:
     """Load the MJCF in MuJoCo, move its motor as the full model's, and compare the links.
 
@@ -377,11 +398,7 @@ def follow(text: str, reduction: Reduction) -> Followed:
     Raises:
         JointplayError: MuJoCo is not installed, or cannot load the file.
     """
-    try:
-        import mujoco
-    except ImportError as error:
-        text = f"MuJoCo cannot be imported ({error}): pip install mujoco"
-        raise JointplayError(text) from None
+    mujoco = load_mujoco()
     try:
         model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
-from jointplay.core.imports import extra
 from jointplay.design.levers import LeanPlay, TurnPlay
 from jointplay.design.reduced_files import (
     bodies,
@@ -34,6 +33,7 @@ from jointplay.design.reduced_files import (
     document,
     explain,
     lean_axes,
+    load_mujoco,
     put,
     put_rim,
     refuse_taken,
@@ -73,17 +73,6 @@ _COMPILER = {
     "boundinertia": 1e-12,
 }
 """How MuJoCo compiles a URDF here: masses are the URDF's, never the shapes'."""
-
-
-def load_mujoco() -> Any:
-    """The package mujoco.
-
-    Raises:
-        JointplayError: it cannot be imported.
-    """
-    with extra("simulators", "mujoco"):
-        import mujoco
-    return mujoco
 
 
 @dataclass(frozen=True)
