@@ -375,7 +375,7 @@ def test_the_command_prints_and_writes_what_the_function_finds(arm, tmp_path, ca
     assert main([*order, "--out", str(tmp_path / "out"), "--quiet"]) == 0
     said = capsys.readouterr().out
     assert "+ play elbow" in said
-    assert "tool: 'tool' (the last frame; see --tool)" in said
+    assert "tool: 'tool' (chosen: named like a tool, at the end of the chain of moving" in said
     fit = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert fit["kept"] == ["offset", "play elbow"]
     elbow = next(one for one in fit["play"] if one["joint"] == "elbow")

@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     contents: dict[str, Any] = {}
     notes = []
     if options.tool is None:
-        notes.append(f"tool: {mechanism.tool!r} (the last frame; see --tool)")
+        notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
     if poses.link is not None:
         found = encoder_differences(mechanism, poses, payloads)
         notes += ["encoders, link less motor:", *map(str, found), ""]

@@ -46,7 +46,8 @@ class Robot(Limited):
     """URDF: a path relative to the scenario's file, ``jointplay:NAME`` for one that ships with the
     package, or ``example-robot-data:NAME``."""
     tool: str | None = None
-    """Frame whose motion is reported; if not given, the last one of the URDF."""
+    """Frame whose motion is reported; if not given, the end of the chain of moving joints that has
+    play, or what is fixed there and named like a tool."""
     gravity: Vector = quantity("m/s^2", default=STANDARD_GRAVITY, choices=("gravity", GRAVITY))
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (zero), or three components in world axes."""
     allow_unphysical: tuple[str, ...] = ()
