@@ -1,6 +1,8 @@
 """Laws against their formulas, alone and in impacts of a free mass."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +31,16 @@ DELTA, DDELTA, DDELTA0 = 7e-6, -0.03, 0.1
 def value(law, *state):
     p = law.parameters() if len(state) == 1 else law.parameters(STEEL)
     return law.function(*state, *p)
+
+
+def test_the_laws_that_texts_count_are_those_that_there_are():
+    root = Path(__file__).parents[1]
+    for name in ("README.md", "paper/paper.md"):
+        text = " ".join((root / name).read_text(encoding="utf-8").split())
+        normal = r"(\d+) (?:normal-force laws|laws of normal force)"
+        counts = normal + r".*? and (\d+) (?:friction|of friction)"
+        normal, friction = map(int, re.search(counts, text).groups())
+        assert (normal, friction) == (len(NORMAL_LAWS), len(FRICTION_LAWS)), name
 
 
 def test_each_law_is_its_formula():
