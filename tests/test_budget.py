@@ -264,7 +264,7 @@ def test_the_command_takes_a_joints_own_clearance(two, capsys):
     [
         (["--joint", "c=1 mm"], "no joint 'c' that can have play; available: a, b"),
         (["--clearance", "1 N"], "--clearance: .*length"),
-        (["--clearance", "1 mm", "--pose", "a=99"], "outside its limits"),
+        (["--clearance", "1 mm", "--pose", "a=99 rad"], "outside its limits"),
         (["--clearance", "1 mm", "--pose", "a"], "--pose must read"),
         (["--joint", "a"], "--clearance is missing"),
         (["--clearance", "1 mm", "--tool", "hand"], "no frame 'hand'"),

@@ -88,7 +88,9 @@ def test_zeros_of_exporters_are_no_limits(urdf, limits, kind):
 
 
 def test_a_limit_that_is_no_number_and_a_word_unknown_are_refused(urdf):
-    with pytest.raises(jp.JointplayError, match="effort of the limit of joint 'a' is not a number"):
+    with pytest.raises(
+        jp.JointplayError, match="joint 'a': limit effort must be a number, got 'strong'"
+    ):
         rotor(urdf, 'effort="strong" velocity="1"')
     with pytest.raises(jp.JointplayError, match="available: report, cut, ignore"):
         jp.simulate(rotor(urdf), swing(0.5), limits="clip")

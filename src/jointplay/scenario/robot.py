@@ -14,7 +14,6 @@ from jointplay.core.schema import one_of
 from jointplay.core.tables import few
 from jointplay.core.units import round_below
 from jointplay.kernel.integrators import DEFAULT
-from jointplay.mechanism.fixing import with_fixed
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.urdf import Description, read
 from jointplay.result.settings import Integration, Recording
@@ -107,6 +106,8 @@ def description_of(path: Path, settings: Sequence[Setting]) -> Description:
     robot = tree(settings).get("robot", {})
     names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
     allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
+    from jointplay.mechanism.fixing import with_fixed  # imports Pinocchio
+
     return with_fixed(read(path, allowed), fix)
 
 

@@ -373,6 +373,9 @@ class Run:
         ideal = not self.mechanism.clearance and not self.mechanism.gears
         if ideal and rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
             return  # it stands where it begins anyway
+        if ideal and not rest.solved and simulation.start != "rest":
+            self.simulation = replace(simulation, start="centred")
+            return  # nothing is centred in it: it begins where it was put, and moves
         self.rest = rest
         if not rest.solved:
             if simulation.start == "rest":
