@@ -22,6 +22,7 @@ from tqdm import tqdm
 import jointplay as jp
 from jointplay.core.processes import cores
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.result.certificate import plus_minus
 from jointplay.simulation import PERTURBATION
 
 JOINT = "joint_b"
@@ -263,18 +264,8 @@ def runs_as_rows(cases: Sequence[Case], found: Sequence[Ensemble]) -> list[dict]
 
 def spread(values: np.ndarray) -> str:
     """Mean ± standard deviation over the runs; the mean alone if they all agree."""
-    mean = _rounded(values.mean(), 3)
-    return mean if np.ptp(values) == 0.0 else f"{mean} ± {_rounded(values.std(ddof=1), 1)}"
-
-
-def _rounded(value: float, digits: int) -> str:
-    """`digits` significant digits, without an exponent from 1e-4 upwards."""
-    if value == 0.0:
-        return "0"
-    magnitude = int(np.floor(np.log10(abs(value))))
-    if magnitude < -4:
-        return f"{value:.{digits - 1}e}"
-    return f"{round(value, digits - 1 - magnitude):.{max(digits - 1 - magnitude, 0)}f}"
+    error = 0.0 if np.ptp(values) == 0.0 else float(values.std(ddof=1))
+    return plus_minus(float(values.mean()), error)
 
 
 def draw_ensembles(axes, x: Sequence[float], values: Sequence[np.ndarray], **style) -> None:

@@ -129,6 +129,7 @@ class Trial:
             options |= {"duration": QUICK} if self.quick else {}
         else:
             options |= {"step": 1e-6, "record_every": 4, "duration": self.turns * TURN}
+            options["judge_from"] = TURN
         return jp.Simulation(robot, reference, seed=seed, start="centred", **options)
 
     @property
@@ -174,31 +175,32 @@ def measure(trial, seed):
         simulation = trial.simulation(seed)
         result = simulation.run()
     audit, time = result.audit, result.time
+    judged = time >= result.judge_from * (1 - 1e-9)
     force = result["joint_force_peak"].values[:, 0]
     size = np.linalg.norm(force, axis=1)
     lost = sum(result[f"{kind}_dissipation"].values for kind in ("normal", "friction", "film"))
+    lost = float(np.ptp(lost[judged]))
     if trial.mechanism == SCARA:
         tool = result["tool_position"].values
-        away = 1e3 * np.linalg.norm(tool - ideal_tool(False)[: len(tool)], axis=1)
+        away = 1e3 * np.linalg.norm((tool - ideal_tool(False)[: len(tool)])[judged], axis=1)
         figures = {
             "deviation_rms_mm": float(np.sqrt(np.mean(away**2))),
             "deviation_max_mm": float(away.max()),
-            "peak_force_N": float(size.max()),
-            "impacts": float(audit.impacts),
-            "loss_J": float(lost[-1]),
+            "peak_force_N": float(size[judged].max()),
+            "impacts": float(audit.judged_impacts or 0),
+            "loss_J": lost,
         }
         span, history = (0.0, time[-1]), size
     else:
         model = simulation.mechanism.model
         # The guide is ideal and without friction: only the pin's force moves the slider along it.
         history = force[:, 0] / model.inertias[model.getJointId("guide")].mass
-        later = time >= TURN * (1 - 1e-9)
         span = (trial.turns - 1) * TURN, trial.turns * TURN
         figures = {
-            "peak_acceleration_1e3_m_s2": 1e-3 * float(np.abs(history[later]).max()),
-            "peak_force_kN": 1e-3 * float(size[later].max()),
-            "impacts_per_turn": audit.impacts / trial.turns,
-            "loss_per_turn_J": float(lost[-1] - lost[later][0]) / (trial.turns - 1),
+            "peak_acceleration_1e3_m_s2": 1e-3 * float(np.abs(history[judged]).max()),
+            "peak_force_kN": 1e-3 * float(size[judged].max()),
+            "impacts_per_turn": float(audit.judged_impacts or 0) / (trial.turns - 1),
+            "loss_per_turn_J": lost / (trial.turns - 1),
         }
     within = time >= span[0]
     centre = np.linalg.norm(result["journal_centre"].values[:, 0, :2], axis=1)

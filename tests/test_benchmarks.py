@@ -1,5 +1,6 @@
 """Every benchmark starts, in its quick form, and is described."""
 
+import csv
 import re
 import subprocess
 import sys
@@ -24,6 +25,22 @@ def test_benchmark_ends_well_in_its_quick_form(script, tmp_path):
     assert done.stdout.strip(), "it says nothing"
     assert "Traceback" not in done.stderr, done.stderr[-3000:]
     assert states(ROOT / "docs") == before, "a quick form is no part of the documentation"
+
+
+@pytest.mark.thorough
+def test_clearances_with_gravity_agree_with_the_claims_of_the_paper(tmp_path):
+    """Both are judged from when the journals have fallen: with gravity the peaks are equal then."""
+    page = (ROOT / "docs" / "claims.md").read_text(encoding="utf-8")
+    row = next(x for x in page.splitlines() if x.startswith("| 5 ") and "loaded, consistent" in x)
+    claimed = re.search(r"Fz\\\| ([\d.]+) ± \S+ → ([\d.]+) ±", row).groups()
+    command = [sys.executable, FOLDER / "clearance.py", "--quick", "--loaded"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    with (tmp_path / "results/benchmarks/clearance/clearance.csv").open() as file:
+        runs = list(csv.DictReader(file))
+    for size, force in zip((0.2, 0.5), map(float, claimed), strict=True):
+        found = [float(run["peak_force_N"]) for run in runs if float(run["radial"]) == size * 1e-3]
+        assert found
+        assert found == pytest.approx(len(found) * [force], rel=1e-3)
 
 
 def states(folder):

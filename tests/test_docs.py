@@ -82,7 +82,7 @@ def parsed(page):
 
 def commands(text):
     """The commands of a block, comments and continuations gone."""
-    lines = text.replace("\\\n", " ").splitlines()
+    lines = re.sub(r"\\\n|(?<=&&)\n", " ", text).splitlines()
     plain = [line.replace(".venv/bin/", "") for line in lines]
     whole = [re.sub(r"\s+#\s.*$", "", line).strip() for line in plain]
     return [line for line in whole if line and not line.startswith("#")]

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.special import stdtrit
 
 from jointplay.geometry import Mode
+from jointplay.result.certificate import plus_minus
 from jointplay.result.result import AXES, Result
 
 CONFIDENCE = 0.95
@@ -120,7 +121,7 @@ def _values(ensemble: Ensemble, key: str) -> np.ndarray:
 
 
 def _spread(values: np.ndarray) -> str:
-    return f"{values.mean():.3g} ± {values.std(ddof=1):.2g}"
+    return plus_minus(float(values.mean()), float(values.std(ddof=1)))
 
 
 def _greater(small: Ensemble, large: Ensemble, key: str, unit: str) -> tuple[str, str]:
@@ -198,7 +199,7 @@ def _frequency(small: Ensemble, large: Ensemble) -> tuple[str, str]:
             (
                 "yes",
                 f"(for the joint: {rate[0]:.3g} → {rate[1]:.3g} impacts/s of "
-                f"{impulse[0]:.2g} → {impulse[1]:.2g} N s)",
+                f"{impulse[0]:.3g} → {impulse[1]:.3g} N s)",
             ),
         ]
     )

@@ -204,20 +204,28 @@ def _simulation_table() -> list[tuple[str, ...]]:
     ]
 
 
-def _found(study: Study, claims: Sequence[int]) -> list[str]:
-    """What the ensembles say of some claims, a line each."""
-    return [
-        f"- claim {verdict.claim}, {verdict.condition}: **{verdict.holds}**; {verdict.numbers}"
-        for verdict in study.verdicts
-        if verdict.claim in claims
-    ]
+def _found(study: Study, claims: Sequence[int], axis: str) -> list[str]:
+    """What the ensembles say of some claims, a line each; of forces, those along the axis."""
+    lines = []
+    for verdict in study.verdicts:
+        if verdict.claim in claims:
+            parts = verdict.numbers.split("; ")
+            numbers = "; ".join(part for part in parts if "|F" not in part or axis in part)
+            what = f"claim {verdict.claim}, {verdict.condition}"
+            lines.append(f"- {what}: **{verdict.holds}**; {numbers}")
+    return lines
 
 
 _CLAIMS = {
-    **{"fig09": (1, 6), "fig10": (2,), "fig11": (3,), "fig12": (4,)},
-    **{f"fig{number}": (5,) for number in (13, 14, 15)},
+    "fig09": ((1, 6), ""),
+    "fig10": ((2,), ""),
+    "fig11": ((3,), ""),
+    "fig12": ((4,), ""),
+    "fig13": ((5,), "|Fx|"),
+    "fig14": ((5,), "|Fy|"),
+    "fig15": ((5,), "|Fz|"),
 }
-"""Claims that a figure shows."""
+"""Claims that a figure shows, and the force in it."""
 
 
 def page(study: Study, setting: str, pictures: str = "") -> str:
@@ -275,7 +283,7 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
     ]
     for name, title, said in READINGS:
         lines += [f"### {title}", "", f"![{title}]({pictures}{name}.png)", "", f"The paper: {said}"]
-        found = _found(study, _CLAIMS.get(name, ()))
+        found = _found(study, *_CLAIMS[name])
         lines += ["", *(["Found:", "", *found, ""] if found else [])]
         if name == "fig12":
             lines += [*markdown(orbit_table(cases)), ""]
