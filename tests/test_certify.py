@@ -8,17 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import analysis, cli, study
 from jointplay.analysis.certification import (
     STRETCHES,
     Measured,
-    _history,
+    _History,
     add_certificate,
     certify,
     estimate,
     further_runs,
+    further_simulations,
     is_sensitive,
     numerical_error,
     scatter,
@@ -191,14 +194,37 @@ def test_records_that_miss_impacts_widen_the_error_of_a_root_mean_square():
     """Spikes of one record in twenty: how many a record meets is chance, and so is their mean."""
     random = np.random.default_rng(3)
     time = np.linspace(0.0, 1.0, 4000)
-    smooth = _history("RMS", 10.0 + np.sin(2.0 * np.pi * time), "N")
+
+    def rms(sizes):
+        history = _History("RMS", "N", len(sizes))
+        history.add(sizes)
+        return history.measured()
+
+    smooth = rms(10.0 + np.sin(2.0 * np.pi * time))
     assert smooth.sampling < 1e-5 * smooth.value
     spread, stated = [], []
     for _ in range(60):
-        spikes = _history("RMS", np.where(random.random(4000) < 0.05, 100.0, 1.0), "N")
+        spikes = rms(np.where(random.random(4000) < 0.05, 100.0, 1.0))
         spread.append(spikes.value)
         stated.append(spikes.sampling)
     assert np.mean(stated) == pytest.approx(2.0 * np.std(spread), rel=0.3)
+
+
+@given(
+    st.integers(1, 60), st.lists(st.integers(0, 60), max_size=5), st.sampled_from(["peak", "RMS"])
+)
+def test_a_history_in_parts_comes_to_what_it_comes_to_in_one(count, cuts, how):
+    sizes = np.random.default_rng(count).random(count)
+    whole, parted = (_History(how, "N", count) for _ in range(2))
+    whole.add(sizes)
+    for part in np.split(sizes, sorted(min(cut, count) for cut in cuts)):
+        parted.add(part)
+    one, other = whole.measured(), parted.measured()
+    assert one.value == pytest.approx(
+        np.max(sizes) if how == "peak" else np.sqrt(np.mean(sizes**2))
+    )
+    assert (other.value, other.sampling) == pytest.approx((one.value, one.sampling), rel=1e-9)
+    assert other.parts == pytest.approx(one.parts, rel=1e-12)
 
 
 def test_motion_is_sensitive_if_finer_runs_differ_among_each_other():
@@ -285,11 +311,20 @@ def test_a_run_with_a_tolerance_is_compared_with_coarser_and_finer_ones():
     )
 
 
+def test_further_runs_are_judged_from_when_the_run_is():
+    """Of 0.3 s all are judged, of the last bit more only what comes after 0.15 s."""
+    simulation = replace(scara(2e-4), duration=0.3)
+    result = simulation.run()
+    assert result.judge_from == 0.0 != replace(simulation, duration=result.time[-1]).judged_from
+    for other, *_ in further_simulations(simulation, result, strict=True):
+        assert other.judged_from == 0.0
+
+
 def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):
     refused = jp.JointplayError("no room")
     real = jp.Run
 
-    def run(simulation, progress=False):
+    def run(simulation, progress=False, records=None):
         if simulation.mechanism.clearance:
             raise refused
         return real(simulation, progress)

@@ -15,6 +15,9 @@ import xarray as xr
 from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
+from jointplay import cli
+from jointplay.analysis import certification
+from jointplay.commands import run_scenario
 from jointplay.kernel import Status
 from jointplay.loads import ComputedTorque, tables
 from jointplay.result import audit, netcdf
@@ -76,6 +79,71 @@ def test_histories_on_disk_are_those_in_memory_bit_for_bit(name, small_portions,
     found = one.run_to(tmp_path / "long.nc")
     assert [path.name for path in tmp_path.iterdir()] == ["long.nc"]
     same(found, one.run(check_step=False))
+
+
+FINE = """
+[robot]
+urdf = "jointplay:scara.urdf"
+gravity = [0, 0, 0]
+[motion]
+file = "jointplay:scara_motion.csv"
+[joints.joint_b]
+radial_clearance = "0.2 mm"
+axial_clearance = "0.2 mm"
+[integration]
+duration = "0.3 s"
+[output]
+record_every = 1
+figures = false
+"""
+
+
+def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatch, capsys):
+    """In portions: sums are added in another order, so to the last digits only."""
+    (tmp_path / "long.toml").write_text(FINE)
+    found = {}
+    for where in ("memory", "disk"):
+        if where == "disk":
+            for name, size in (("PORTION_BYTES", 1), ("RECORD_BYTES", 1), ("MOST_BYTES", 1)):
+                monkeypatch.setattr(spool, name, size)
+            monkeypatch.setattr(certification, "AT_ONCE", 4096)
+            # What lies between the ideal mechanism's records is interpolated.
+            monkeypatch.setattr(certification, "SUMMARY_RECORDS", 1000)
+        command = ["run", str(tmp_path / "long.toml"), "--out", str(tmp_path / where)]
+        assert cli.main([*command, "--quiet", "--jobs", "1"]) == 0
+        found[where] = jp.Result.load(next((tmp_path / where).glob("*.nc")))
+        assert "numerical errors, estimated from" in capsys.readouterr().out
+    same(found["disk"], found["memory"])
+    memory, disk = (found[where].certificate for where in ("memory", "disk"))
+    assert [one.name for one in disk.figures] == [one.name for one in memory.figures]
+    for one, other in zip(disk.figures, memory.figures, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-6), one.name
+        assert one.error == pytest.approx(other.error, rel=1e-2), one.name
+
+
+def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys):
+    (tmp_path / "move.csv").write_text("time_s,joint_a,joint_b\n0,0,0\n0.05,0.1,0.1\n")
+    text = FINE.replace("jointplay:scara_motion.csv", "move.csv")
+    (tmp_path / "long.toml").write_text(text)
+    command = ["run", str(tmp_path / "long.toml"), "--no-error-estimate", "--out"]
+    assert cli.main([*command, str(tmp_path / "short")]) == 0
+    said = capsys.readouterr().err
+    assert "stands still" not in said  # a quarter of a second
+    assert "GB on disk" not in said
+    monkeypatch.setattr(spool, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(run_scenario, "IDLE_S", 0.1)
+    assert cli.main([*command, str(tmp_path / "long")]) == 0
+    said = capsys.readouterr().err
+    assert (
+        "the motion ends at 0.05 s: for the other 0.25 s of the duration the machine stands still"
+        in said
+    )
+    records, every, size = re.search(
+        r"(\d+) records, one every (\S+) us, take (\S+) GB", said
+    ).groups()
+    assert (records, every) == ("30001", "10")
+    record = jp.Run(jp.Scenario.load(tmp_path / "long.toml").simulation("long")).workspace.record
+    assert float(size) == pytest.approx(30001 * record.strides[0] / 1e9, rel=0.1)
 
 
 def test_payloads_come_and_go_on_disk_as_in_memory(small_portions, tmp_path):

@@ -7,29 +7,39 @@ often the stated errors cover the true ones.
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay import analysis
 from jointplay.analysis.claims import measure
+from jointplay.analysis.tool_error import Reference
 from jointplay.analysis.twins import COMPARED, hinges
 from jointplay.core import signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.result import netcdf
 from jointplay.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
+from jointplay.result.histories import HistoryBuilder
 from jointplay.result.result import Result
 from jointplay.result.settings import START_UP
-from jointplay.result.variables import LOSSES
+from jointplay.result.thinning import SUMMARY_RECORDS
+from jointplay.result.variables import LOSSES, Records
+from jointplay.simulation import spool
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import save
 from jointplay.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SAFETY = 2.5
 """What differences between runs are multiplied by to make an error of them.
@@ -69,6 +79,9 @@ FINER = (3, 5, 10)
 Bristles that begin to stick are followed in first order and less, whatever chooses the steps: a
 tolerance leaves a run the error that equal steps have. Steps so far apart show how it falls.
 """
+
+AT_ONCE = 16 * netcdf.CHUNK
+"""Records of a long run that are in memory at once."""
 
 ASIDE_M = ((0.0, 0.0, 0.0), (-1e-7, 1e-7, -1e-7), (1e-7, -1e-7, 1e-7))
 """How far aside journals start in these runs.
@@ -180,11 +193,15 @@ def _find_errors(
     what = "certifying" if strict else "estimating errors"
     for number, (other, aside, macro) in enumerate(reversed(plans), 1):
         label = f"{what}, {number} of {len(plans)} ({_words(other)}) "
-        rerun, message = _run(other, label, progress, begin, aside, macro)
-        if rerun is None:
+        figures = _Headline(result.time, result.judge_from, ideal, hinges(result))
+        run, message = _begun(other, label, progress, begin, aside, macro, figures)
+        message = message if run is None else _to_end(run, progress)
+        if run is None or message:
             notes.append(f"with {_words(other)}, {message}")
+        elif figures.began:  # too many records to have them all
+            measured.append(figures.finish(run))
         else:
-            measured.append(_measure(rerun, ideal, claims))
+            measured.append(_measure(run.result(Status.COMPLETED), ideal, claims))
     found, sensitive = [], []
     slow = _approaches_slowly(simulation)
     for name, one in measured[0].items():
@@ -267,7 +284,14 @@ def further_simulations(
     By the multi-rate method, for as long as the run lasted; the last is the finest. With a
     tolerance, or with smaller equal steps where that approaches the truth slowly.
     """
-    base = replace(simulation, integrator=DEFAULT, duration=float(result.time[-1]))
+    lasted = float(result.time[-1])  # whose last digits must not shift when judging begins
+    base = replace(
+        simulation,
+        integrator=DEFAULT,
+        duration=lasted,
+        settle=None,
+        judge_from=result.audit.judged_from,
+    )
     if _approaches_slowly(simulation):
         plans = [
             (_with_finer_steps(base, times), aside, 2.0 if times == FINER[-1] else 1.0)
@@ -315,40 +339,45 @@ def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
     return words
 
 
-def _run(
+def _begun(
     simulation: Simulation,
     label: str,
     progress: bool,
     begin: Begin,
     aside: Sequence[float] = (0.0, 0.0, 0.0),
     macro: float = 1.0,
-    only: Sequence[str] | None = None,
-) -> tuple[Result | None, str]:
-    """The result of a further run, or None and why there is none.
+    figures: _Headline | None = None,
+) -> tuple[Run | None, str]:
+    """A further run before its first step, or None and why there is none.
 
     Args:
         simulation, label, progress, begin: what runs, and who is told.
         aside: how far journals start from where they would [m].
         macro: by how much macro steps are shorter.
-        only: histories that are wanted; None: all.
+        figures: are made of records that memory has no room for; None: it has.
     """
     try:
-        run = Run(simulation, progress)
+        run = Run(simulation, progress, None if figures is None else figures.take)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
     if any(aside):
         run.displace(aside)
     run.shorten_macro_steps(macro)
     run.label = label
+    if figures is not None:
+        figures.watch(run)
     begin(run)
+    return run, ""
+
+
+def _to_end(run: Run, progress: bool) -> str:
+    """Run; returns why it did not complete, or nothing."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
         status = run.run_to_end(progress)
     if status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    if status != Status.COMPLETED:
-        return None, f"the run {run.message(status)}"
-    return run.result(status, reactions=only is None, only=only), ""
+    return "" if status == Status.COMPLETED else f"the run {run.message(status)}"
 
 
 def _ideal(
@@ -358,14 +387,18 @@ def _ideal(
     if not analysis.has_play(result):
         return None, ""
     same = replace(simulation, duration=float(result.time[-1]), start=result.audit.start)
+    if not _fits(result):  # what lies between records is interpolated
+        seldom = math.ceil(len(result.time) / SUMMARY_RECORDS)
+        same = replace(same, record_every=same.record_every * seldom)
     try:
         twin = analysis.ideal_simulation(same)
     except JointplayError as error:
-        ideal, why = None, str(error)
+        why = str(error)
     else:
-        ideal, why = _run(twin, "the ideal mechanism ", progress, begin, only=COMPARED)
-    if ideal is not None:
-        return ideal, ""
+        run, why = _begun(twin, "the ideal mechanism ", progress, begin)
+        why = why if run is None else _to_end(run, progress)
+        if run is not None and not why:
+            return run.result(Status.COMPLETED, reactions=False, only=COMPARED), ""
     text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({why})"
     warnings.warn(text, RuntimeWarning, stacklevel=4)
     return None, text
@@ -381,84 +414,198 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
     return {name: (one.value, one.unit) for name, one in found.items()}
 
 
+def _fits(result: Result) -> bool:
+    """Whether memory may hold all histories of a result."""
+    return result.dataset.nbytes <= spool.MOST_BYTES
+
+
 def _measure(result: Result, ideal: Result | None, claims: bool) -> dict[str, Measured]:
     """The headline figures of a run, and where it can be what the claims use."""
-    found = _headline(result, ideal)
+    figures, fits = _Headline(result.time, result.judge_from, ideal, hinges(result)), _fits(result)
+    dataset, rows = result.dataset, len(result.time)
+    if not fits:
+        dataset = dataset[[name for name in _Headline.HISTORIES if name in dataset]]
+        rows = AT_ONCE
+    for first in range(0, len(result.time), rows):
+        figures.add(dataset.isel(time=slice(first, first + rows)).load())
+    found = figures.measured(result.audit.judged_impacts)
     long = len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP
-    if claims and ideal is not None and long:
+    if claims and ideal is not None and long and fits:
         measures = measure(result, ideal)
         for name, unit in CLAIM_UNITS.items():
             found[name] = Measured(float(measures[name]), unit, np.empty(0))
     return found
 
 
-def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
-    """The headline figures of a run, and what its stretches contribute to them."""
-    found: dict[str, Measured] = {}
-    judged = result.time >= result.judge_from
-    # Hinges of flexible links hold their bodies by more than the force of their springs.
-    soft = hinges(result)
-    if result.joints:
-        forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
-        names: Sequence[str] = result.joints
-    else:
-        forces = dict.fromkeys(("peak", "RMS"), result["reaction_force"])
-        names = [str(name) for name in result["moving_joint"].values]
-    for how, force in forces.items():
-        sizes = np.linalg.norm(force.values, axis=2)
-        for k, name in enumerate(names):
-            if name in soft:
-                continue
-            at = "" if len(names) - len(soft) == 1 else f", {name}"
-            found[f"{how} joint force{at}"] = _history(how, sizes[judged, k], "N")
-    if ideal is not None:
-        away = analysis.deviation(result, ideal)
-        kept = away["time"].values >= result.judge_from
-        turned = analysis.deviation(result, ideal, "tool_orientation")
-        for what, error in (("error", away), ("turn", turned)):
-            sizes = np.linalg.norm(error.values, axis=1)[kept]
-            for how in ("peak", "RMS"):
-                found[f"{how} tool {what}"] = _history(how, sizes, error.attrs["units"])
-    if result.joints:
-        found["impacts"] = Measured(float(result.audit.judged_impacts or 0), "", np.empty(0))
-    lost = np.zeros(np.count_nonzero(judged))
-    for name in LOSSES:
-        if name in result.dataset:
-            lost = lost + result[name].values[judged]
-    if "load_work" in result.dataset:
-        work = result["load_work"].values[judged]
-        # What a load has taken in all; none where it has given.
-        taken = work[0] - work
-        lost = lost + taken[:, taken[-1] > 0.0].sum(axis=1)
-    ends = lost[np.linspace(0, len(lost) - 1, STRETCHES + 1).astype(int)]
-    found["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(ends))
-    return found
+class _Headline:
+    """The headline figures of a run, from its histories, in one part or in many.
 
-
-def _history(how: str, sizes: np.ndarray, unit: str) -> Measured:
-    """The largest or the root mean square of a history."""
-    stretches = np.array_split(sizes, STRETCHES)
-    if how == "peak":
-        largest = np.array([part.max(initial=0.0) for part in stretches])
-        return Measured(float(sizes.max()), unit, largest, math.inf)
-    squares = np.array([float(part @ part) for part in stretches]) / len(sizes)
-    value = float(np.sqrt(np.mean(sizes**2)))
-    return Measured(value, unit, squares, 2.0, _sampling_error(sizes, value))
-
-
-def _sampling_error(sizes: np.ndarray, value: float) -> float:
-    """Twice the standard error of a root mean square: from how subsets of the records differ.
-
-    Impacts last shorter than the interval of records, which meet some of them by chance.
+    Args:
+        time: of all records [s].
+        judge_from: when judging begins [s].
+        ideal: the ideal mechanism's run.
+        soft: hinges of flexible links: they hold their bodies by more than the force of their
+            springs.
     """
-    if len(sizes) < 4 * SUBSETS or value == 0.0:
-        return 0.0
-    even = len(sizes) // SUBSETS * SUBSETS
-    means = (sizes[:even].reshape(-1, SUBSETS) ** 2).mean(axis=0)
-    # Each subset begins a record later: that of a smooth history shows a trend, which is no error.
-    first = np.arange(SUBSETS)
-    left = means - np.polyval(np.polyfit(first, means, 1), first)
-    return float(np.linalg.norm(left) / math.sqrt((SUBSETS - 2) * SUBSETS) / value)
+
+    HISTORIES = (
+        *("joint_force_peak", "joint_force", "reaction_force", "load_work"),
+        *("tool_position", "tool_orientation", *LOSSES),
+    )
+    """What is looked at."""
+
+    def __init__(
+        self, time: np.ndarray, judge_from: float, ideal: Result | None, soft: set[str]
+    ) -> None:
+        """Nothing is known yet."""
+        self._judge_from, self._soft = judge_from, soft
+        self._ideal = None if ideal is None else Reference(ideal)
+        judged = time[time >= judge_from]
+        self._count, self._told = len(judged), 0
+        if self._ideal is not None:
+            self._told = int(np.count_nonzero(judged <= self._ideal.until))
+        self._ends = np.linspace(0, max(self._count - 1, 0), STRETCHES + 1).astype(int)
+        self._histories: dict[str, _History] = {}
+        self._seen = 0
+        self._lost: list[np.ndarray] = []
+        self._work: list[np.ndarray] = []
+        self._play = False
+
+    @property
+    def began(self) -> bool:
+        """Whether any part is known."""
+        return self._seen > 0
+
+    def watch(self, run: Run) -> None:
+        """Be ready for records of this run."""
+        self._run = run
+        self._builder = HistoryBuilder(
+            run.mechanism,
+            run.simulation.describe(),
+            run.friction,
+            run.judged_from,
+            run.simulation.loads,
+        )
+
+    def take(self, records: Records) -> None:
+        """Add records of the run that is watched."""
+        self.add(self._builder.portion(records, self._run.phases))
+
+    def finish(self, run: Run) -> dict[str, Measured]:
+        """The figures of the run that was watched, at its end."""
+        assert isinstance(run.overflow, spool.PassedRecords)
+        run.overflow.finish()
+        audit = self._builder.audit(run.workspace, run.judgement())
+        return self.measured(audit.judged_impacts)
+
+    def add(self, part: xr.Dataset) -> None:
+        """Add the next histories."""
+        judged = part["time"].values >= self._judge_from
+        self._play = "joint" in part.dims
+        if self._play:
+            forces = {"peak": part["joint_force_peak"], "RMS": part["joint_force"]}
+            names = [str(name) for name in part["joint"].values]
+        else:
+            forces = dict.fromkeys(("peak", "RMS"), part["reaction_force"])
+            names = [str(name) for name in part["moving_joint"].values]
+        for how, force in forces.items():
+            sizes = np.linalg.norm(force.values, axis=2)
+            for k, name in enumerate(names):
+                if name not in self._soft:
+                    at = "" if len(names) - len(self._soft) == 1 else f", {name}"
+                    self._of(f"{how} joint force{at}", how, "N", self._count).add(sizes[judged, k])
+        if self._ideal is not None:
+            for what, of in (("error", "tool_position"), ("turn", "tool_orientation")):
+                error = self._ideal.difference(part, of)
+                sizes = np.linalg.norm(error.values, axis=1)
+                sizes = sizes[error["time"].values >= self._judge_from]
+                for how in ("peak", "RMS"):
+                    unit = error.attrs["units"]
+                    self._of(f"{how} tool {what}", how, unit, self._told).add(sizes)
+        self._add_losses(part, judged)
+
+    def _of(self, name: str, how: str, unit: str, count: int) -> _History:
+        return self._histories.setdefault(name, _History(how, unit, count))
+
+    def _add_losses(self, part: xr.Dataset, judged: np.ndarray) -> None:
+        """Keep what was lost at the ends of the stretches."""
+        here = self._ends - self._seen
+        here = here[(here >= 0) & (here < np.count_nonzero(judged))]
+        lost = np.zeros(len(here))
+        for name in LOSSES:
+            if name in part:
+                lost = lost + part[name].values[judged][here]
+        self._lost.append(lost)
+        if "load_work" in part:
+            self._work.append(part["load_work"].values[judged][here])
+        self._seen += int(np.count_nonzero(judged))
+
+    def measured(self, impacts: int | None) -> dict[str, Measured]:
+        """All figures, `impacts` among them."""
+        found = {name: history.measured() for name, history in self._histories.items()}
+        if self._play:
+            found["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
+        lost = np.concatenate(self._lost)
+        if self._work:
+            work = np.concatenate(self._work)
+            # What a load has taken in all; none where it has given.
+            taken = work[0] - work
+            lost = lost + taken[:, taken[-1] > 0.0].sum(axis=1)
+        found["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
+        return found
+
+
+class _History:
+    """The largest or the root mean square of a history of sizes, in one part or in many.
+
+    Args:
+        how: ``peak`` or ``RMS``.
+        unit: of the sizes.
+        count: how many there are.
+    """
+
+    def __init__(self, how: str, unit: str, count: int) -> None:
+        """Nothing is known yet."""
+        self._how, self._unit = how, unit
+        each, more = divmod(count, STRETCHES)
+        self._ends = np.cumsum([each + (k < more) for k in range(STRETCHES)])
+        self._largest, self._squares = np.zeros(STRETCHES), np.zeros(STRETCHES)
+        self._subsets, self._left = np.zeros(SUBSETS), np.empty(0)
+        self._seen, self._total = 0, 0.0
+
+    def add(self, sizes: np.ndarray) -> None:
+        """The next ones."""
+        stretches = np.split(sizes, np.clip(self._ends[:-1] - self._seen, 0, len(sizes)))
+        for k, part in enumerate(stretches):
+            self._largest[k] = part.max(initial=self._largest[k])
+            self._squares[k] += float(part @ part)
+        self._total += float(np.sum(sizes**2))
+        self._seen += len(sizes)
+        sizes = np.concatenate([self._left, sizes]) if len(self._left) else sizes
+        even = len(sizes) // SUBSETS * SUBSETS
+        self._subsets += (sizes[:even].reshape(-1, SUBSETS) ** 2).sum(axis=0)
+        self._left = sizes[even:].copy()
+
+    def measured(self) -> Measured:
+        """What it comes to."""
+        if self._how == "peak":
+            return Measured(float(self._largest.max()), self._unit, self._largest, math.inf)
+        value = math.sqrt(self._total / self._seen)
+        parts = self._squares / self._seen
+        return Measured(value, self._unit, parts, 2.0, self._sampling_error(value))
+
+    def _sampling_error(self, value: float) -> float:
+        """Twice the standard error of a root mean square: from how subsets of the records differ.
+
+        Impacts last shorter than the interval of records, which meet some of them by chance.
+        """
+        if self._seen < 4 * SUBSETS or value == 0.0:
+            return 0.0
+        means = self._subsets / (self._seen // SUBSETS)
+        # Each subset begins a record later: that of a smooth history shows a trend, no error.
+        first = np.arange(SUBSETS)
+        left = means - np.polyval(np.polyfit(first, means, 1), first)
+        return float(np.linalg.norm(left) / math.sqrt((SUBSETS - 2) * SUBSETS) / value)
 
 
 def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate | None:
@@ -484,7 +631,7 @@ def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate
 
 
 def add_certificate(
-    result: Result,
+    result: Result | None,
     path: Path,
     simulation: Simulation,
     progress: bool = False,
@@ -506,13 +653,20 @@ def add_certificate(
         JointplayError: the file cannot be written again; the message says where the result is.
         KeyboardInterrupt: told to stop; the result is there without certificate.
     """
-    if result.status == Status.INTERRUPTED or signals.stop_requested():
+    if signals.stop_requested():
         return
     told: dict[str, Any] = {"simulation": simulation, "progress": progress, "begin": begin}
     told |= {"claims": claims} if strict else {}
-    certificate = errors_if_possible(result, strict, **told)
+    given = result or Result.open(path)
+    with closing(given.dataset):
+        if given.status == Status.INTERRUPTED:
+            return
+        certificate = errors_if_possible(given, strict, **told)
     if certificate is None:
         return
     with signals.keeping(f"the certificate of {path}"):
-        result.certificate = certificate
-        save(result, path, overwrite=True)
+        if result is None:
+            netcdf.add_attributes(path, {"certificate": json.dumps(certificate.describe())})
+        else:
+            result.certificate = certificate
+            save(result, path, overwrite=True)

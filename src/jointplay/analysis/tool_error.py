@@ -113,31 +113,62 @@ def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.D
     """The same between any two runs; see `deviation`."""
     if of not in TOOL_MOTIONS:
         raise MissingName("tool motion", of, TOOL_MOTIONS)
-    # Times that are multiples of another step differ in their last bits.
-    rounding = 1e-9 * max(float(ideal.time[-1]), 1e-3)
-    ours = result[of].sel(time=result.time <= ideal.time[-1] + rounding)
-    time = ours["time"].values
-    reference: Any
-    if len(ideal.time) >= len(time) and np.allclose(ideal.time[: len(time)], time, 0.0, rounding):
-        kept = ideal[of].values[: len(time)]
-        reference = rotations(kept) if of == "tool_orientation" else kept
-    elif len(ideal.time) < 2:
-        raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
-    else:
-        reference = _between(ideal, of)(time)
-    found: xr.DataArray
-    if of == "tool_orientation":
-        turns = (rotations(ours.values) * reference.inv()).as_rotvec()
-        along = {"time": time, "axis": result["axis"].values}
-        found = xr.DataArray(turns, along, ("time", "axis"), of)
-    else:
-        found = ours - reference
-    found.attrs = {
-        "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
-        "long_name": f"{of.replace('_', ' ')} - reference, world axes",
-        "judge_from": result.judge_from,
-    }
+    found = Reference(ideal).difference(result.dataset, of)
+    found.attrs["judge_from"] = result.judge_from
     return found
+
+
+class Reference:
+    """The motion of a tool from which another's is told, at any time that its run covers.
+
+    Args:
+        run: of it; what is between its records is interpolated, see `deviation`.
+
+    Attributes:
+        until: the last time that it covers [s].
+    """
+
+    def __init__(self, run: Result) -> None:
+        """Nothing is interpolated yet."""
+        self._run = run
+        last = float(run.time[-1])
+        # Times that are multiples of another step differ in their last bits.
+        self._rounding = 1e-9 * max(last, 1e-3)
+        self.until = last + self._rounding
+        self._between: dict[str, Callable[[np.ndarray], Any]] = {}
+
+    def difference(self, dataset: xr.Dataset, of: str) -> xr.DataArray:
+        """Of the histories of another run, or of a part of it; see `deviation`.
+
+        Raises:
+            JointplayError: the reference has a single record.
+        """
+        ours = dataset[of].sel(time=dataset["time"].values <= self.until)
+        time, run = ours["time"].values, self._run
+        reference: Any
+        if len(run.time) >= len(time) and np.allclose(
+            run.time[: len(time)], time, 0.0, self._rounding
+        ):
+            kept = run[of].values[: len(time)]
+            reference = rotations(kept) if of == "tool_orientation" else kept
+        elif len(run.time) < 2:
+            raise JointplayError(f"the reference has {len(run.time)} record; it needs at least 2")
+        else:
+            if of not in self._between:
+                self._between[of] = _between(run, of)
+            reference = self._between[of](time)
+        found: xr.DataArray
+        if of == "tool_orientation":
+            turns = (rotations(ours.values) * reference.inv()).as_rotvec()
+            along = {"time": time, "axis": dataset["axis"].values}
+            found = xr.DataArray(turns, along, ("time", "axis"), of)
+        else:
+            found = ours - reference
+        found.attrs = {
+            "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
+            "long_name": f"{of.replace('_', ' ')} - reference, world axes",
+        }
+        return found
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import ctypes
 import json
+import math
 import multiprocessing
 import os
 import signal
@@ -22,6 +23,7 @@ from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import claim, holds, refuse_present
 from jointplay.core.progress import current, printing, whole
 from jointplay.core.signals import INTERRUPTED
+from jointplay.core.tables import few
 from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
@@ -37,6 +39,9 @@ STOPPED = 1
 
 _LONGEST_NAME = 100
 """Bytes of a file's name that are taken of its case's."""
+
+IDLE, IDLE_S = 0.2, 1.0
+"""More than this part of a run, and more than this [s], without motion is told of."""
 
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
@@ -58,9 +63,9 @@ class CaseRun:
         return self.errors == "certify"
 
     @property
-    def records(self) -> Path | None:
-        """File of its records while it runs; those of a run that is certified stay in memory."""
-        return None if self.certified else working_paths(self.path)[0]
+    def records(self) -> Path:
+        """File of its records while it runs."""
+        return working_paths(self.path)[0]
 
 
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
@@ -89,6 +94,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     progress = not options.quiet
     items = {}
     lengths, simulations, only_run = {}, {}, None
+    remarks: dict[str, list[str]] = {}  # cases by what is said of them
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
         run = scenario.ready_run(case, progress, item.records)
@@ -97,10 +103,14 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         length = run.total_steps * run.simulation.step
         # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
         lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
+        for line in _length_and_size(run):
+            remarks.setdefault(line, []).append(case)
         only_run = run if len(cases) == 1 else None
         del run  # and its arrays
     for line in [*decisive(scenario, simulations), *scenario.notes]:
         streams.note(line)
+    for line, of in remarks.items():
+        streams.note(line if of == cases else f"case {few(of)}: {line}")
     done: list[str] = []
     if options.resume:
         claim(out, ())
@@ -213,6 +223,26 @@ class _Summaries:
         return headline(result, ideal or reference(result, self.progress))
 
 
+def _length_and_size(run: Run) -> list[str]:
+    """What is said of a run that goes on without moving, or whose records fill the disk."""
+    simulation, lines = run.simulation, []
+    length = run.total_steps * simulation.step
+    ends = math.inf if simulation.motion is None else simulation.motion.still_from
+    if length - ends > max(IDLE * length, IDLE_S):
+        lines.append(
+            f"the motion ends at {ends:g} s: for the other {length - ends:.4g} s of the duration "
+            "the machine stands still"
+        )
+    if run.overflow is not None and run.overflow.needed:
+        lines.append(
+            f"{run.total_steps // simulation.record_every + 1} records, one every "
+            f"{1e6 * simulation.record_every * simulation.step:g} us, take "
+            f"{run.overflow.bytes / 1e9:.2g} GB on disk while it runs, and the result about as "
+            "much (--record-every makes them fewer)"
+        )
+    return lines
+
+
 def _gives(simulation: Simulation) -> bool:
     """Whether a mechanism has joints or gears that are not ideal."""
     return bool(simulation.mechanism.clearance or simulation.mechanism.gears)
@@ -264,13 +294,8 @@ def _execute(
     begin(run)
     resumed = resume_run(run, item.path)
     status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
-    if item.errors and result is not None:
+    if item.errors:
         add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
-    elif item.errors:
-        signals.say(
-            "numerical errors are not estimated: the records of the run exceed 32 MB; record less "
-            f"often (output.record_every, now {run.simulation.record_every})"
-        )
     return status
 
 

@@ -16,7 +16,7 @@ from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.loop import locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.result.audit import PORTION, Auditor, Judgement
+from jointplay.result.audit import PORTION, Audit, Auditor, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
 from jointplay.result.stored import versions
 from jointplay.result.variables import (
@@ -203,6 +203,10 @@ class HistoryBuilder:
         dims = ("joint", "contact", "azimuth")
         return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
+    def audit(self, workspace: Workspace, judgement: Judgement) -> Audit:
+        """What the whole run comes to, all its portions made."""
+        return self._auditor.audit(workspace, judgement)
+
     def attributes(
         self,
         workspace: Workspace,
@@ -222,9 +226,7 @@ class HistoryBuilder:
         return {
             "jointplay_format": FORMAT,
             "simulation": json.dumps(self._simulation),
-            "audit": json.dumps(
-                self._auditor.audit(workspace, judgement or Judgement()).describe()
-            ),
+            "audit": json.dumps(self.audit(workspace, judgement or Judgement()).describe()),
             "status": status.name.lower(),
             "message": message,
             "wall_time_s": wall_time,

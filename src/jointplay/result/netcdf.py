@@ -21,6 +21,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from jointplay.core import files
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import system_errors
 from jointplay.core.hdf5 import MEMORY_SHARE, damaged, examined, memory
@@ -214,15 +215,43 @@ class GrowingDataset:
             dataset.attrs.update(attributes)
         self.close()
         self._disk.check()
-        self._file.flush()
-        self._file.seek(0)
-        sealed = digest(self._file)
-        self._file.seek(0, io.SEEK_END)
-        self._file.write(SEAL + sealed + b"\n")
+        _seal_file(self._file)
 
     def close(self) -> None:
         """Let go of the file, finished or not."""
         self._h5.close()
+
+
+def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
+    """Give a file that `pack` or `GrowingDataset` made further attributes, whatever its size.
+
+    Raises:
+        JointplayError: it cannot be read or written; it is as it was.
+    """
+    import h5netcdf
+    import h5py
+
+    with files.writing(path, overwrite=True) as file:
+        with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as whole:
+            size = whole.seek(0, os.SEEK_END) - _SEALED
+            whole.seek(0)
+            for first in range(0, size, _PIECE):
+                file.write(whole.read(min(_PIECE, size - first)))
+        file.flush()
+        disk = _CheckedFile(file)
+        with h5py.File(disk, "r+") as inner, h5netcdf.File(inner, "r+") as dataset:
+            dataset.attrs.update(attributes)
+        disk.check()
+        _seal_file(file)
+
+
+def _seal_file(file: BinaryIO) -> None:
+    """Write the checksum of all that a file holds behind it."""
+    file.flush()
+    file.seek(0)
+    sealed = digest(file)
+    file.seek(0, io.SEEK_END)
+    file.write(SEAL + sealed + b"\n")
 
 
 class _CheckedFile(io.RawIOBase):

@@ -36,7 +36,7 @@ from jointplay.mechanism.massless import require_inertia
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
-from jointplay.result.variables import Phase
+from jointplay.result.variables import Phase, Records
 from jointplay.simulation import base_chart, checkpoint, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, joint_site
@@ -52,7 +52,7 @@ from jointplay.simulation.loop import (
     TimeLoop,
 )
 from jointplay.simulation.progress import Bar
-from jointplay.simulation.spool import DiskRecords
+from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
 from jointplay.simulation.statics import StaticLoads
 
 if TYPE_CHECKING:
@@ -241,8 +241,9 @@ class Run:
     Args:
         simulation: what is run.
         progress: show a bar on standard error while a long motion is tabulated.
-        records: a file for the records that memory has no room for; `Simulation.run_to` makes a
-            result of them. None: all stay in memory.
+        records: where records go that memory has no room for: a file, of which
+            `Simulation.run_to` makes a result, or a function that takes them portion by portion.
+            None: all stay in memory.
 
     Raises:
         JointplayError: a step, duration or record interval that makes no sense, a step too
@@ -250,7 +251,10 @@ class Run:
     """
 
     def __init__(
-        self, simulation: Simulation, progress: bool = False, records: Path | None = None
+        self,
+        simulation: Simulation,
+        progress: bool = False,
+        records: Path | Callable[[Records], None] | None = None,
     ) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         try:
@@ -260,7 +264,12 @@ class Run:
                 f"a number is far too large or too small to compute with: {error}"
             ) from None
 
-    def _prepare(self, simulation: Simulation, progress: bool, records: Path | None) -> None:
+    def _prepare(
+        self,
+        simulation: Simulation,
+        progress: bool,
+        records: Path | Callable[[Records], None] | None,
+    ) -> None:
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
         self.mechanism = mechanism = simulation.mechanism
@@ -316,11 +325,9 @@ class Run:
             own_acceleration=not self.method.single_rate,
             loads=sites,
         )
-        self.on_disk = None if records is None else self._spool_records(records, macro)
-        """Where records go that memory has no room for."""
         self._chart = BaseChart(mechanism, self.model, w, step)
-        if self.on_disk is not None:
-            self.on_disk.before_writing = self._chart.convert_records
+        self.overflow = None if records is None else self._overflow(records, macro)
+        """Where records go that memory has no room for."""
         self._watch = LoadSchedule(simulation.loads, sites, mechanism, self.model, w, step)
         w.q[:], w.v[:] = start.q, start.v
         self._set_implicit_drives()
@@ -352,11 +359,22 @@ class Run:
         """Called between stretches; the run stops, to be continued or not, if one says True."""
         self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
 
-    def _spool_records(self, records: Path, macro: float) -> DiskRecords:
-        """Have the records written to a file as they are made."""
+    def _overflow(self, records: Path | Callable[[Records], None], macro: float) -> Overflow:
+        """Have the records go elsewhere as they are made, if they take too much memory."""
         step, every = self.simulation.step, self.simulation.record_every
-        most = CHUNK + math.ceil(macro / step) + 2
-        return DiskRecords(records, self.workspace, self.total_steps // every + 2, most)
+        numbers = self.total_steps // every + 2, CHUNK + math.ceil(macro / step) + 2
+        made: Overflow
+        if callable(records):
+            made = PassedRecords(records, self.workspace, *numbers)
+        else:
+            made = DiskRecords(records, self.workspace, *numbers)
+        made.before_writing = self._chart.convert_records
+        return made
+
+    @property
+    def on_disk(self) -> DiskRecords | None:
+        """The file to which records go that memory has no room for."""
+        return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
     def _start_at_rest(
         self, start: initial.InitialState, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
@@ -736,8 +754,8 @@ class Run:
         self._whole = False
         if w.time >= self._reference.until:
             self._set_reference_block()
-        if self.on_disk is not None:
-            self.on_disk.before_stretch()
+        if self.overflow is not None:
+            self.overflow.before_stretch()
         steps = min(most, self.total_steps - w.steps)
         soon = w.steps + CHUNK
         pause = soon if pause is None else min(pause, soon)

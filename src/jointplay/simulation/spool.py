@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import secrets
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -120,20 +121,64 @@ class Spool:
 
 
 MOST_BYTES = 32 << 20
-"""A run whose records take more has them on disk, if it may [bytes]."""
+"""Records of a run that take more do not stay in memory, if they may go elsewhere [bytes]."""
 
 RECORD_BYTES = 4 << 20
 """Of such a run so much is in memory [bytes]."""
 
 
-class DiskRecords:
+class Overflow(ABC):
     """Where a run's records go when memory has no more room for them.
 
     Args:
-        path: a file for them; it is made when the first ones go there.
         workspace: of the run.
         records: that the whole run makes.
         most: records of a stretch, at most.
+
+    Attributes:
+        before_writing: called before records go elsewhere.
+        needed: whether the run makes more than memory is to hold.
+    """
+
+    def __init__(self, workspace: Workspace, records: int, most: int) -> None:
+        """Make room in memory for some."""
+        self._workspace, self._most = workspace, most
+        size = workspace.record.strides[0]
+        room = max(RECORD_BYTES // size, 2 * most)
+        self.before_writing: Callable[[], None] = lambda: None
+        self.bytes = records * size
+        self.needed = self.bytes > MOST_BYTES and records > room
+        workspace.reserve_records(room if self.needed else records)
+
+    def before_stretch(self) -> None:
+        """Make room for the records of a stretch."""
+        w = self._workspace
+        if self.needed and int(w.run["rows"][0]) - w.rows < self._most:
+            self.empty()
+
+    def empty(self) -> None:
+        """Take all records out of memory.
+
+        Raises:
+            JointplayError: they cannot be written.
+        """
+        w = self._workspace
+        if w.rows > w.kept_elsewhere:
+            self.before_writing()
+            self._take(w.record[: w.rows - w.kept_elsewhere])
+            w.release_records()
+
+    @abstractmethod
+    def _take(self, records: np.ndarray) -> None:
+        """Keep records, shape (n, columns), which are gone afterwards."""
+
+
+class DiskRecords(Overflow):
+    """Records that go to a file.
+
+    Args:
+        path: a file for them; it is made when the first ones go there.
+        workspace, records, most: see `Overflow`.
 
     Attributes:
         path: as given.
@@ -144,24 +189,21 @@ class DiskRecords:
     """
 
     def __init__(self, path: Path, workspace: Workspace, records: int, most: int) -> None:
-        """Make room in memory for some."""
+        """Nothing is there yet."""
         files.check_own(path, RECORDS, "file of records")
-        self.path, self._workspace, self._most = path, workspace, most
+        self.path = path
         self.name: str | None = None
         self._spool: Spool | None = None
-        size = workspace.record.strides[0]
-        room = max(RECORD_BYTES // size, 2 * most)
-        self.before_writing: Callable[[], None] | None = None
-        """Called before records go to disk."""
-        self.needed = records * size > MOST_BYTES and records > room
-        """Whether the run makes more than memory is to hold."""
-        workspace.reserve_records(room if self.needed else records)
+        super().__init__(workspace, records, most)
 
-    def before_stretch(self) -> None:
-        """Make room for the records of a stretch."""
+    def _take(self, records: np.ndarray) -> None:
+        self._opened().append(records)
+
+    def _opened(self) -> Spool:
         w = self._workspace
-        if self.needed and int(w.run["rows"][0]) - w.rows < self._most:
-            self.write_to_disk()
+        if self._spool is None:
+            self._spool = Spool(self.path, w.record.shape[1], w.kept_elsewhere, self.name)
+        return self._spool
 
     def write_to_disk(self, sync: bool = False) -> Spool:
         """Put all records on disk; `sync`: so that they survive a power failure.
@@ -169,20 +211,50 @@ class DiskRecords:
         Raises:
             JointplayError: they cannot be written.
         """
-        w = self._workspace
-        if self._spool is None:
-            self._spool = Spool(self.path, w.record.shape[1], w.kept_elsewhere, self.name)
-        if w.rows > w.kept_elsewhere:
-            if self.before_writing is not None:
-                self.before_writing()
-            self._spool.append(w.record[: w.rows - w.kept_elsewhere])
-            w.release_records()
+        spool = self._opened()
+        self.empty()
         if sync:
-            self._spool.sync()
-        return self._spool
+            spool.sync()
+        return spool
 
     def remove(self) -> None:
         """Delete the records on disk."""
         if self._spool is not None:
             self._spool.remove()
         self._spool = None
+
+
+class PassedRecords(Overflow):
+    """Records that are passed to a function, in order, and then forgotten.
+
+    Args:
+        taker: is given portions that begin at multiples of `audit.PORTION`.
+        workspace, records, most: see `Overflow`.
+    """
+
+    def __init__(
+        self, taker: Callable[[Records], None], workspace: Workspace, records: int, most: int
+    ) -> None:
+        """Nothing is there yet."""
+        self._taker, self._passed = taker, 0
+        self._left = np.empty((0, workspace.record.shape[1]))
+        super().__init__(workspace, records, most)
+
+    def _take(self, records: np.ndarray) -> None:
+        self._left = np.concatenate([self._left, records]) if len(self._left) else records.copy()
+        self._pass(len(self._left) // PORTION * PORTION)
+
+    def _pass(self, count: int) -> None:
+        if count:
+            w = self._workspace
+            given = Records(self._left[:count], w.fields, w.contacts.shape[1], self._passed)
+            self._left, self._passed = self._left[count:], self._passed + count
+            self._taker(given)
+
+    def finish(self) -> None:
+        """Pass the rest; what never left memory is one portion."""
+        self.before_writing()
+        w = self._workspace
+        rest = w.record[: w.rows - w.kept_elsewhere]
+        self._left = np.concatenate([self._left, rest]) if len(self._left) else rest
+        self._pass(len(self._left))
