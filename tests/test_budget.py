@@ -226,7 +226,7 @@ def test_the_command_prints_the_table_and_writes_the_files(two, tmp_path, capsys
     assert main(order) == 0
     text = capsys.readouterr().out
     assert "tool: 'tool'" in text
-    assert "static, rigid contact" in text
+    assert "free travel with rigid contacts, to which" in text
     rows = list(csv.DictReader(io.StringIO((out / "budget.csv").read_text())))
     assert len(rows) == 9
     found = float(rows[0]["worst_m"])
@@ -297,7 +297,7 @@ def test_figures_state_what_they_show(two):
     q = poses.over_workspace(mechanism, 5)
     found = budget(mechanism, q)
     for figure in (plots.bars(found), plots.workspace_map(found), plots.course(found)):
-        assert "static, rigid contact" in figure.get_supxlabel()
+        assert "free travel with rigid contacts" in figure.get_supxlabel()
     assert "static" in plots.robot(mechanism, found, q).axes[0].get_title()
 
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from test_playback import CHROMIUM, GL, until
 from warm import JOINTPLAY, PYTHON
@@ -160,6 +161,40 @@ def test_a_value_gives_what_simulation_and_budget_give(tab):
     text = tab.locator("[aria-label='static error budget']").inner_text()
     assert f"{1e3 * errors.worst.max():.4f}" in text
     assert "100.0 %" in text
+
+
+def test_what_adds_to_free_travel_stands_beside_it(tab):
+    """Free travel is a bound with rigid contacts, below the largest error in motion or above it."""
+    type_in(tab, "joint_b.radial_clearance", 0.3)
+    answered(tab)
+    mechanism, motion = machine(0.3e-3)
+    result = jp.Simulation(mechanism, motion, duration=DURATION).run(estimate=False)
+    rows = dict(
+        line.split("\t")[:2]
+        for line in tab.locator("[aria-label='figures of all cases']").inner_text().splitlines()
+        if "\t" in line
+    )
+    names = ("free travel, at most (contacts rigid)", "contacts give way, at most")
+    names += ("drives give way, at most", "all three, at most")
+    prefix = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9}
+    shown = (rows[name].split() for name in names)
+    free, gives, drives, whole = (float(number) * prefix[unit] for number, unit in shown)
+    sunk = result.audit.penetration_over_clearance
+    assert sunk > 0.0
+    assert gives == pytest.approx(free * sunk, rel=2e-3)
+    # With the journal in the middle, what is left is where the drives are.
+    ideal, at = twin(result), mechanism.coordinates
+    middle = result.q.copy()
+    for part in ("x", "y", "z", "pitch", "roll"):
+        middle[:, at.index(f"joint_b.{part}")] = 0.0
+    model, data = mechanism.model, mechanism.model.createData()
+    away = []
+    for q, place in zip(middle, ideal["tool_position"].values, strict=True):
+        pin.framesForwardKinematics(model, data, q)
+        away.append(np.linalg.norm(data.oMf[mechanism.tool_frame].translation - place))
+    assert drives == pytest.approx(max(away), rel=1e-3)
+    assert whole == pytest.approx(free + gives + drives, rel=1e-3)
+    assert figures(tab)["largest tool error"] < whole
 
 
 def test_a_slider_asks_and_its_field_follows(tab):

@@ -317,7 +317,8 @@ class Budget:
             else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
         )
         return (
-            f"static, rigid contact; worst case missed by at most {100 * search:.2g} % "
+            "free travel with rigid contacts, to which contacts and drives that give way add; "
+            f"worst case missed by at most {100 * search:.2g} % "
             f"(directions), too large by at most {100 * excess:.2g} % (lean of the journals, "
             f"second order), {second}; {at_rest}"
         )

@@ -21,10 +21,12 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.units import readable
 from jointplay.design import poses
 from jointplay.design.static_budget import FOLLOW, Budget, budget
+from jointplay.joints import Coordinate
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.live.state import State
 from jointplay.loads.drive import Drive
+from jointplay.mechanism.tree import BodyMotion, Tree
 from jointplay.player import scene
 from jointplay.result.result import Result
 from jointplay.result.thinning import thinned
@@ -32,6 +34,7 @@ from jointplay.result.variables import TERMS
 from jointplay.simulation.run import Run
 
 if TYPE_CHECKING:
+    from jointplay.joints import Clearance
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.simulation.simulation import Simulation
 
@@ -288,6 +291,11 @@ def cycle_message(
         columns.put(f"force {name}", np.linalg.norm(few["joint_force_peak"].values[:, j], axis=1))
         forces = np.linalg.norm(result["joint_force_peak"].values[since, j], axis=1)
         figure(f"peak force, {name}", forces.max(initial=0.0), "N")
+    sunk = {
+        name: _sunk(result, name, joint, since)
+        for name, joint in result.simulation.mechanism.clearance.items()
+    }
+    drives = _given_way(result, twin) if twin is not None else None
     stored = few["kinetic_energy"].values + few["potential_energy"].values
     columns.put("energy stored", stored - stored[0])
     energies = ["energy stored"]
@@ -311,6 +319,8 @@ def cycle_message(
         "reason": reason,
         "judged_from": result.judge_from,
         "joints": list(result.joints),
+        "sunk": sunk,
+        "drives": None if drives is None else float(drives[since].max(initial=0.0)),
         "energies": energies,
         "figures": figures,
         "columns": columns.places,
@@ -318,6 +328,45 @@ def cycle_message(
         "picture": picture,
     }
     return head, bytes(columns.block) + packed
+
+
+def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> float | None:
+    """How far the contacts of a joint gave way, over their clearance; None: they are not free.
+
+    A journal that sinks in by so much has that much more play: its free travel scales with the
+    clearance.
+    """
+    if joint.springs is not None or joint.resultant is not None:
+        return None
+    gaps = result["gap_min"].sel(joint=name)
+    parts = [
+        -float(np.nanmin(gaps.sel(contact=contact).values[judged], initial=0.0)) / room
+        for contact, room in zip(joint.contacts, joint.rooms, strict=False)
+    ]
+    return max(parts, default=0.0)
+
+
+def _given_way(result: Result, twin: Result) -> np.ndarray | None:
+    """How far drives alone put the tool from where they hold the ideal machine's [m].
+
+    With the journals put back to the middle. None where more than play and drives moves the tool:
+    with closed loops, gears, free bases, or between records of another step.
+    """
+    mechanism = result.simulation.mechanism
+    moved = mechanism.loops or mechanism.gears or mechanism.free_base is not None
+    if moved or len(twin.time) < len(result.time):
+        return None
+    q = np.array(result.q, float)
+    for name, joint in mechanism.clearance.items():
+        for part in joint.freedoms:
+            if part not in joint.ideal_freedoms:
+                q[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    motion = BodyMotion.of(len(q), 0)
+    carrier = int(frame.parentJoint), frame.placement
+    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), carrier, [])
+    away = motion.tool[:, :3] - twin["tool_position"].values[: len(q)]
+    return np.asarray(np.linalg.norm(away, axis=1))
 
 
 def look(mechanism: Mechanism, meshes: Sequence[str] = ()) -> Message:

@@ -77,6 +77,15 @@ function mount(root, contents, block, transport) {
     return new Live(root, contents, block, transport || overHttp(""));
 }
 
+// How far the tool can go by play alone, and what contacts and drives that give way as in the run add to it.
+function bounds({budget, cycle}) {
+    if (!budget || budget.error) return {};
+    const sunk = budget.parts.map(part => cycle?.sunk[part.name]);
+    if (!budget.parts.length || sunk.some(part => part === undefined || part === null)) return {free: budget.worst};
+    const gives = budget.parts.reduce((sum, part, k) => sum + part.worst * sunk[k], 0);
+    return {free: budget.worst, gives, drives: cycle.drives ?? undefined};
+}
+
 class Live {
     constructor(root, contents, block, transport) {
         Object.assign(this, {root, contents, transport, id: `jp${mounted++}`});
@@ -446,8 +455,17 @@ class Live {
             return cell;
         }));
         const row = (name, value) => element("tr", {}, element("th", {scope: "row"}, name), ...cases.map(one => element("td", {}, value(one))));
+        const bound = of => one => {
+            const {free, gives, drives} = bounds(one);
+            return inUnits(of(free, gives, drives), "m", 4);
+        };
         const rows = [
-            row("free travel, at most (contacts rigid)", one => one.budget && !one.budget.error ? inUnits(one.budget.worst, "m", 4) : "\u2013"),
+            row("free travel, at most (contacts rigid)", bound(free => free)),
+            ...(cases.some(one => bounds(one).gives !== undefined) ? [
+                row("contacts give way, at most", bound((free, gives) => gives)),
+                row("drives give way, at most", bound((free, gives, drives) => drives)),
+                row("all three, at most", bound((free, gives, drives) => drives === undefined ? undefined : free + gives + drives)),
+            ] : []),
             ...[...names].map(([name, unit]) => row(name, one => {
                 const found = one.cycle?.figures.find(figure => figure.name === name);
                 return found ? `${one.cycle.quick ? "\u2248 " : ""}${inUnits(found.value, unit, 4)}` : "\u2013";
