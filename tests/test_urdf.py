@@ -231,6 +231,8 @@ def test_masses_are_those_that_the_urdf_gives(monkeypatch):
         ("<axis", "<axes", "joint 'joint_a' has <axes>.*mean \"axis\""),
         ("<axis xyz=", "<axis xzy=", '<axis> has "xzy".*mean "xyz"'),
         ("lower=", "low=", '<limit> has "low".*mean "lower"'),
+        ("lower=", "min=", '<limit> has "min".*mean "lower"'),
+        ("upper=", "max=", '<limit> has "max".*mean "upper"'),
         ("<mass value=", "<mass kg=", '<mass> has "kg".*mean "value"'),
         ("</robot>", '<jiont name="j"/></robot>', 'the robot has <jiont>.*mean "joint"'),
         (

@@ -23,7 +23,7 @@ from jointplay.analysis.claims import measure
 from jointplay.analysis.tool_error import Reference
 from jointplay.analysis.twins import COMPARED, hinges
 from jointplay.core import signals
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.result import netcdf
@@ -179,6 +179,7 @@ def _find_errors(
     claims: bool,
 ) -> Certificate:
     """The figures of a run with the errors that further runs show."""
+    require_a("source", source, "Simulation", "Result")
     if isinstance(source, Simulation):
         simulation, result = source, source.run(progress, estimate=False)
     else:

@@ -15,7 +15,7 @@ from jointplay.analysis.headline import reference
 from jointplay.analysis.tool_error import difference
 from jointplay.analysis.twins import is_twin
 from jointplay.analysis.vibration import rattle
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.schema import differences, short
 from jointplay.core.tables import columns
 from jointplay.result.certificate import HEADLINE, CertifiedFigure, shown_in
@@ -119,6 +119,7 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
     Raises:
         JointplayError: not two runs, or one without records.
     """
+    require_a("results", results, "Mapping")
     if len(results) != 2:
         raise JointplayError(f"compare two runs, got {len(results)}: {', '.join(results)}")
     for label, result in results.items():

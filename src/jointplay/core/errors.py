@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import abc
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -110,6 +111,25 @@ def within(*place: str | int) -> Iterator[None]:
     except JointplayError as error:
         error.where = (*place, *error.where)
         raise
+
+
+def require_a(name: str, value: Any, *kinds: str) -> None:
+    """Refuse an argument `name` that is of none of the `kinds`, classes given by their names."""
+    mine = type(value)
+    known = {kind.__name__ for kind in mine.__mro__}
+    known |= {kind for kind in ("Mapping", "Iterable") if isinstance(value, getattr(abc, kind))}
+    text = known & {"str", "bytes"} and "str" not in kinds
+    known |= {"Path"} if hasattr(mine, "__fspath__") else set()
+    if known.isdisjoint(kinds) or text:
+        wanted = " or ".join(_KINDS.get(kind, f"a {kind}") for kind in kinds)
+        raise JointplayError(f"{name} must be {wanted}, not {value!r:.60}", where=(name,))
+
+
+_KINDS = {
+    "str": "text",
+    "Mapping": "a mapping of names to them",
+    "Iterable": "a list of them",
+}
 
 
 def require_positive(name: str, value: float, unit: str, where: Where = ()) -> float:

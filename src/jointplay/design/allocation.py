@@ -26,6 +26,7 @@ from scipy.stats import binom
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
+    require_a,
     require_positive,
     require_share,
     require_whole,
@@ -369,6 +370,7 @@ def allocate(
             values that cannot be; rolling bearings.
         MissingName: no such cost or joint.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     names = allocated(mechanism)
     _refuse_rolling(mechanism)
     _check(names, target, quantile, cost, weights or {}, least, most)

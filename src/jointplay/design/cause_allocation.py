@@ -27,6 +27,7 @@ from scipy.optimize import linprog, minimize
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
+    require_a,
     require_positive,
 )
 from jointplay.core.progress import ProgressBar
@@ -189,6 +190,7 @@ def allocate_causes(
             that may be improved; values that cannot be; see `error_budget`.
         MissingName: no such cause or joint.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     target = require_positive("target", target, "m")
     prices, weights, limits = dict(prices or {}), dict(weights or {}), dict(limits or {})
     for name in (*keep, *prices, *limits):

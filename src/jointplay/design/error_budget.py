@@ -19,7 +19,13 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite, require_positive
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    require_a,
+    require_finite,
+    require_positive,
+)
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import (
     GEAR,
@@ -433,6 +439,7 @@ def error_budget(
             to its clearance.
         MissingName: no such joint, class or cause.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     if mechanism.loops:
         raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: a whole error budget is for robots without "

@@ -51,7 +51,7 @@ from jointplay.analysis.runs import MOST_RUNS, Trace, at_speed, errors, loaded, 
 from jointplay.analysis.tool_error import Stop, rotations, stops
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.analysis.uncertainty import IntervalEstimate
-from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.errors import JointplayError, require_a, require_positive
 from jointplay.core.tables import csv_text
 from jointplay.design.wear import all_wearing, first_profile, with_worn, worn_depths
 from jointplay.mechanism.mechanism import Mechanism
@@ -563,6 +563,7 @@ def iso9283(
         JointplayError: too few cycles, no motion, no play, a drift though nothing wears, or a run
             that fails.
     """
+    require_a("simulation", simulation, "Simulation")
     counts = cycles if isinstance(cycles, Cycles) else Cycles.up_to(cycles)
     check(simulation, speed, load)
     conditions = Conditions(_load_words(simulation, load), speed, poses)

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, require_finite
+from jointplay.core.errors import JointplayError, require_finite, require_numbers
 from jointplay.design import loop_play
 from jointplay.joints import Coordinate
 from jointplay.joints.play import Cone, Cones, JournalPlay, Play, Support
@@ -316,7 +316,7 @@ def configurations(
     if isinstance(poses, Mapping):
         q = mechanism.configuration(poses)[None]
     else:
-        q = np.atleast_2d(np.asarray(poses, float))
+        q = np.atleast_2d(require_numbers("poses", poses, ("poses",)))
     if q.ndim != 2 or q.shape[1] != mechanism.model.nq or not np.isfinite(q).all():
         raise JointplayError(
             f"poses must be finite and of the shape (n, {mechanism.model.nq}), got {q.shape}"

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import optimize
 
 from jointplay.analysis.uncertainty import standard_error
-from jointplay.core.errors import JointplayError, require_finite, require_positive
+from jointplay.core.errors import JointplayError, require_a, require_finite, require_positive
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
@@ -143,6 +143,7 @@ def maintenance(
         JointplayError: a value out of range; no joint wears, no motion; the target is missed
             already, or wear never leads to it; a run that fails.
     """
+    require_a("simulation", simulation, "Simulation")
     require_positive("target", target, "m")
     check_blocks(blocks, runs, cycles_per_run, jobs)
     if require_finite("the wear rates' factor", factor, "") < 1.0:

@@ -30,7 +30,7 @@ from scipy.optimize import nnls
 
 from jointplay.analysis.bearings import element_loads
 from jointplay.analysis.runs import fitting_step
-from jointplay.core.errors import JointplayError, MissingName, require_positive
+from jointplay.core.errors import JointplayError, MissingName, require_a, require_positive
 from jointplay.core.progress import ProgressBar
 from jointplay.core.schema import plain
 from jointplay.design.levers import place, sources
@@ -224,6 +224,7 @@ def reduce(
         MissingName: no such joint with play.
         JointplayError: loops; a joint that slides or is a ball; a run that failed.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     if mechanism.loops:
         raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
     names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])

@@ -38,6 +38,7 @@ from jointplay.analysis.twins import ideal_simulation, state_without_play
 from jointplay.analysis.uncertainty import SobolIndices, salib, sobol_indices, standard_error
 from jointplay.core.errors import (
     JointplayError,
+    require_a,
     require_finite,
     require_non_negative,
     require_positive,
@@ -137,6 +138,7 @@ def shares(
     Raises:
         JointplayError: no play, no motion, a run that fails.
     """
+    require_a("simulation", simulation, "Simulation")
     check_numbers(runs, jobs)
     base = _coarser(simulation)
     names = _sources(base)

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, require_finite, require_whole
+from jointplay.core.errors import JointplayError, require_a, require_finite, require_whole
 from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import (
     PlaySources,
@@ -396,6 +396,7 @@ def budget(
             does not hold.
         MissingName: no such joint or body.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:

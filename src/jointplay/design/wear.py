@@ -26,7 +26,13 @@ import numpy as np
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
 from jointplay.analysis.uncertainty import standard_error
-from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    require_a,
+    require_positive,
+    require_whole,
+)
 from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import csv_text
 from jointplay.joints import RollingBearing
@@ -243,6 +249,7 @@ def wear(
     Raises:
         JointplayError: a value out of range, a run that fails, or a joint that does not wear.
     """
+    require_a("simulation", simulation, "Simulation")
     require_positive("growth", growth, "m")
     check_blocks(blocks, runs, cycles_per_run, jobs)
     begun = first_profile(_bore(simulation, joint))

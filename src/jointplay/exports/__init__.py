@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.imports import load_object
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ def export(
         JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
             library of an extra is missing.
     """
+    require_a("result", result, "Result")
     kind = check(path, to, overwrite)
     from jointplay.result.thinning import thinned
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.tables import columns as aligned
 from jointplay.core.tables import csv_text
 from jointplay.identification.kinematic_model import (
@@ -568,6 +568,8 @@ def calibrate(
         JointplayError: see `StaticPoses`, `Term`, `Chain`, `Poses`; nothing measured; a number of
             folds that does not fit.
     """
+    require_a("mechanism", mechanism, "Mechanism", "str", "Path")
+    require_a("poses", poses, "StaticPoses", "str", "Path")
     if not isinstance(mechanism, Mechanism):
         mechanism = Mechanism(mechanism)
     if not isinstance(poses, StaticPoses):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.tables import csv_text
 from jointplay.identification.calibration import (
     RARER_SIGN,
@@ -134,6 +134,8 @@ def encoder_differences(
     Raises:
         JointplayError: no encoder on the links' side; see also `Poses`.
     """
+    require_a("mechanism", mechanism, "Mechanism")
+    require_a("poses", poses, "StaticPoses")
     all_poses = Poses(mechanism, poses, payloads)
     names = [
         name

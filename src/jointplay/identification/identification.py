@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.design.poses import moving
 from jointplay.identification import planning
 from jointplay.identification.fit import (
@@ -439,6 +439,7 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
             a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
     """
+    require_a("machine", machine, "Simulation", "Mechanism")
     mechanism, motion, friction = _inputs(machine, motion, joint_friction)
     if reference not in REFERENCES:
         raise MissingName("reference", reference, REFERENCES)

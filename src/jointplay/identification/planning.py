@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.stats import norm
 
-from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.errors import JointplayError, require_a, require_positive
 from jointplay.design.poses import moving, over_workspace
 from jointplay.identification.fit import CONFIDENCE, LeastSquares, basis, offsets, partners
 from jointplay.identification.measurement import Key, Visits, tool_positions
@@ -203,6 +203,7 @@ def plan_measurement(
         JointplayError: nothing has play; loops; a signal or number that cannot be; no pose is free
             of self-collision, or no load within the limits of effort.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     if count < 1:
         raise JointplayError(f"at least one experiment is needed, got {count}")
     friction = joint_friction if joint_friction is not None else urdf_friction(mechanism)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.imports import extra
 from jointplay.core.progress import ProgressBar
 from jointplay.motion import rosbag
@@ -133,6 +133,7 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Understand the sources and the maps before anything slow is loaded."""
+        require_a("path", self.path, "str", "Path")
         if not is_recording(self.path):
             path = Path(self.path)
             if path.suffix in (".bag", ".db3"):

@@ -94,7 +94,7 @@ SECTIONS = {
 """Of the catalogue that have bearings, and what these are."""
 
 _LOOKS_DESIGNATED = re.compile(
-    r"\s*([A-Z]{1,4}[ -]?\d{2,}.*|\d{3,}(\s*|\s?[A-Z].*|[-/].*))", re.ASCII
+    r"\s*([A-Za-z]{1,4}[ -]?\d{2,}.*|\d{3,}(\s*|\s?[A-Z].*|[-/].*))", re.ASCII
 )
 """Letters and digits, or three digits and more with nothing or with capitals behind them: no
 length looks like that, whose unit has small letters."""

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite
+from jointplay.core.errors import JointplayError, MissingName, require_a, require_finite
 from jointplay.core.schema import check_fields, quantity
 from jointplay.joints.base import Material
 
@@ -61,6 +61,7 @@ def material(name: str) -> Material:
     Raises:
         MissingName: no such material; the message lists those there are.
     """
+    require_a("name", name, "str")
     word, entry = _entry(name)
     return Material(name=word, **{key: entry[key] for key in entry if key != "source"})
 
@@ -192,6 +193,7 @@ def oil(name: str) -> Oil:
     Raises:
         MissingName: no such oil; the message lists those there are.
     """
+    require_a("name", name, "str")
     if _word(name) not in oils():
         raise MissingName("oil", name, oils())
     table = _table("oils")

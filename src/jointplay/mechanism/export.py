@@ -14,7 +14,7 @@ from xml.parsers import expat
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -48,6 +48,7 @@ def to_urdf(mechanism: Mechanism) -> str:
         JointplayError: the mechanism has loops or gears, which URDF cannot express, a joint has no
             play, such as a preloaded bearing, or one of the new names is taken.
     """
+    require_a("mechanism", mechanism, "Mechanism")
     for name in (*mechanism.loops, *mechanism.gears):
         what = "loop" if name in mechanism.loops else "gear with play"
         raise JointplayError(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName, closest
+from jointplay.core.errors import JointplayError, MissingName, closest, require_a
 from jointplay.core.files import read_text
 from jointplay.mechanism.vocabulary import check_words, numbers
 
@@ -243,6 +243,7 @@ def shipped(name: str) -> Path:
     Raises:
         MissingName: no such file; the message lists those that exist.
     """
+    require_a("name", name, "str")
     folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
     path = folder / name
     if not path.is_file():

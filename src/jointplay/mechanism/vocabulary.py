@@ -6,7 +6,8 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from jointplay.core.errors import JointplayError, closest
@@ -25,6 +26,8 @@ class Words(NamedTuple):
     """Of the elements, those of which there may be more than one."""
     others: tuple[str, ...] = ()
     """What other programs put there, although it resembles these or belongs elsewhere."""
+    meant: Mapping[str, str] = MappingProxyType({})
+    """What people write who mean one of these."""
     whole: bool = False
     """Whether nothing else may stand there: no program puts its own into it."""
 
@@ -60,6 +63,7 @@ WORDS = {
     "limit": Words(
         ("lower", "upper", "effort", "velocity"),
         others=("command_effort", "current", "gear_velocity"),
+        meant={"min": "lower", "max": "upper", "torque": "effort", "speed": "velocity"},
     ),
     "dynamics": Words(("damping", "friction")),
     "mimic": Words(("joint", "multiplier", "offset"), whole=True),
@@ -129,7 +133,8 @@ def _check(
     if word in known or word in words.others or ":" in word or "}" in word:
         return
     likeness = _ALIKE if not words.whole else 0.6 if len(known) > 1 else 0.0
-    meant = closest(word, known, likeness)
+    near = words.meant.get(word)
+    meant = f'did you mean "{near}"? ' if near else closest(word, known, likeness)
     if meant or words.whole:
         choices = ", ".join(known) or "nothing"
         raise JointplayError(f"{place} has {shown}, which nobody reads; {meant}known: {choices}")

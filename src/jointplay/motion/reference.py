@@ -14,6 +14,7 @@ from jointplay.core import files
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
+    require_a,
     require_increasing,
     require_numbers,
     require_positive,
@@ -95,6 +96,7 @@ class Motion(Described):
         given: Sequence[float] | np.ndarray | None = None,
     ) -> None:
         """Check the waypoints and fit the curve."""
+        require_a("joints", joints, "Iterable")
         object.__setattr__(self, "joints", tuple(joints))
         object.__setattr__(self, "interpolation", interpolation)
         object.__setattr__(self, "given", None)

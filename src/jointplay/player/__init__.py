@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.player.server import HOST, PORT, Server, check_host, open_browser
 
 if TYPE_CHECKING:
@@ -142,6 +142,7 @@ def play(
     Raises:
         JointplayError: see `Server` and `scene.build`.
     """
+    require_a("cases", cases, "Mapping")
     check_host(host)  # a wrong host shows before the work
     content, scene = page(cases, **options)
     del cases

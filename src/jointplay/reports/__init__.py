@@ -9,7 +9,7 @@ from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.files import write as write_file
 from jointplay.core.processes import in_parallel
 from jointplay.player.pages import as_data, as_script
@@ -72,6 +72,7 @@ def report(
         JointplayError: no results, a result without records, a file that exists or cannot be
             written, or a claims table that is none.
     """
+    require_a("results", results, "Mapping")
     if not results:
         raise JointplayError("a report needs at least one result")
     if impacts < 0:

@@ -13,7 +13,7 @@ import numpy as np
 
 from jointplay.contact.trust import showing, trusting
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.errors import JointplayError, require_a, require_whole
 from jointplay.core.imports import load_object
 from jointplay.kernel import Status
 from jointplay.result import netcdf
@@ -49,6 +49,7 @@ class Result:
 
     def __init__(self, dataset: xr.Dataset, trust: Collection[str] = ()) -> None:
         """Wrap the dataset of a run."""
+        require_a("dataset", dataset, "Dataset")
         self.dataset = dataset
         self.trust = tuple(trust)
         self.audit = Audit.from_description(json.loads(dataset.attrs["audit"]))
@@ -265,6 +266,7 @@ class Result:
         cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
     ) -> Result:
         """What `load` and `open` do, with one of the readers of `netcdf`."""
+        require_a("path", path, "str", "Path")
         from jointplay.result.stored import check
 
         path = Path(path)

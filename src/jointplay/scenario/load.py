@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.contact.trust import trusting
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.files import is_file, read_text
 from jointplay.core.schema import check, fields_of, make, unknown_key
 from jointplay.core.tables import Overview, few
@@ -146,6 +146,7 @@ class Scenario(Overview):
             JointplayError: the file cannot be read, is no TOML, or says what cannot be. The
                 message has the file, the line, the key, its value and what is possible instead.
         """
+        require_a("path", path, "str", "Path")
         if str(path).startswith(SHIPPED):
             path = resolve(str(path), Path())
         elif not is_file(Path(path)):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_names
+from jointplay.core.errors import JointplayError, require_a, require_names
 from jointplay.core.schema import one_of
 from jointplay.core.tables import few
 from jointplay.core.units import round_below
@@ -91,6 +91,8 @@ def robot_scenario(
     Raises:
         JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
     """
+    if place is not None:
+        require_a("place", place, "str")
     scenario = _of_robot(place, joints, settings, ideal)
     if place is None:
         return scenario

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from jointplay import kernel
+from jointplay.core.errors import require_a
 from jointplay.core.processes import Pool, number_of, one_thread, with_item
 from jointplay.core.progress import ProgressBar
 from jointplay.kernel import Status
@@ -71,6 +72,7 @@ def ensemble(
             ``("simulations", 3)``.
         EnsembleInterrupted: Ctrl-C; a KeyboardInterrupt that has what was finished.
     """
+    require_a("simulations", simulations, "Iterable")
     kept: dict[int, Any] = {}
     total = len(simulations) if isinstance(simulations, Sized) else None
     bar = ProgressBar(total=total, unit="run", disable=not progress, delay=BAR_AFTER_S)
@@ -91,6 +93,7 @@ def _run(
     keep: Callable[[Result], Any] | None, check_step: bool, simulation: Simulation
 ) -> tuple[Any, list[tuple[type[Warning], str]]]:
     """What is kept of a run, and the warnings that it gave."""
+    require_a("simulation", simulation, "Simulation")
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         result = simulation.run(check_step=check_step, estimate=False)

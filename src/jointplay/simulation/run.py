@@ -20,6 +20,7 @@ from jointplay.core import signals
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
+    require_a,
     require_positive,
     require_vector,
     require_whole,
@@ -257,6 +258,7 @@ class Run:
         records: Path | Callable[[Records], None] | None = None,
     ) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
+        require_a("simulation", simulation, "Simulation")
         try:
             self._prepare(simulation, progress, records)
         except (ArithmeticError, np.linalg.LinAlgError) as error:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, require_non_negative, require_table
+from jointplay.core.errors import JointplayError, require_a, require_non_negative, require_table
 from jointplay.core.imports import load_object
 from jointplay.core.schema import check_fields, unknown_key
 from jointplay.core.tables import Overview, few
@@ -52,6 +52,10 @@ class Simulation(Overview, Inputs):
 
     def __post_init__(self) -> None:
         """Read what is written as in files; complete the motion."""
+        require_a("mechanism", self.mechanism, "Mechanism")
+        if self.motion is not None:
+            require_a("motion", self.motion, "Motion")
+        require_a("payloads", self.payloads, "Iterable")
         check_fields(self)
         if self.start == "rest" and self.mechanism.free_base is not None:
             raise JointplayError(

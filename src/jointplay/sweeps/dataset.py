@@ -11,7 +11,7 @@ from typing import Any
 
 import xarray as xr
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.files import is_file
 from jointplay.sweeps.sealed import METADATA, WRITTEN, SealedStore, damaged, plain_name
 
@@ -39,6 +39,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     Raises:
         JointplayError: no such store, none of a sweep, or a damaged one.
     """
+    require_a("path", path, "str", "Path")
     path = Path(path)
     if not is_file(path / METADATA):
         raise JointplayError(f"no sweep {str(path)!r}")

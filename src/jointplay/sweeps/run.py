@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay import kernel
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.processes import MOST_DEATHS, Pool, number_of
 from jointplay.core.progress import ProgressBar
 from jointplay.core.schema import one_of
@@ -154,6 +154,8 @@ def sweep(
             another sweep or that another process writes to, a scheduler that does not answer.
         KeyboardInterrupt: Ctrl-C; what was finished is kept.
     """
+    require_a("source", source, "Scenario", "str", "Path")
+    require_a("store", store, "str", "Path")
     run_plan(
         plan_of(source, axes, trust=trust, **options),
         store,

@@ -16,7 +16,7 @@ from jointplay.analysis.uncertainty import (
     estimate,
     sobol_indices,
 )
-from jointplay.core.errors import JointplayError, MissingName, require_share
+from jointplay.core.errors import JointplayError, MissingName, require_a, require_share
 from jointplay.sweeps.case import FAILED
 from jointplay.sweeps.measures import BEARING
 from jointplay.sweeps.plan import REPEAT, SAMPLE
@@ -261,6 +261,7 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     Raises:
         JointplayError: see `samples_of`.
     """
+    require_a("dataset", dataset, "Dataset")
     precision = require_share("precision", precision)
     values = samples_of(dataset, measure)
     factor, unit = scale(dataset, measure)

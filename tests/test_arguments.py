@@ -1,0 +1,54 @@
+"""What the public functions and classes say of an argument of the wrong kind."""
+
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay.core.errors import require_a
+
+FUNCTIONS = [
+    name
+    for name in sorted(jp.__all__)
+    if inspect.isfunction(getattr(jp, name)) and inspect.signature(getattr(jp, name)).parameters
+]
+CALLS = {
+    **{name: getattr(jp, name) for name in FUNCTIONS},
+    **{name: getattr(jp, name) for name in ("Simulation", "Run", "Motion", "Result", "Recording")},
+    "Scenario.load": jp.Scenario.load,
+    "Result.load": jp.Result.load,
+    "Result.open": jp.Result.open,
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("value", [3, np.nan, object(), None], ids=["int", "nan", "object", "None"])
+def test_a_first_argument_of_the_wrong_kind_is_named(name, value):
+    call = CALLS[name]
+    first, *others = inspect.signature(call).parameters.values()
+    if value is None and "None" in str(first.annotation):
+        pytest.skip("can be left out")
+    needed = {one.name: 3 for one in others if one.default is one.empty and one.kind < 4}
+    with pytest.raises(jp.JointplayError) as caught:
+        call(value, **{key: given for key, given in needed.items() if key != "options"})
+    assert first.name in str(caught.value)
+    assert "must be" in str(caught.value)
+
+
+def test_text_is_no_list_of_names_and_no_mechanism():
+    for call, place in ((jp.budget, "mechanism"), (jp.reduce, "mechanism"), (jp.ensemble, "sim")):
+        with pytest.raises(jp.JointplayError, match=f"{place}.* must be .* not 'joint_b'"):
+            call("joint_b", "joint_b") if call is not jp.ensemble else call("joint_b")
+
+
+def test_what_fits_is_accepted():
+    require_a("path", Path("a"), "str", "Path")
+    require_a("path", "a", "str", "Path")
+    require_a("names", ["a"], "Iterable")
+    require_a("names", np.zeros(2), "Iterable")
+    require_a("table", {"a": 1}, "Mapping")
+    require_a("law", jp.contact.Flores(), "LankaraniNikravesh", "Flores")
+    with pytest.raises(jp.JointplayError, match="names must be a list of them, not 'a'"):
+        require_a("names", "a", "Iterable")
