@@ -407,7 +407,8 @@ def test_a_step_too_large_for_a_preloaded_bearing_is_refused():
 @pytest.mark.parametrize(
     ("text", "near"),
     [("6999", "6909"), ("7206 BECBP", "7206 B"), ("NU205", "6205"), ("6206/C9", "6206"),
-     ("nu205", "6205"), ("32005X", "RE20025"), ("zz", None), ("0.2 mm", None), ("500 um", None), ("1000 mm", None)],
+     ("nu205", "6205"), ("32005X", "RE20025"), ("zz", None), ("0.2 mm", None),
+     ("500 um", None), ("1000 mm", None)],
 )  # fmt: skip
 def test_a_designation_that_nobody_knows_is_no_length(text, near):
     if near is None:
