@@ -534,6 +534,16 @@ def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, t
     assert plain(tmp_path / study.FILES["ideal"])
 
 
+def test_claims_that_are_left_out_are_said(monkeypatch):
+    result = replace(scara(2e-4), duration=0.31).run(estimate=False)
+    assert "deviation_mm" in {one.name for one in certify(result, claims=True).figures}
+    monkeypatch.setattr("jointplay.simulation.spool.MOST_BYTES", 1)
+    found = certify(result, claims=True)
+    assert "deviation_mm" not in {one.name for one in found.figures}
+    assert "measures of the paper's claims are left out" in found.note
+    assert "claims" not in certify(result).note
+
+
 def test_no_run_that_was_interrupted_is_certified(short, tmp_path, monkeypatch):
     result = jp.Result(short.dataset.copy())
     result.status = Status.INTERRUPTED

@@ -121,6 +121,56 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
         assert one.error == pytest.approx(other.error, rel=1e-2), one.name
 
 
+def test_no_damage_is_sealed_with_a_certificate(tmp_path):
+    path = tmp_path / "r.nc"
+    simulation(duration=0.005).run_to(path).dataset.close()
+    netcdf.add_attributes(path, {"title": "x" * 100_000})
+    assert jp.Result.load(path).dataset.attrs["title"] == "x" * 100_000
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(jp.JointplayError, match="checksum"):
+        netcdf.add_attributes(path, {"title": "y"})
+    assert path.read_bytes() == content
+    assert names(tmp_path) == ["r.nc"]
+
+
+@pytest.mark.parametrize("on_disk", [False, True])
+def test_errors_whose_search_was_interrupted_are_found_by_resuming(
+    on_disk, monkeypatch, tmp_path, capsys
+):
+    """In the last of the further runs; what was computed before stays, bit for bit."""
+    command = ["run", "--duration", "0.05", "--record-every", "1", "--no-figures"]
+    command += ["--out", str(tmp_path / "o")]
+    if on_disk:
+        for name in ("PORTION_BYTES", "RECORD_BYTES", "MOST_BYTES"):
+            monkeypatch.setattr(spool, name, 1)
+    begun = []
+
+    class Stopped(jp.Run):
+        def run_to_end(self, progress=False):
+            begun.append(self)
+            if len(begun) == 3:
+                stepped(self, 0.02)
+                signal.raise_signal(signal.SIGINT)
+            return super().run_to_end(progress)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(certification, "Run", Stopped)
+        assert cli.main(command) == 130
+    err = capsys.readouterr().err
+    assert "without numerical errors: result; the same command with --resume continues" in err
+    assert names(tmp_path / "o") == ["result.nc"]
+    kept = jp.Result.load(tmp_path / "o" / "result.nc")
+    assert (kept.status, kept.certificate) == (Status.COMPLETED, None)
+    assert cli.main([*command, "--resume"]) == 0
+    assert "numerical errors, estimated from 2 further runs" in capsys.readouterr().out
+    found = jp.Result.load(tmp_path / "o" / "result.nc")
+    same(found, kept)
+    assert found.dataset.attrs["wall_time_s"] == kept.dataset.attrs["wall_time_s"]
+    assert found.certificate["peak joint force"].error > 0.0
+
+
 def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys):
     (tmp_path / "move.csv").write_text("time_s,joint_a,joint_b\n0,0,0\n0.05,0.1,0.1\n")
     text = FINE.replace("jointplay:scara_motion.csv", "move.csv")

@@ -199,7 +199,7 @@ def _find_errors(
         message = message if run is None else _to_end(run, progress)
         if run is None or message:
             notes.append(f"with {_words(other)}, {message}")
-        elif figures.began:  # too many records to have them all
+        elif run.overflow is not None and run.overflow.needed:  # too many records to have them all
             measured.append(figures.finish(run))
         else:
             measured.append(_measure(run.result(Status.COMPLETED), ideal, claims))
@@ -222,6 +222,11 @@ def _find_errors(
             "one run is one draw"
         )
     notes += [unknown] if unknown else []
+    if claims and not _fits(result):
+        notes.append(
+            "the measures of the paper's claims are left out: they need all histories at once, "
+            f"which take more than {spool.MOST_BYTES >> 20} MB; record less often"
+        )
     runs = tuple(_words(other, aside) for other, aside, _ in plans)
     return Certificate(tuple(found), runs, "; ".join(notes), strict)
 
@@ -471,11 +476,6 @@ class _Headline:
         self._lost: list[np.ndarray] = []
         self._work: list[np.ndarray] = []
         self._play = False
-
-    @property
-    def began(self) -> bool:
-        """Whether any part is known."""
-        return self._seen > 0
 
     def watch(self, run: Run) -> None:
         """Be ready for records of this run."""

@@ -56,6 +56,8 @@ class CaseRun:
     """Of its result."""
     errors: str
     """How numerical errors are found: ``certify``, ``estimate`` or not at all."""
+    finished: bool = False
+    """Whether its result is there, and only they are missing."""
 
     @property
     def certified(self) -> bool:
@@ -114,7 +116,12 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     done: list[str] = []
     if options.resume:
         claim(out, ())
-        done = [case for case, item in items.items() if is_finished(item.path, simulations[case])]
+        for case, item in items.items():
+            if is_finished(item.path, simulations[case]):
+                if item.errors and _lacks_errors(item.path):
+                    items[case] = replace(item, finished=True)
+                else:
+                    done.append(case)
         for path in (out / name for name in drawn):
             if path.exists() and not holds(path, MARK):
                 raise JointplayError(
@@ -144,12 +151,12 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         plots.save(drawable, out)
     print(f"\nresults in {out}")
     missing = [case for case in cases if case not in results]
-    bare = [case for case in results if items[case].certified and not results[case].certificate]
+    bare = [case for case in results if items[case].errors and not results[case].certificate]
     interrupted = any(result.status == Status.INTERRUPTED for result in results.values())
     if interrupted or (stopped and missing + bare):
         there = ", ".join(items[case].path.name for case in results)
         note = f"; there is {there}" if there else ""
-        note += f"; not certified: {', '.join(bare)}" if bare else ""
+        note += f"; without numerical errors: {', '.join(bare)}" if bare else ""
         note = f"; no result of: {', '.join(missing)}" if missing else note
         print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
@@ -280,6 +287,7 @@ def _execute(
 ) -> Status:
     """Run a case, save it with its scenario, find its errors; `begin` gets each run first."""
     from jointplay.analysis.certification import add_certificate
+    from jointplay.kernel import Status
     from jointplay.scenario.settings import words
     from jointplay.simulation.saving import run_and_save
 
@@ -291,9 +299,11 @@ def _execute(
     }
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
-    begin(run)
-    resumed = resume_run(run, item.path)
-    status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
+    status, result = Status.COMPLETED, None
+    if not item.finished:
+        begin(run)
+        resumed = resume_run(run, item.path)
+        status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
     if item.errors:
         add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
     return status
@@ -526,6 +536,14 @@ def is_finished(path: Path, simulation: Simulation) -> bool:
             "choose another folder"
         )
     return True
+
+
+def _lacks_errors(path: Path) -> bool:
+    """Whether nobody has looked for the numerical errors of a finished result."""
+    from jointplay.result.result import Result
+
+    with (result := Result.open(path)).dataset:
+        return result.certificate is None
 
 
 def resume_run(run: Run, path: Path) -> bool:

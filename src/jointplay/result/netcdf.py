@@ -226,17 +226,22 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
     """Give a file that `pack` or `GrowingDataset` made further attributes, whatever its size.
 
     Raises:
-        JointplayError: it cannot be read or written; it is as it was.
+        JointplayError: it cannot be read or written, or is damaged; it is as it was.
     """
     import h5netcdf
     import h5py
 
     with files.writing(path, overwrite=True) as file:
         with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as whole:
-            size = whole.seek(0, os.SEEK_END) - _SEALED
+            size, checksum = whole.seek(0, os.SEEK_END) - _SEALED, hashlib.sha256()
             whole.seek(0)
             for first in range(0, size, _PIECE):
-                file.write(whole.read(min(_PIECE, size - first)))
+                piece = whole.read(min(_PIECE, size - first))
+                checksum.update(piece)
+                file.write(piece)
+            # No damage gets a seal of its own.
+            if whole.read() != SEAL + checksum.hexdigest().encode() + b"\n":
+                raise damaged(path, _CHANGED)
         file.flush()
         disk = _CheckedFile(file)
         with h5py.File(disk, "r+") as inner, h5netcdf.File(inner, "r+") as dataset:
