@@ -6,7 +6,8 @@ every normal-force and friction law. Each runs as a user would run it, and is co
 converged runs: small steps, from the same start and from starts 1, 10 and 100 nm aside, and one
 with twice that step. The truth of a figure is the interval of these. Steps are halved until the
 step moves no figure by more than a quarter of its target, or by no more than the starts do; a
-figure for which that does not succeed is not judged.
+figure for which that does not succeed is not judged. `--rk4` takes another method for them, whose
+first step is as long.
 
 A figure is outside if it is further from the interval than its target: 2 % of peak forces, 0.5 % of
 all else. It is silent if the run said nothing: no error that covers it, and no warning of the audit
@@ -26,6 +27,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from common import COLOURS, Benchmark, new_figure
@@ -184,12 +186,22 @@ class Case:
         return f"{robot}, {', '.join(play)}, {self.normal}, {self.friction}"
 
 
-def drawn(seed: int, number: int) -> Case:
+class Among(NamedTuple):
+    """What cases are drawn from."""
+
+    kinds: tuple[str, ...] = KINDS
+    frictions: tuple[str, ...] = tuple(FRICTION_LAWS)
+
+
+ALL = Among()
+
+
+def drawn(seed: int, number: int, among: Among = ALL) -> Case:
     """The case of that number: the first draw that can be run."""
     refused: list[str] = []
     for attempt in range(ATTEMPTS):
         try:
-            case = attempted(seed, number, attempt)
+            case = attempted(seed, number, attempt, among)
             jp.Run(case.simulation)
         except jp.JointplayError as error:
             refused.append(str(error))
@@ -198,7 +210,7 @@ def drawn(seed: int, number: int) -> Case:
     raise RuntimeError(f"case {number} of seed {seed} is refused: {refused[-1]}")
 
 
-def attempted(seed: int, number: int, attempt: int) -> Case:
+def attempted(seed: int, number: int, attempt: int, among: Among) -> Case:
     """One draw.
 
     Raises:
@@ -207,7 +219,7 @@ def attempted(seed: int, number: int, attempt: int) -> Case:
     random = Random(seed, number, attempt)
     kind, normal, friction = (
         in_turn(choices, seed, number, which)
-        for which, choices in enumerate((KINDS, tuple(NORMAL_LAWS), tuple(FRICTION_LAWS)))
+        for which, choices in enumerate((among.kinds, tuple(NORMAL_LAWS), among.frictions))
     )
     if kind == "slider" and NORMAL_LAWS[normal].line:  # for journals only
         normal = random.one([name for name, law in NORMAL_LAWS.items() if not law.line])
@@ -591,8 +603,8 @@ def kind_of(figure: str) -> str:
     return figure.split(",")[0]
 
 
-def truth(simulation: jp.Simulation) -> tuple[dict[str, Truth], float]:
-    """What converged runs say of each headline figure, and their step [s].
+def truth(simulation: jp.Simulation, by: str = DEFAULT) -> tuple[dict[str, Truth], float]:
+    """What converged runs by a method say of each headline figure, and their step [s].
 
     Raises:
         NoTruthError: one of them did not complete.
@@ -601,7 +613,7 @@ def truth(simulation: jp.Simulation) -> tuple[dict[str, Truth], float]:
     ideal = converged(analysis.ideal_simulation(finer(simulation, times // 2)))
 
     def found(times: int, aside: Vector | None = None) -> dict[str, tuple[float, str]]:
-        return headline(figures(converged(finer(simulation, times), aside), ideal))
+        return headline(figures(converged(finer(simulation, times, by), aside), ideal))
 
     coarser = found(times // 2)
     for halving in range(HALVINGS + 1):
@@ -685,6 +697,8 @@ def judge(
     certified: bool = True,
     cross: bool = False,
     change: Change | None = None,
+    among: Among = ALL,
+    by: str = DEFAULT,
 ) -> Outcome:
     """Draw a case, run it, find the truth, compare.
 
@@ -693,10 +707,12 @@ def judge(
         certified: whether certificates are judged too.
         cross: whether the beginning is compared with rk4.
         change: what makes the simulation that is judged of the case; its own if not given.
+        among: what the case is drawn from.
+        by: method of the converged runs.
     """
     warnings.simplefilter("ignore", RuntimeWarning)
     started = time.process_time()
-    case = drawn(seed, number)
+    case = drawn(seed, number, among)
     simulation = case.simulation if change is None else change(case)
     about: dict[str, object] = {
         "seed": seed,
@@ -723,7 +739,7 @@ def judge(
         return outcome([], f"the run {result.message}")
     own = headline(figures(result, converged(analysis.ideal_simulation(result))))
     try:
-        known, step = truth(case.simulation)
+        known, step = truth(case.simulation, by)
         if cross:
             about["from_rk4"] = crossing(case.simulation)
     except NoTruthError as error:
@@ -912,8 +928,18 @@ def main() -> None:
     add("--only", type=int, metavar="NUMBER", help="this case alone, with all its figures")
     add("--no-certify", action="store_true", help="judge no certificates")
     add("--cross", action="store_true", help="compare beginnings with rk4")
+    add("--rk4", action="store_true", help="converged runs by rk4, throughout")
+    add("--kind", action="append", choices=KINDS, help="draw these mechanisms only (repeatable)")
+    add(
+        "--friction",
+        action="append",
+        choices=tuple(FRICTION_LAWS),
+        help="draw these friction laws only (repeatable)",
+    )
     args = begin(made)
-    options = (not args.no_certify, args.cross)
+    among = Among(tuple(args.kind or KINDS), tuple(args.friction or FRICTION_LAWS))
+    by = "rk4" if args.rk4 else DEFAULT
+    options = (not args.no_certify, args.cross, None, among, by)
     if args.only is not None:
         outcome = judge(args.seed, args.only, *options)
         print(f"case {args.only}: {outcome.case['case']}")
@@ -934,6 +960,9 @@ def main() -> None:
     agreed = [row for row in rows if row.get("agreed")]
     share = f"{100 * np.mean([row['covered'] for row in agreed]):.1f} %" if agreed else "-"
     silent = sum(row["verdict"] == "silent" for row in rows)
+    known = [row for row in rows if row["state"] != "open" and kind_of(row["figure"]) not in COUNTS]
+    within = sum(row["away"] <= row["stated_error"] for row in known)
+    print(f"within the error that the run stated: {within} of {len(known)} figures")
     print(f"cases {len(outcomes)} silent {silent} certified {share}")
 
 
