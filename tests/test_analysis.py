@@ -1,5 +1,6 @@
 """Analysis of results against numbers reckoned by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -274,3 +275,23 @@ def test_an_ideal_machine_that_stands_where_it_begins_is_the_twin_of_either_star
     for start in ("rest", "centred"):
         run = jp.simulate(loose, made.motion, duration=0.01, start=start)
         assert analysis.is_twin(run, ideal)
+
+
+def test_orientations_that_are_none_are_refused():
+    from jointplay.analysis.tool_error import rotations
+
+    good = np.array([[1.0, 0.0, 0.0, 0.0]])
+    assert rotations(good).magnitude() == 0.0
+    with pytest.raises(jp.JointplayError, match="record 2 has no orientation of the tool"):
+        rotations(np.concatenate([good, 0.0 * good]))
+
+
+def test_a_run_that_stopped_at_a_state_that_is_no_number_is_summed_up_to_there():
+    result = replace(scara(2e-4), duration=0.01).run(estimate=False)
+    ideal = headline.reference(result)
+    before = headline.headline(result, ideal)
+    for name in ("tool_position", "tool_velocity", "tool_orientation", "q", "v"):
+        result.dataset[name][-1] = np.nan
+    found = headline.headline(result, ideal)
+    assert "nan" not in " ".join(found)
+    assert len(found) == len(before)

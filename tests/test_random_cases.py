@@ -83,7 +83,7 @@ def test_a_case_is_judged(cases, monkeypatch):
     number = next(k for k in range(99) if cases.in_turn(cases.KINDS, 1, k, 0) == "slider")
     case = cases.drawn(1, number)
     short = replace(case, simulation=replace(case.simulation, duration=0.01))
-    monkeypatch.setattr(cases, "drawn", lambda seed, number: short)
+    monkeypatch.setattr(cases, "drawn", lambda seed, number, among: short)
     outcome = cases.judge(1, 0)
     assert not outcome.note
     found = {row["figure"]: row for row in outcome.rows}

@@ -255,6 +255,14 @@ def test_slips_of_the_pen_are_refused(tmp_path, old, new, said):
         read(changed(tmp_path, old, new))
 
 
+def test_elements_may_not_be_nested_without_end(tmp_path):
+    for depth, said in ((150, "no link"), (900, "nests elements more than 200 deep")):
+        path = tmp_path / f"{depth}.urdf"
+        path.write_text(f"<robot name='r'>{'<a>' * depth}{'</a>' * depth}</robot>")
+        with pytest.raises(JointplayError, match=said):
+            read(path)
+
+
 def test_what_other_programs_put_into_a_urdf_stays_allowed(tmp_path):
     more = (
         '<gazebo reference="arm1"/><gazebo/><ros2_control name="c"/><transmission name="t"/>'

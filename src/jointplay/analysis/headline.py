@@ -63,6 +63,9 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
         result: the run.
         ideal: see `reference`; without it nothing is said of the tool.
     """
+    finite = np.isfinite(result["tool_position"].values).all(axis=1)
+    if not finite.all():  # where the run stopped
+        result = Result(result.dataset.isel(time=finite), result.trust)
     start = result.judge_from
     since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []

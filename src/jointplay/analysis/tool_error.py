@@ -172,9 +172,20 @@ class Reference:
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:
-    """Orientations that are recorded with the scalar first, (n, 4)."""
+    """Orientations that are recorded with the scalar first, (n, 4).
+
+    Raises:
+        JointplayError: they are none.
+    """
     from scipy.spatial.transform import Rotation  # takes long to import
 
+    size = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(size < 0.5)
+    if wrong.size:
+        raise JointplayError(
+            f"record {wrong[0] + 1} has no orientation of the tool: its quaternion has the length "
+            f"{size[wrong[0]]:g}; the run went wrong, or its records have changed since"
+        )
     return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]])
 
 

@@ -374,6 +374,10 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
     return parse(read_text(path, "URDF"), path, allow_unphysical)
 
 
+_DEEPEST = 200
+"""Levels of elements that a URDF may have; those in use have about six."""
+
+
 def elements(path: Path) -> ElementTree.Element:
     """A URDF's elements, unchecked.
 
@@ -390,6 +394,11 @@ def _root(text: str, path: Path) -> ElementTree.Element:
         raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
     if root.tag != "robot":
         raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
+    level = [root]
+    for _ in range(_DEEPEST):
+        level = [inner for one in level for inner in one]
+    if level:  # Python's own XML writer gives up somewhere beyond
+        raise JointplayError(f"the URDF {str(path)!r} nests elements more than {_DEEPEST} deep")
     return root
 
 
