@@ -151,17 +151,28 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         plots.save(drawable, out)
     print(f"\nresults in {out}")
     missing = [case for case in cases if case not in results]
-    bare = [case for case in results if items[case].errors and not results[case].certificate]
+    unjudged = [
+        case
+        for case, result in results.items()
+        if items[case].errors and result.status == Status.COMPLETED and not result.certificate
+    ]
+    bare = [case for case in unjudged if items[case].certified]
     interrupted = any(result.status == Status.INTERRUPTED for result in results.values())
     if interrupted or (stopped and missing + bare):
         there = ", ".join(items[case].path.name for case in results)
         note = f"; there is {there}" if there else ""
-        note += f"; without numerical errors: {', '.join(bare)}" if bare else ""
+        note += f"; without numerical errors: {', '.join(unjudged)}" if unjudged else ""
         note = f"; no result of: {', '.join(missing)}" if missing else note
         print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
     if stopped:
         print(signals.SAVED, file=sys.stderr)
+        if unjudged:
+            print(
+                f"without numerical errors: {', '.join(unjudged)}; the same command with --resume "
+                "finds them",
+                file=sys.stderr,
+            )
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
 
 
