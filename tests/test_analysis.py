@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 import jointplay as jp
 from jointplay import analysis
 from jointplay.analysis import headline
+from jointplay.exports import notebook
+from jointplay.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study import scara
 
 
@@ -51,7 +53,7 @@ def test_what_came_out_of_a_run_is_judged_from_when_the_run_is(pair):
     kept = late.time >= 0.2
     force = np.linalg.norm(late["joint_force_peak"].values[kept, 0], axis=1).max()
     assert force < np.linalg.norm(late["joint_force_peak"].values[:, 0], axis=1).max()
-    assert f"peak force in joint_b from 0.2 s on {force:.4g} N" in lines[-3]
+    assert f"peak force in joint_b from 0.2 s on {alone(force)} N" in lines[-3]
     assert lines[-2].startswith(f"rattle: {10 * late.audit.judged_impacts} impacts a second of ")
     assert lines[-2].endswith(" from 0.2 s on")
 
@@ -84,6 +86,48 @@ def test_the_turn_of_the_tool_stands_beside_its_error_with_its_own_error(pair):
     assert figure.value == pytest.approx(angles.max(), rel=1e-9)
     assert 0.0 < figure.error < figure.value
     assert f", and turns it by up to {figure}, RMS " in headline.headline(loose, ideal)[0]
+
+
+def test_a_force_has_its_error_wherever_it_stands_and_what_has_none_three_digits(pair):
+    """In the summary, the audit's line, and what a notebook shows."""
+    ideal, made = pair
+    loose = jp.Result(made.dataset.copy())
+    loose.dataset.attrs.pop("certificate", None)
+    peak = alone(loose.audit.peak_force)
+    assert len(peak.replace(".", "")) == 3
+
+    def said():
+        lines = "\n".join(headline.headline(loose, ideal))
+        return lines, loose.judgement, dict(notebook.rows_of(loose))["peak force in joint_b"]
+
+    lines, judged, shown = said()
+    assert f"peak force in joint_b {peak} N at " in lines
+    assert f"largest joint force {peak} N, " in judged
+    assert shown == f"{peak} N"
+    loose.certificate = analysis.estimate(loose)
+    force = loose.certificate["peak joint force"]
+    lines, judged, shown = said()
+    assert "±" in str(force)
+    assert f"peak force in joint_b {force} at " in lines
+    assert f"largest joint force {force}, " in judged
+    assert shown == str(force)
+
+
+def test_stops_have_three_digits_or_where_the_run_knows_no_more_a_bound(pair, monkeypatch):
+    ideal, made = pair
+    loose = jp.Result(made.dataset.copy())
+    error = analysis.deviation(loose, ideal)
+    stop = analysis.Stop(0.2, 0.2, True)
+    monkeypatch.setattr(headline, "stops", lambda *_: [stop])
+    off = 1e3 * float(analysis.error_at(error, 0.2)[-1])
+    loose.dataset.attrs.pop("certificate", None)
+    assert headline._at_stops(loose, error, 0.0) == [f"at its stops: {alone(off)} mm (t = 0.2 s)"]
+    for relative, text in ((0.5, alone(off)), (2.0, plus_minus(off, 2.0 * off))):
+        figure = CertifiedFigure("RMS tool error", 1e-3 * off, 1e-3 * relative * off, "m")
+        loose.certificate = Certificate((figure,))
+        said = [f"at its stops: {text} mm (t = 0.2 s)"]
+        assert headline._at_stops(loose, error, 0.0) == said
+    assert text.startswith("at most ")
 
 
 def test_rattle_counts_impacts_and_splits_a_known_vibration_into_bands(pair):

@@ -28,7 +28,7 @@ from jointplay.analysis.certification import (
 )
 from jointplay.kernel import Status
 from jointplay.reports import cases, sections
-from jointplay.result.certificate import Certificate, CertifiedFigure, plus_minus
+from jointplay.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study import scara
 
 JAMMED_TRUTH_N = 677.1
@@ -266,6 +266,14 @@ def test_a_value_that_its_error_swallows_is_a_bound():
     assert plus_minus(5.0, 10.0, whole=True) == "at most 15"
     assert plus_minus(0.00012, 0.00021) == "at most 0.00033"
     assert plus_minus(1.0, 0.99) != "at most 2"
+
+
+def test_a_value_without_an_error_has_three_digits():
+    said = {187.94: "188", 2070.1: "2070", 999.7: "1000", 123456.0: "123000", 1.2346e7: "1.23e+07"}
+    said |= {0.0: "0", 2.2989e-6: "2.3e-06", -3.14159: "-3.14"}
+    assert {value: alone(value) for value in said} == said
+    assert plus_minus(60.0, 90.0) == "at most 150"
+    assert (alone(5.0, 4.9), alone(5.0, 10.0), alone(5.0, math.inf)) == ("5", "at most 15", "5")
 
 
 def test_a_figure_is_shown_in_one_unit_wherever_it_stands():

@@ -21,6 +21,7 @@ from jointplay import JointplayError, Motion, Result, cli
 from jointplay.exports import layouts
 from jointplay.joints import SphericalClearance
 from jointplay.motion import rosbag
+from jointplay.result.certificate import alone
 from jointplay.result.thinning import thinned
 from jointplay.study import scara
 
@@ -492,7 +493,7 @@ def test_a_notebook_shows_figures_and_a_picture(result):
     judged = result.time >= result.judge_from
     peak = np.linalg.norm(result["joint_force_peak"].values[judged, 0], axis=1).max()
     assert "<th style='text-align:left'>peak force in joint_b</th>" in page
-    assert f"{peak:.4g} N" in page
+    assert f"{alone(peak)} N" in page
     assert "data:image/png;base64," in page
     assert "http" not in page
     ideal = dataclasses.replace(scara(None), duration=0.01).run()

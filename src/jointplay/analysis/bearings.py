@@ -14,6 +14,7 @@ from jointplay.core.errors import JointplayError, MissingName, require_finite
 from jointplay.joints import RollingBearing
 from jointplay.kernel import JOINT_FRICTION_SPEED
 from jointplay.mechanism.tree import BodyMotion, Tree
+from jointplay.result.certificate import alone
 from jointplay.result.result import Result
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ class BearingLife:
 
     def __str__(self) -> str:
         """One line."""
-        most = f"largest element load {self.largest_load:.4g} N"
+        most = f"largest element load {alone(self.largest_load)} N"
         share = f"{self.most_loaded} of {self.elements} elements loaded at most"
         return f"{most}, {share}; life L10 {self.lasting}"
 

@@ -24,7 +24,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few
 from jointplay.core.units import readable
 from jointplay.motion.reference import GOES_ON
-from jointplay.result.certificate import shown_in
+from jointplay.result.certificate import alone, shown
 from jointplay.result.result import Result
 
 if TYPE_CHECKING:
@@ -101,8 +101,8 @@ def _tool(
     rms = accuracy(error, start).rms[-1]
     tool = result.simulation.mechanism.tool
     turns = accuracy(deviation(result, ideal, "tool_orientation"), start)
-    shown = {
-        name: _shown(result, name, float(value), unit)
+    told = {
+        name: shown(result.certificate, name, float(value), unit)
         for name, value, unit in (
             ("peak tool error", sizes.max(), "m"),
             ("RMS tool error", rms, "m"),
@@ -111,9 +111,9 @@ def _tool(
         )
     }
     answer = (
-        f"{_cause(result)} puts the tool {tool!r} up to {shown['peak tool error']} off{since} "
-        f"(at t = {at:.4g} s), RMS {shown['RMS tool error']}, and turns it by up to "
-        f"{shown['peak tool turn']}, RMS {shown['RMS tool turn']}, against the ideal "
+        f"{_cause(result)} puts the tool {tool!r} up to {told['peak tool error']} off{since} "
+        f"(at t = {at:.4g} s), RMS {told['RMS tool error']}, and turns it by up to "
+        f"{told['peak tool turn']}, RMS {told['RMS tool turn']}, against the ideal "
         f"mechanism{ended}"
     )
     return [answer, *_from_base(result, ideal, since), *_at_stops(result, error, start)]
@@ -130,15 +130,6 @@ def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
         f"seen from the free base {base!r}, whose own motion differs as well: up to "
         f"{_mm(found.peak[-1])} off{since}, RMS {_mm(found.rms[-1])}"
     ]
-
-
-def _shown(result: Result, name: str, value: float, unit: str) -> str:
-    """A headline figure with its numerical error, or `value` if that is not known."""
-    for figure in result.certificate.headline if result.certificate else ():
-        if figure.name == name and math.isfinite(figure.error):
-            return str(figure)
-    factor, word = shown_in(unit)
-    return f"{factor * value:.4g} {word}"
 
 
 def _cause(result: Result) -> str:
@@ -178,13 +169,16 @@ def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
     if not times:
         return []
     sizes = [float(error_at(error, time)[-1]) for time in times]
+    known = result.certificate.headline if result.certificate else ()
+    of_tool = [one.error for one in known if one.name in ("peak tool error", "RMS tool error")]
+    off = max(of_tool, default=0.0)
     if len(times) > MOST_STOPS:
         worst = int(np.argmax(sizes))
         return [
-            f"at its {len(times)} stops: worst {_mm(sizes[worst])} at t = {times[worst]:.4g} s, "
-            f"mean {_mm(float(np.mean(sizes)))}"
+            f"at its {len(times)} stops: worst {_mm(sizes[worst], off)} at "
+            f"t = {times[worst]:.4g} s, mean {_mm(float(np.mean(sizes)), off)}"
         ]
-    each = ", ".join(f"{_mm(s)} (t = {t:.4g} s)" for t, s in zip(times, sizes, strict=True))
+    each = ", ".join(f"{_mm(s, off)} (t = {t:.4g} s)" for t, s in zip(times, sizes, strict=True))
     return [f"at its stops: {each}"]
 
 
@@ -193,8 +187,13 @@ def _force(result: Result, joint: str, start: float, since: str) -> str:
     forces = result["joint_force_peak"].sel(joint=joint).values[judged]
     sizes = np.linalg.norm(forces, axis=1)
     at = float(result.time[judged][int(sizes.argmax())])
-    shown = _shown(result, f"peak joint force{at_joint(result, joint)}", float(sizes.max()), "N")
-    return f"peak force in {joint}{since} {shown} at t = {at:.4g} s"
+    told = peak_force(result, joint, float(sizes.max()))
+    return f"peak force in {joint}{since} {told} at t = {at:.4g} s"
+
+
+def peak_force(result: Result, joint: str, largest: float) -> str:
+    """The largest force in a joint, `largest` [N] by its histories, with its error if known."""
+    return shown(result.certificate, f"peak joint force{at_joint(result, joint)}", largest, "N")
 
 
 def _bearings(result: Result, since: str) -> list[str]:
@@ -212,5 +211,5 @@ def _bearings(result: Result, since: str) -> list[str]:
     return lines
 
 
-def _mm(metres: float) -> str:
-    return f"{1e3 * metres:.4g} mm"
+def _mm(metres: float, uncertain: float = 0.0) -> str:
+    return f"{alone(1e3 * metres, 1e3 * uncertain)} mm"

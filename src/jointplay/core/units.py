@@ -285,7 +285,7 @@ def readable(value: float, unit: str) -> str:
         sizes = ((_DEGREE, "deg"), (1e-3, "mrad"), (1.0, "rad"))
         return min((f"{value / size:.6g} {name}" for size, name in sizes), key=len)
     prefixed = {
-        "m": ((1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
+        "m": ((1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
         "s": ((1e-6, "µs"), (1e-3, "ms"), (1.0, "s")),
         "Pa": ((1.0, "Pa"), (1e6, "MPa"), (1e9, "GPa")),
         "J": ((1e-9, "nJ"), (1e-6, "µJ"), (1e-3, "mJ"), (1.0, "J")),

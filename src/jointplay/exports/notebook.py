@@ -10,6 +10,7 @@ from contextlib import suppress
 import numpy as np
 from matplotlib.figure import Figure
 
+from jointplay.analysis.headline import peak_force
 from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few, html_table
@@ -47,7 +48,8 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     since = f" from {start:g} s on" if start > 0.0 else ""
     for k, joint in enumerate(result.joints):
         forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
-        rows.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N{since}"))
+        told = peak_force(result, joint, float(forces.max(initial=0.0)))
+        rows.append((f"peak force in {joint}", f"{told}{since}"))
     if result.joints:
         with suppress(JointplayError):  # too few records
             rows.append(("rattle", f"{str(rattle(result)).removeprefix('rattle: ')}{since}"))

@@ -849,7 +849,7 @@ class RollingBearing(WholeLawJoint):
     @property
     def play_words(self) -> str:
         """The play across the axis in operation, or that there is none by preload."""
-        return "none (preloaded)" if self.preloaded else readable(round(self.radial_room, 9), "m")
+        return "none (preloaded)" if self.preloaded else f"{1e6 * self.radial_room:.3g} µm"
 
     @property
     def words(self) -> str:

@@ -715,7 +715,9 @@ def assumed(cases: Sequence[Case], start: float) -> Html:
             f"from {start:g} s on; penetration and audit are those of whole runs."
         )
     points += [
-        markup("{}: {}.", dark(case), case.result.audit.headline) for case in cases if case.joints
+        markup("{}: {}.", dark(case), case.result.audit.headline_with(case.result.certificate))
+        for case in cases
+        if case.joints
     ]
     for case in cases:
         points += [markup("{} {}", dark(case), note) for note in case.notes]

@@ -12,6 +12,7 @@ import numpy as np
 
 from jointplay.contact import ContactProperties
 from jointplay.core.schema import Described, quantity
+from jointplay.core.units import readable
 from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.layout import FRICTION
@@ -19,6 +20,7 @@ from jointplay.kernel.workspace import Workspace
 from jointplay.loads.limits import beyond, worst
 from jointplay.mechanism.impact import friction_step_limit, tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.result.certificate import Certificate, alone, shown
 from jointplay.result.variables import Records
 
 DRIFT_WARNING_M = 1e-6
@@ -216,19 +218,31 @@ class Audit(Described):
     @property
     def headline(self) -> str:
         """How the run began and its largest force, and from when on that is judged; a line."""
+        return self.headline_with(None)
+
+    def headline_with(self, certificate: Certificate | None) -> str:
+        """The same, with the error of the largest force if `certificate` has it."""
         began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual is not None:
             reason = "" if self.start == "rest" else ", because no equilibrium was found"
-            began += (
-                f"{reason} (residual force {self.start_residual:.1g} N of {self.start_load:.3g} N)"
-            )
+            load = alone(self.start_load or 0.0)
+            began += f"{reason} (residual force {self.start_residual:.1g} N of {load} N)"
         if self.peak_force is None:
             return began
+        known = certificate.headline if certificate else ()
+        # Of a flexible link's hinges no figure is certified.
+        same = (
+            one.name
+            for one in known
+            if one.name.startswith("peak joint force")
+            and math.isclose(one.value, self.peak_force, rel_tol=1e-6)
+        )
+        peak = shown(certificate, next(same, ""), self.peak_force, "N")
         if not self.judged_from:
-            return f"{began}; largest joint force {self.peak_force:.4g} N, judged from the start"
+            return f"{began}; largest joint force {peak}, judged from the start"
         return (
             f"{began}; from {self.judged_from:g} s on, {self.judged_impacts} contacts began, "
-            f"largest joint force {self.peak_force:.4g} N (before: {self.peak_force_before:.4g} N)"
+            f"largest joint force {peak} (before: {alone(self.peak_force_before or 0.0)} N)"
         )
 
     def _step_too_large(self) -> str:
@@ -246,33 +260,43 @@ class Audit(Described):
 
     def __str__(self) -> str:
         """Figures, then warnings, one a line."""
+        return self.words()
+
+    def words(self, certificate: Certificate | None = None) -> str:
+        """The same, with the errors that `certificate` has."""
         percent = 100 * self.relative_energy_residual
         lines = [
-            f"  energy residual: {self.energy_residual:.3g} J, "
-            f"{percent:.2g} % of {self.energy_exchanged:.3g} J exchanged"
+            f"  energy residual: {_told(self.energy_residual, 'J')}, "
+            f"{percent:.2g} % of {_told(self.energy_exchanged, 'J')} exchanged"
         ]
         if self.impacts:
             steps = self.shortest_contact_steps
             shortest = f"shortest {steps} steps" if steps else "none ended"
-            deepest = f"  largest penetration: {self.largest_penetration:.3g} m, "
+            deepest = f"  largest penetration: {_told(self.largest_penetration, 'm')}, "
             deepest += f"{100 * self.penetration_over_clearance:.2g} % of the clearance"
             if not self.penetration_over_clearance:  # of rolling elements alone, which have none
-                deepest = f"  largest deflection of an element: {self.largest_penetration:.3g} m"
+                depth = _told(self.largest_penetration, "m")
+                deepest = f"  largest deflection of an element: {depth}"
             lines += [
                 f"  contacts: {self.impacts}, {shortest}, "
                 f"{self.under_resolved} under {WELL_RESOLVED_STEPS} steps",
                 deepest,
             ]
         if self.peak_force is not None:
-            lines.append(f"  {self.headline}")
+            lines.append(f"  {self.headline_with(certificate)}")
         if self.step_error is not None and self.relative_step_error is not None:
             lines.append(
-                f"  error by the step: tool {self.step_error:.2g} m, "
+                f"  error by the step: tool {readable(float(f'{self.step_error:.2g}'), 'm')}, "
                 f"{100 * self.relative_step_error:.2g} % of the motion"
             )
         if self.loop_drift:
-            lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
+            lines.append(f"  drift of ideal loops: {_told(self.loop_drift, 'm')}")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
+
+
+def _told(value: float, unit: str) -> str:
+    """A figure of which no error is known: three digits, in a handy unit."""
+    return readable(float(alone(value)), unit)
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:

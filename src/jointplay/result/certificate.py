@@ -135,12 +135,50 @@ def plus_minus(value: float, error: float, whole: bool = False) -> str:
     return f"({value / scale:.{places}f} ± {shown:.{places}f})e{top:d}"
 
 
+UNKNOWN_DIGITS = 3
+"""Digits of a figure of whose error nothing is known."""
+
+
+def alone(value: float, uncertain: float = 0.0) -> str:
+    """A value of which no error of its own is known: three digits.
+
+    What is `uncertain` by as much as itself is a bound, as `plus_minus` has it.
+    """
+    if 0.0 < abs(value) <= uncertain < math.inf:
+        return plus_minus(value, uncertain)
+    return _with_digits(value, UNKNOWN_DIGITS)
+
+
+def _with_digits(value: float, digits: int) -> str:
+    """So many digits of a value, of a large one in front of zeros instead of a power of ten."""
+    rounded = float(f"{value:.{digits}g}")
+    if rounded == 0.0 or not math.isfinite(rounded):
+        return f"{rounded:g}"
+    before = math.floor(math.log10(abs(rounded))) + 1
+    return f"{rounded:.{max(digits, before) if before <= 6 else digits}g}"
+
+
+def shown(certificate: Certificate | None, name: str, value: float, unit: str) -> str:
+    """A figure of a run with its unit, and with its error wherever that is known.
+
+    Args:
+        certificate: of the run, if it has one.
+        name: the figure's there.
+        value, unit: of the figure, SI.
+    """
+    for figure in certificate.headline if certificate else ():
+        if figure.name == name and math.isfinite(figure.error):
+            return str(figure)
+    factor, word = shown_in(unit)
+    return f"{alone(factor * value)} {word}".rstrip()
+
+
 def _rounded_up(size: float, whole: bool) -> str:
     """A bound with two digits, or as a count."""
     if whole:
         return f"{math.ceil(size - 1e-9)}"
     step = 10.0 ** (math.floor(math.log10(size)) - 1)
-    return f"{math.ceil(size / step - 1e-9) * step:.2g}"
+    return _with_digits(math.ceil(size / step - 1e-9) * step, 2)
 
 
 @dataclass(frozen=True)

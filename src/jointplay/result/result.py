@@ -77,7 +77,8 @@ class Result:
     @property
     def judgement(self) -> str:
         """The audit and, if there is one, the certificate, one line for each figure."""
-        return f"{self.audit}" + (f"\n{self.certificate}" if self.certificate else "")
+        certificate = self.certificate
+        return self.audit.words(certificate) + (f"\n{certificate}" if certificate else "")
 
     @property
     def certificate(self) -> Certificate | None:
