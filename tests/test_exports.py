@@ -198,15 +198,16 @@ def test_messages_are_those_of_ros(result, bagged):
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    from jointplay.exports.bag import definition
+    from jointplay.motion.rosbag import _MESSAGES, definition
 
     store = get_typestore(Stores.ROS2_HUMBLE)
+    for kind in _MESSAGES:
+        for name, (_, fields) in get_types_from_msg(definition(kind), kind).items():
+            assert fields == store.fielddefs[name][1], name
     with AnyReader([bagged], default_typestore=store) as reader:
         assert reader.message_count == 1 + 5 * len(thinned(result, 200).time)
         for connection, _, raw in reader.messages():
             kind = connection.msgtype
-            for name, (_, fields) in get_types_from_msg(definition(kind), kind).items():
-                assert fields == store.fielddefs[name][1], name
             assert store.deserialize_cdr(raw, kind).header.stamp.sec == 0
 
 
@@ -320,7 +321,7 @@ def written(path, *messages):
     """A bag of the given topics, kinds and contents, one each second."""
     from mcap_ros2.writer import Writer
 
-    from jointplay.exports.bag import definition
+    from jointplay.motion.rosbag import definition
 
     sink = io.BytesIO()
     with Writer(sink) as writer:
@@ -518,3 +519,36 @@ def test_no_flipped_bit_of_a_bag_gives_another_motion(result, tmp_path):
         path.write_bytes(changed)
         with suppress(JointplayError):
             assert Motion.from_mcap(path, "/joint_states") == reference
+
+
+def without_checksum(content):
+    """The same bag as a writer leaves it that makes no checksum of its summary."""
+    return content[:-12] + bytes(4) + content[-8:]
+
+
+def test_definitions_of_a_bag_without_checksum_are_those_of_ros(result, tmp_path):
+    path = result.export(tmp_path / "r.mcap", every=100)
+    content, reference = path.read_bytes(), Motion.from_mcap(path, "/joint_states")
+    path.write_bytes(without_checksum(content))
+    assert Motion.from_mcap(path, "/joint_states") == reference
+    begin = int.from_bytes(content[-28:-20], "little")
+    at = content.index(b"float64[] position\n", begin)
+    changed = bytearray(without_checksum(content))
+    changed[at : at + 27] = b"float64[] velocity\nfloat64["
+    path.write_bytes(changed)
+    with pytest.raises(JointplayError, match="no checksum, and its definition of sensor_msgs/msg"):
+        Motion.from_mcap(path, "/joint_states")
+
+
+def test_messages_of_a_bag_are_as_many_as_its_statistics_say(result, tmp_path):
+    path = result.export(tmp_path / "r.mcap", every=100)
+    content = path.read_bytes()
+    with rosbag.opened(path) as found:
+        number = found.messages["/joint_states"]
+    begin = int.from_bytes(content[-28:-20], "little")
+    at = content.index(number.to_bytes(8, "little"), begin)
+    changed = bytearray(without_checksum(content))
+    changed[at : at + 8] = (number + 1).to_bytes(8, "little")
+    path.write_bytes(changed)
+    with pytest.raises(JointplayError, match=f"there are {number} messages, and {number + 1} by"):
+        Motion.from_mcap(path, "/joint_states")

@@ -17,46 +17,8 @@ import numpy as np
 from jointplay.core.imports import extra
 from jointplay.core.progress import ProgressBar
 from jointplay.exports.trajectory import encoders, joint_trajectory, message, stamp
+from jointplay.motion.rosbag import definition
 from jointplay.result.result import AXES, Result
-
-_TIME = "int32 sec\nuint32 nanosec"
-_VECTOR = "float64 x\nfloat64 y\nfloat64 z"
-_PARTS = {
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "builtin_interfaces/Time": _TIME,
-    "builtin_interfaces/Duration": _TIME,
-    "geometry_msgs/Vector3": _VECTOR,
-    "geometry_msgs/Point": _VECTOR,
-    "geometry_msgs/Quaternion": f"{_VECTOR}\nfloat64 w",
-    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
-    "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\n"
-    "float64[] accelerations\nfloat64[] effort\nbuiltin_interfaces/Duration time_from_start",
-}
-"""Definitions of the messages' parts, from ROS 2's common_interfaces."""
-_MESSAGES = {
-    "sensor_msgs/msg/JointState": "string[] name\nfloat64[] position\nfloat64[] velocity\n"
-    "float64[] effort",
-    "trajectory_msgs/msg/JointTrajectory": "string[] joint_names\n"
-    "trajectory_msgs/JointTrajectoryPoint[] points",
-    "geometry_msgs/msg/PoseStamped": "geometry_msgs/Pose pose",
-    "geometry_msgs/msg/TwistStamped": "geometry_msgs/Twist twist",
-    "geometry_msgs/msg/Vector3Stamped": "geometry_msgs/Vector3 vector",
-}
-"""Definitions of the messages, the header they all begin with left out."""
-
-
-def definition(kind: str) -> str:
-    """Definition of a message with those of all its parts, as MCAP wants it."""
-    definitions = {"": f"std_msgs/Header header\n{_MESSAGES[kind]}"}
-    waiting = list(definitions.values())
-    while waiting:
-        for part in re.findall(r"^(\w+/\w+)", waiting.pop(), re.MULTILINE):
-            if part not in definitions:
-                definitions[part] = _PARTS[part]
-                waiting.append(_PARTS[part])
-    rule = "=" * 80
-    return "".join(f"{rule}\nMSG: {n}\n{t}\n" if n else f"{t}\n" for n, t in definitions.items())
 
 
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:

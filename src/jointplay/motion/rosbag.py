@@ -6,6 +6,7 @@ Read by the library ``mcap-ros2-support``, which runs nothing that a file says.
 from __future__ import annotations
 
 import io
+import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
@@ -24,6 +25,70 @@ STATE = "sensor_msgs/msg/JointState"
 
 MOST_BYTES = 1 << 32
 """Size of a bag that is read, at most [bytes]."""
+
+
+_TIME = "int32 sec\nuint32 nanosec"
+_VECTOR = "float64 x\nfloat64 y\nfloat64 z"
+_PARTS = {
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": _TIME,
+    "builtin_interfaces/Duration": _TIME,
+    "geometry_msgs/Vector3": _VECTOR,
+    "geometry_msgs/Point": _VECTOR,
+    "geometry_msgs/Quaternion": f"{_VECTOR}\nfloat64 w",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\n"
+    "geometry_msgs/Quaternion rotation",
+    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
+    "geometry_msgs/Accel": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+    "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\n"
+    "float64[] accelerations\nfloat64[] effort\nbuiltin_interfaces/Duration time_from_start",
+}
+"""Definitions of the messages' parts, from ROS 2's common_interfaces."""
+_MESSAGES = {
+    STATE: "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
+    _TRAJECTORY: "string[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points",
+    "geometry_msgs/msg/PoseStamped": "geometry_msgs/Pose pose",
+    "geometry_msgs/msg/TwistStamped": "geometry_msgs/Twist twist",
+    "geometry_msgs/msg/Vector3Stamped": "geometry_msgs/Vector3 vector",
+    "geometry_msgs/msg/PointStamped": "geometry_msgs/Point point",
+    "geometry_msgs/msg/TransformStamped": "string child_frame_id\n"
+    "geometry_msgs/Transform transform",
+    "geometry_msgs/msg/WrenchStamped": "geometry_msgs/Wrench wrench",
+    "geometry_msgs/msg/AccelStamped": "geometry_msgs/Accel accel",
+    "sensor_msgs/msg/Imu": "geometry_msgs/Quaternion orientation\n"
+    "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
+    "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
+    "float64[9] linear_acceleration_covariance",
+}
+"""Definitions of the messages, the header they all begin with left out."""
+
+
+def definition(kind: str) -> str:
+    """Definition of a message with those of all its parts, as MCAP wants it."""
+    definitions = {"": f"std_msgs/Header header\n{_MESSAGES[kind]}"}
+    waiting = list(definitions.values())
+    while waiting:
+        for part in re.findall(r"^(\w+/\w+)", waiting.pop(), re.MULTILINE):
+            if part not in definitions:
+                definitions[part] = _PARTS[part]
+                waiting.append(_PARTS[part])
+    rule = "=" * 80
+    return "".join(f"{rule}\nMSG: {n}\n{t}\n" if n else f"{t}\n" for n, t in definitions.items())
+
+
+def _blocks(text: str) -> dict[str, list[str]]:
+    """Fields of a message and of its parts, by name, comments and spacing gone."""
+    name, found = "", {"": []}  # type: tuple[str, dict[str, list[str]]]
+    for line in text.splitlines():
+        words = " ".join(line.partition("#")[0].split())
+        if words.startswith("MSG:"):
+            name = words[4:].strip().replace("/msg/", "/")
+            found[name] = []
+        elif words and set(words) != {"="}:
+            found[name].append(words.replace("/msg/", "/"))
+    return found
 
 
 def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndarray, np.ndarray]:
@@ -102,7 +167,8 @@ def opened(path: Path) -> Iterator[Bag]:
                 raise JointplayError(
                     f"the bag {str(path)!r} has no summary; `mcap recover` creates one"
                 )
-            _check_summary(file)
+            if not _is_sealed(file):
+                _check_schemas(summary.schemas.values())
             kinds = {
                 channel.topic: summary.schemas[channel.schema_id].name
                 for channel in summary.channels.values()
@@ -128,8 +194,8 @@ _ENDING = _FOOTER + 8
 """The same with the mark that ends the file."""
 
 
-def _check_summary(file: BinaryIO) -> None:
-    """Refuse a summary (topics, types, counts, places of the blocks) that has changed.
+def _is_sealed(file: BinaryIO) -> bool:
+    """Whether a checksum guards the summary (topics, types, counts, places of the blocks).
 
     The library mcap checks the blocks only. The checksum is of all from the summary's begin up to
     where it stands itself; 0 says that there is none.
@@ -142,10 +208,27 @@ def _check_summary(file: BinaryIO) -> None:
     given = int.from_bytes(footer[16:], "little")
     begin = int.from_bytes(footer[:8], "little")
     if not given or not begin:
-        return
+        return False
     file.seek(begin)
     if zlib.crc32(file.read(end + 16 - begin)) != given:
         raise JointplayError("the bag is damaged: its summary does not match its checksum")
+    return True
+
+
+def _check_schemas(schemas: Iterable[Any]) -> None:
+    """Refuse definitions of ROS's own messages that are not ROS's: they say what numbers mean.
+
+    Raises:
+        JointplayError: naming the message.
+    """
+    for schema in schemas:
+        if schema.encoding != "ros2msg" or schema.name not in _MESSAGES:
+            continue
+        if _blocks(schema.data.decode(errors="replace")) != _blocks(definition(schema.name)):
+            raise JointplayError(
+                f"the bag is damaged: it has no checksum, and its definition of {schema.name} is "
+                "not that of ROS 2"
+            )
 
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
