@@ -20,7 +20,7 @@ from jointplay.commands import (
     quantity,
 )
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_non_negative
+from jointplay.core.errors import JointplayError, MissingName, require_non_negative
 
 if TYPE_CHECKING:
     import numpy as np
@@ -394,9 +394,7 @@ def _clearance(
         name, length = name_and_value(text, [*entries, *plain.loops], is_designation)
         if name not in plain.loops and (name not in entries or entries[name].kind not in able):
             choices = [n for n, e in entries.items() if e.kind in able] + [*plain.loops]
-            raise JointplayError(
-                f"no joint {name!r} that can have play; available: {', '.join(choices) or 'none'}"
-            )
+            raise MissingName("joint that can have play", name, choices, where=("--joint",))
         if name not in chain:
             seen = "" if body is None else f" as seen from {body!r}"
             notes.append(

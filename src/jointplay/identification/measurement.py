@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.units import convert, plain_number
 from jointplay.design.poses import middle, moving
 from jointplay.loads.wrench import Wrench, WrenchOverTime
@@ -98,10 +98,8 @@ class Measurement:
             )
         for kind, value in self.noise.items():
             if kind not in (*TOOL_UNITS, *JOINT_UNITS):
-                choices = ", ".join((*TOOL_UNITS, *JOINT_UNITS))
-                raise JointplayError(
-                    f"no signal {kind!r} that could have noise; available: {choices}"
-                )
+                choices = (*TOOL_UNITS, *JOINT_UNITS)
+                raise MissingName("signal that could have noise", kind, choices)
             require_positive(f"noise of {kind!r}", value, "SI")
         for key, values in self.signals.items():
             if np.shape(values) != time.shape:

@@ -250,8 +250,7 @@ def _browser(
                 [shot.view, contents["joint"], shot.signal],
             )
             if shot.signal is not None and shot.signal not in signals:
-                names = "; ".join(map(repr, signals))
-                raise JointplayError(f"no signal {shot.signal!r} to draw; available: {names}")
+                raise MissingName("signal to draw", shot.signal, signals)
 
             def take(time: float, span: float, caption: str) -> bytes:
                 tab.evaluate(
