@@ -103,7 +103,7 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
     found = identify(mechanism, seen())
     for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
         value, half = found[label]
-        assert half < 0.25 * wanted
+        assert half < 0.25 * wanted  # a bush that may be there takes a part: see below
         assert abs(value - wanted) < 2.0 * half
     assert found.identified[:2].all()
     # A bush that gives way aside may be there, unless it is said that there is none.
@@ -118,6 +118,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     wanted = np.array([CLEARANCE, FRICTION])
     off, half = np.zeros((10, 2)), np.zeros((10, 2))
     for seed in range(10):
+        # With 20 um and a bush that may be there, friction cannot be told in some of them.
         found = identify(mechanism, seen(seed=seed, noise=1e-5, rate=50.0))
         assert found.identified[:2].all()  # an interval without end covers everything
         off[seed] = np.abs(found.value[:2] - wanted)
