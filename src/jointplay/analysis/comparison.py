@@ -18,7 +18,8 @@ from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.schema import differences, short
 from jointplay.core.tables import columns
-from jointplay.result.certificate import HEADLINE, CertifiedFigure, shown_in
+from jointplay.core.units import displayed
+from jointplay.result.certificate import HEADLINE, CertifiedFigure
 from jointplay.result.result import Result
 
 _TEXTS = ("mechanism.urdf_text",)
@@ -102,7 +103,7 @@ class Comparison:
 def _shown(figure: CertifiedFigure) -> str:
     if math.isfinite(figure.error):
         return str(figure)
-    factor, unit = shown_in(figure.unit)
+    factor, unit = displayed(figure.unit)
     return f"{factor * figure.value:.4g} {unit}".rstrip()
 
 

@@ -5,9 +5,15 @@ from __future__ import annotations
 import csv
 import html
 import io
+import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any
+
+from jointplay.core.units import displayed
 
 _MOST_NAMES = 8
 """Names that a list of them shows."""
@@ -48,6 +54,121 @@ def few(names: list[str], most: int = _MOST_NAMES) -> str:
     """The first names of a list, and how many more there are."""
     text = ", ".join(names[:most])
     return f"{text} and {len(names) - most} more" if len(names) > most else text
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a `Table`: what it is called, in which unit, and its values."""
+
+    head: str
+    """Above it, in words."""
+    values: Sequence[Any]
+    """Numbers in SI, text, or None where there is nothing; so is a number that is not finite."""
+    unit: str = ""
+    """The SI unit of the numbers; ``"1"`` of parts of a whole, which are shown in per cent."""
+    key: str = ""
+    """What it is called in data; by default its head, with the unit."""
+    fine: bool = False
+    """Whether lengths are clearances, which are shown in µm."""
+    digits: int = 5
+    """Digits of the largest number, in text; the others have as many decimals."""
+    only: str = ""
+    """``"text"`` or ``"data"``, if it stands in one of them alone."""
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor and unit in which numbers are shown."""
+        return (100.0, "%") if self.unit == "1" else displayed(self.unit, self.fine)
+
+    @property
+    def title(self) -> str:
+        """Head with the unit in which numbers are shown."""
+        unit = self.shown[1]
+        return f"{self.head} [{unit}]" if unit else self.head
+
+    @property
+    def name(self) -> str:
+        """What it is called in data."""
+        unit = re.sub(r"\W+", "_", self.unit.removesuffix("1")).strip("_")
+        plain = re.sub(r"\W+", "_", self.head).strip("_").lower()
+        return self.key or "_".join(filter(None, (plain, unit)))
+
+    def texts(self, values: Sequence[Any]) -> list[str]:
+        """How values of this column are shown, those of further rows among them."""
+        factor, _ = self.shown
+        sizes = [abs(factor * one) for one in values if _is_number(one) and one]
+        whole = all(isinstance(one, Integral) for one in values if _is_number(one))
+        top = math.floor(math.log10(max(sizes))) if sizes else 0
+        places = 0 if whole and factor == 1.0 else min(max(self.digits - 1 - top, 0), 12)
+        large = bool(sizes) and max(sizes) >= 10.0 ** max(self.digits + 2, 7)
+
+        def text(one: Any) -> str:
+            if not _is_number(one):
+                return "" if one is None else str(one) if not isinstance(one, float) else "-"
+            number = factor * one
+            return f"{number:.{self.digits}g}" if large else f"{number:.{places}f}"
+
+        return [text(one) for one in values]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows with names, units and values: shown as text, Markdown and HTML, written as data.
+
+    Text is in handy units; data (CSV, records) are SI, in full precision or with so many digits.
+    """
+
+    columns: Sequence[Column]
+    totals: Sequence[Sequence[Any]] = ()
+    """Further rows that are shown, such as sums: values of the columns that are shown."""
+    notes: Sequence[str] = ()
+    """Lines that are shown below it."""
+
+    def _shown(self) -> tuple[list[str], list[list[str]]]:
+        shown = [one for one in self.columns if one.only != "data"]
+        columns = [
+            one.texts([*one.values, *(row[k] for row in self.totals)])
+            for k, one in enumerate(shown)
+        ]
+        return [one.title for one in shown], [list(row) for row in zip(*columns, strict=True)]
+
+    def __str__(self) -> str:
+        """Aligned text: the first column flush left, the others flush right; then the notes."""
+        head, rows = self._shown()
+        return "\n".join([*columns([head, *rows]), *self.notes])
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        head, rows = self._shown()
+        return "\n".join(markdown([head, *rows]))
+
+    def _repr_html_(self) -> str:
+        """The table for notebooks, without style sheet or script."""
+        head, rows = self._shown()
+
+        def line(cells: Sequence[str], tag: str) -> str:
+            inner = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
+            return f"<tr>{inner}</tr>"
+
+        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
+        body = "".join(line(row, "td") for row in rows)
+        return f"<table>{line(head, 'th')}{body}</table>{notes}"
+
+    def records(self) -> list[dict[str, Any]]:
+        """A dictionary for each row, by the columns' names in data, SI."""
+        kept = [one for one in self.columns if one.only != "text"]
+        rows = zip(*(one.values for one in kept), strict=True)
+        return [dict(zip((one.name for one in kept), row, strict=True)) for row in rows]
+
+    def csv(self, digits: int = 9) -> str:
+        """A line for each row, SI, numbers with so many digits."""
+        kept = [one for one in self.columns if one.only != "text"]
+        rows = zip(*(one.values for one in kept), strict=True)
+        return csv_text([[one.name for one in kept], *rows], digits)
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -276,6 +276,31 @@ def _registry() -> pint.UnitRegistry[float]:
     return registry
 
 
+_DISPLAY = {
+    "m": (1e3, "mm"),
+    "rad": (1e3, "mrad"),
+    "rad/m": (1e3, "mrad/m"),
+    "rad/rad": (1e3, "mrad/rad"),
+    "rad/(N*m)": (1e3, "mrad/(N m)"),
+    "m/N": (1e3, "mm/N"),
+    "N*m": (1.0, "N m"),
+}
+"""Factor and unit in which results are shown, by SI unit; others are shown as they are."""
+
+_FINE = {"m": (1e6, "um"), "rad/(N*m)": (1e6, "urad/(N m)"), "m/N": (1e6, "um/N")}
+"""The same of what is as small as a clearance."""
+
+
+def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
+    """How many of the unit in which results are shown are one SI `unit`, and that unit.
+
+    Args:
+        unit: as in `WORDS`.
+        fine: of sizes such as clearances.
+    """
+    return (_FINE if fine and unit in _FINE else _DISPLAY).get(unit, (1.0, unit))
+
+
 def readable(value: float, unit: str) -> str:
     """A value in SI with a handy prefix: 0.0002 m is ``0.2 mm``.
 

@@ -19,6 +19,7 @@ import numpy as np
 from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.tables import columns as aligned
 from jointplay.core.tables import csv_text
+from jointplay.core.units import displayed
 from jointplay.identification.kinematic_model import (
     Column,
     Fitted,
@@ -27,7 +28,6 @@ from jointplay.identification.kinematic_model import (
     State,
     Term,
 )
-from jointplay.identification.parameters import SCALES
 from jointplay.identification.static_poses import StaticPoses
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -56,14 +56,6 @@ DRAWS, NORMAL, TWO_UNKNOWNS = 1000, 1.96, 5.99
 quantile of chi-square with two degrees of freedom, friction's and transition's."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
-_SHOWN = {
-    **SCALES,
-    "m": (1e3, "mm"),
-    "rad/m": (1e3, "mrad/m"),
-    "rad/rad": (1e3, "mrad/rad"),
-    "rad/(N*m)": (1e3, "mrad/(N m)"),
-    "": (1.0, ""),
-}
 
 
 def improves(before: np.ndarray, after: np.ndarray, units: np.ndarray) -> tuple[bool, float, float]:
@@ -179,7 +171,7 @@ class Effect:
 
 
 def _in_unit(value: float, unit: str) -> str:
-    factor, word = _SHOWN.get(unit, (1.0, unit))
+    factor, word = displayed(unit)
     return f"{factor * value:.3g} {word}".strip()
 
 

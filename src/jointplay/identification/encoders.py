@@ -16,6 +16,7 @@ import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_a
 from jointplay.core.tables import csv_text
+from jointplay.core.units import displayed
 from jointplay.identification.calibration import (
     RARER_SIGN,
     TRANSITIONS,
@@ -109,10 +110,7 @@ class EncoderDifference:
 
 
 def _shown(value: float, unit: str) -> str:
-    factor, word = {
-        "rad": (1e3, "mrad"), "m": (1e3, "mm"), "rad/(N*m)": (1e3, "mrad/(N m)"),
-        "m/N": (1e3, "mm/N"), "rad/rad": (1e3, "mrad/rad"),
-    }.get(unit, (1.0, unit))  # fmt: skip
+    factor, word = displayed(unit)
     return f"{factor * value:.3g} {word}"
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_a
+from jointplay.core.units import displayed
 from jointplay.design.poses import moving
 from jointplay.identification import planning
 from jointplay.identification.fit import (
@@ -30,6 +31,7 @@ from jointplay.identification.fit import (
     search,
 )
 from jointplay.identification.measurement import (
+    NOISE_SHOWN,
     READINGS,
     Measurement,
     Observed,
@@ -43,7 +45,6 @@ from jointplay.identification.measurement import (
 from jointplay.identification.model import StaticModel
 from jointplay.identification.parameters import (
     LARGEST_SHARE,
-    SCALES,
     TOOL,
     WOUND,
     Given,
@@ -96,7 +97,7 @@ class Elasticity:
 
     def __str__(self) -> str:
         """One line."""
-        factor, unit = SCALES[self.unit]
+        factor, unit = displayed(self.unit, fine=True)
         low, high = self.value - self.half_width, self.value + self.half_width
         return (
             f"{self.label + ' compliance':<34} {'':>12} {f'{factor * self.value:.4g} {unit}':>12}  "
@@ -752,8 +753,6 @@ _IDEAL = {
     "frame": "the tool's ideal place is known except for the tracker's frame",
     "ideal": "the tool's ideal place is known",
 }
-_NOISE = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
-"""Factor and unit in which the noise of signals is printed."""
 
 
 def _assumptions(
@@ -794,7 +793,7 @@ def _assumptions(
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
-        factor, unit = _NOISE[kind]
+        factor, unit = NOISE_SHOWN[kind]
         source = "given" if kind in measured.noise else "of the records"
         deviations.append(f"{kind} {name} {factor * spread:.3g} {unit} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")

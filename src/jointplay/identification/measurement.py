@@ -49,6 +49,9 @@ FEWEST_RECORDS = 20
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _SHOWN = 60
 
+NOISE_SHOWN = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
+"""Factor and unit in which noise of signals is shown."""
+
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
 _TIME: Key = ("time", "")

@@ -13,21 +13,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.units import displayed
 from jointplay.joints import Clearance
 from jointplay.joints.play import JournalPlay
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import Mechanism
 
-SCALES = {
-    "m": (1e6, "um"),
-    "rad": (1e3, "mrad"),
-    "N*m": (1.0, "N m"),
-    "N": (1.0, "N"),
-    "rad/(N*m)": (1e6, "urad/(N m)"),
-    "m/N": (1e6, "um/N"),
-}
-"""Factor and unit in which values are printed."""
 ALSO = ("friction",)
 """What of gears is identified only if asked for."""
 WAYS = {
@@ -98,7 +90,7 @@ class Parameter:
 
     def shown(self, value: float) -> str:
         """A value in the unit of tables."""
-        factor, unit = SCALES.get(self.unit, (1.0, self.unit))
+        factor, unit = displayed(self.unit, fine=True)
         return f"{factor * value:.4g} {unit}".rstrip()
 
     def widest(self, value: float) -> float:

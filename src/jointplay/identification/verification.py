@@ -17,7 +17,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.progress import ProgressBar
 from jointplay.identification.fit import basis
 from jointplay.identification.identification import NORMAL, Identification, spreads
-from jointplay.identification.measurement import tool_positions
+from jointplay.identification.measurement import NOISE_SHOWN, tool_positions
 from jointplay.identification.parameters import known_gears
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.joints import SlidingClearance
@@ -32,7 +32,6 @@ LEVEL = 0.05
 """How often a measurement of just this machine would be said to disagree, in all checks."""
 _LEAST_SPREAD = 0.02
 """Scatter of the logarithm of a statistic below which runs are not taken to agree."""
-_SCALES = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
 
 _ByKind = dict[str, float]
 _Parts = tuple[_ByKind, _ByKind, _ByKind, _ByKind]
@@ -88,7 +87,7 @@ class Verification:
         """A line for each kind of signal and each statistic, and the verdict."""
         lines = []
         for kind in self.measured:
-            factor, unit = _SCALES[kind]
+            factor, unit = NOISE_SHOWN[kind]
             parts = (self.measured, self.static, self.dynamic, self.error)
             no, static, dynamic, noise = (factor * part[kind] for part in parts)
             lines.append(
@@ -245,7 +244,7 @@ def _compare_means(
     for kind, value in parts[2].items():
         logs = np.log([max(other[kind], 1e-300) for other in others])
         wide = _quantile(count, number) * max(float(logs.std(ddof=1)), _LEAST_SPREAD)
-        factor, unit = _SCALES[kind]
+        factor, unit = NOISE_SHOWN[kind]
         high = factor * float(np.exp(logs.mean() + wide))
         checks.append(
             Check(f"{kind}: RMS left of means over visits", unit, factor * value, 0.0, high)

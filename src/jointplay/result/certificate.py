@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 
 from jointplay.core.errors import MissingName, require_non_negative
 from jointplay.core.schema import Described, quantity
+from jointplay.core.units import displayed
 
 MARKED = 0.05
 """A figure whose relative error exceeds this is marked where it stands."""
@@ -29,9 +30,6 @@ HEADLINE = (
 
 COUNTS = ("impacts",)
 """Figures that are whole numbers, and so are their errors."""
-
-SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-"""Units in which figures are shown, and how many of them are one of the figure's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,18 +86,13 @@ class CertifiedFigure(Described):
 
     @property
     def number(self) -> str:
-        """Value ± error in the unit of `shown_in`."""
-        factor, _ = shown_in(self.unit)
+        """Value ± error in the unit of `displayed`."""
+        factor, _ = displayed(self.unit)
         return plus_minus(factor * self.value, factor * self.error, self.name in COUNTS)
 
     def __str__(self) -> str:
         """Value ± error and unit, with the same digits wherever the figure stands."""
-        return f"{self.number} {shown_in(self.unit)[1]}".rstrip()
-
-
-def shown_in(unit: str) -> tuple[float, str]:
-    """How many of the unit in which figures are shown are one SI `unit`, and that unit."""
-    return SHOWN_IN.get(unit, (1.0, unit))
+        return f"{self.number} {displayed(self.unit)[1]}".rstrip()
 
 
 def plus_minus(value: float, error: float, whole: bool = False) -> str:
@@ -169,7 +162,7 @@ def shown(certificate: Certificate | None, name: str, value: float, unit: str) -
     for figure in certificate.headline if certificate else ():
         if figure.name == name and math.isfinite(figure.error):
             return str(figure)
-    factor, word = shown_in(unit)
+    factor, word = displayed(unit)
     return f"{alone(factor * value)} {word}".rstrip()
 
 

@@ -12,8 +12,9 @@ from jointplay.analysis.claims import Verdict
 from jointplay.core import files, signals
 from jointplay.core.progress import printing, whole
 from jointplay.core.tables import columns, markdown
+from jointplay.core.units import displayed
 from jointplay.kernel.integrators import DEFAULT
-from jointplay.result.certificate import CertifiedFigure, shown_in
+from jointplay.result.certificate import CertifiedFigure
 from jointplay.result.result import Result
 from jointplay.study.cases import (
     CASES,
@@ -63,7 +64,7 @@ def _beside(figure: CertifiedFigure, found: Found | None) -> str:
     """What another method finds of a figure, and how much that differs."""
     if found is None or figure.name not in found.figures:
         return "not computed"
-    other, (factor, unit) = found.figures[figure.name], shown_in(figure.unit)
+    other, (factor, unit) = found.figures[figure.name], displayed(figure.unit)
     text = f"{factor * other:.5g} {unit}".rstrip()
     if figure.value == 0.0:
         return text
