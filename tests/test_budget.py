@@ -74,8 +74,11 @@ def test_at_rest_the_tool_hangs_as_far_down_as_it_can(arm):
     assert light.rest[0, 0, 2] == pytest.approx(2.0 * 1e-4 / joint.lj * REACH, rel=2e-3)
     soft = budget(Mechanism(arm, {"j": bearing(lock_axial=True, stiffness=1e8)}), {})
     assert soft.rest[0, 0, 2] < 1.5 * found.rest[0, 0, 2]
-    assert "at rest they give way under the load, beyond the joint's worst case" in soft.table()
-    assert "give way" not in found.table()
+    words = "at rest they give way under the load, beyond the joint's worst case"
+    assert words in str(soft.table())
+        soft.table()
+    )
+    assert "give way" not in str(found.table())
 
 
 def test_the_weight_of_what_hangs_beyond_counts_with_its_lever(urdf):
@@ -337,7 +340,7 @@ def test_the_friction_of_its_law_is_assumed_and_said(urdf):
     from jointplay.contact import Coulomb
 
     law = budget(hung(urdf, friction=Coulomb(mu_d=0.25)), {})
-    assert "friction (0.25 assumed)" in law.table()
+    assert "friction (0.25 assumed)" in str(law.table())
     assert law.rest_interval == pytest.approx(budget(hung(urdf), {}, friction=0.25).rest_interval)
     with pytest.raises(JointplayError, match=r"friction coefficient must be >= 0, got -0\.1"):
         budget(hung(urdf), {}, friction=-0.1)
@@ -391,15 +394,15 @@ def test_a_journal_that_bears_nothing_rests_anywhere_in_its_play_and_the_table_s
         assert found.rest_interval[0, :3, 0] == pytest.approx(-reach, rel=1e-6)
         assert found.rest_interval[0, 3, 0] == 0.0
         assert found.rest_interval[0, 3, 1] >= found.worst[0]
-        assert "no force acts on any joint: the journals may rest anywhere" in found.table()
+        assert "no force acts on any joint: the journals may rest anywhere" in str(found.table())
     heavy = budget(Mechanism(arm, {"j": bearing()}, tool="tip"), {})
-    assert "no force acts on" not in heavy.table()
+    assert "no force acts on" not in str(heavy.table())
 
 
 def test_the_table_says_whether_friction_decides_where_the_tool_rests(urdf):
-    shifts = budget(hung(urdf), {}, friction=0.1).table()
+    shifts = str(budget(hung(urdf), {}, friction=0.1).table())
     assert "friction shifts the place of rest by up to 0.01" in shifts
-    decides = budget(hung(urdf), {}, friction=1.0).table()
+    decides = str(budget(hung(urdf), {}, friction=1.0).table())
     assert "friction determines where it rests: up to 0.0" in decides
 
 
@@ -479,7 +482,7 @@ def test_a_joints_own_worst_case_is_that_of_the_joint_alone(two):
             single = budget(Mechanism(two, {name: bearing}, tool="tool"), pose)
             assert both.alone[:, column] == pytest.approx(single.worst, rel=1e-6)
         assert (both.alone >= both.worst_parts * (1.0 - 1e-9)).all()
-        assert "alone [mm]  part of worst case [mm]  share" in both.table()
+        assert "alone [mm]  part of worst case [mm]  share" in str(both.table())
 
 
 def test_several_poses_are_a_table_of_poses_and_joints(two, tmp_path, capsys):

@@ -170,7 +170,7 @@ def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
     hinges = {"lower": bearing(), "upper": bearing(open_ends=True)}
     mechanism = make(hinges)
     found = budget(mechanism, {"lower": 0.5})
-    assert "no force acts on" not in found.table()
+    assert "no force acts on" not in str(found.table())
     still = Motion(["lower"], [0.0, 1.0], np.full((2, 1), 0.5))
     result = simulate(mechanism, still, duration=2e-3, start="rest", estimate=False)
     ran = {name: result["joint_force"].values[-1, i] for i, name in enumerate(result.joints)}
@@ -179,9 +179,9 @@ def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
         assert size == pytest.approx(np.linalg.norm(ran[name]), rel=0.02)
         # Neither stands still without the other: the leaf hangs on the upper hinge.
         assert size > 0.5 * 9.81 * 0.25 / height
-        assert f"{name} {size:.4g} N" in found.table()
+        assert f"{name} {size:.4g} N" in str(found.table())
     assert np.isnan(found.rest).all()  # none moves the tool alone
-    assert "beyond the joint's worst case" not in found.table()
+    assert "beyond the joint's worst case" not in str(found.table())
 
 
 def test_one_leaning_pin_in_a_plane_loop_is_held_upright(four_bar_path):
@@ -377,7 +377,7 @@ def test_the_table_says_that_in_loops_the_whole_play_is_taken():
     joints = dict.fromkeys(("crank_pin", "piston_pin"), bearing())
     mechanism = slider_crank(joints, gravity=(0.0, 0.0, -9.81))
     found = budget(mechanism, poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START))
-    text = found.table()
+    text = str(found.table())
     assert "how far friction can hold all joints is not known" in text
     assert "their entire play is assumed" in text
     assert "friction decides" not in text

@@ -99,9 +99,9 @@ def test_an_elastic_joint_sags_as_its_stiffness_says():
 
 
 def test_a_class_that_does_not_fit_is_said(robot):
-    text = error_budget(robot, POSE, kind="printed").table()
+    text = str(error_budget(robot, POSE, kind="printed").table)
     assert "too far for levers" in text
-    assert "too far" not in error_budget(robot, POSE).table()
+    assert "too far" not in str(error_budget(robot, POSE).table)
 
 
 @pytest.mark.parametrize(

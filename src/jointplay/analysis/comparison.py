@@ -17,7 +17,7 @@ from jointplay.analysis.twins import is_twin
 from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.schema import differences, short
-from jointplay.core.tables import columns
+from jointplay.core.tables import Column, Table
 from jointplay.core.units import displayed
 from jointplay.result.certificate import HEADLINE, CertifiedFigure
 from jointplay.result.result import Result
@@ -60,23 +60,35 @@ class Comparison:
     apart: tuple[float, float] | None
     """Peak and RMS distance of the two tools at the same time [m]; None: of different frames."""
 
+    @property
+    def table(self) -> Table:
+        """The figures of both, and whether they differ by more than their errors."""
+        first, second = self.labels
+        words = {True: "yes", False: "no", None: "not known"}
+        return Table(
+            (
+                Column("figure", [one.name for one in self.pairs]),
+                Column(first, [_shown(one.first) for one in self.pairs]),
+                Column(second, [_shown(one.second) for one in self.pairs]),
+                Column("ratio", [one.ratio for one in self.pairs], digits=3),
+                Column("beyond the errors", [words[one.beyond_errors] for one in self.pairs]),
+            )
+        )
+
+    @property
+    def inputs_table(self) -> Table:
+        """The inputs that differ."""
+        rows = []
+        for place, was, now in self.inputs:
+            rows.append(
+                (place, *(("a", "another") if place in _TEXTS else (short(was), short(now))))
+            )
+        return Table.of([(head, "") for head in ("input", *self.labels)], rows)
+
     def __str__(self) -> str:
         """The answer, what differs in the inputs, and the figures, as text."""
-        first, second = self.labels
-        lines = [self.answer, "", "inputs that differ:"]
-        rows: list[tuple[str, ...]] = [("", first, second)]
-        for place, was, now in self.inputs:
-            shown = ("a", "another") if place in _TEXTS else (short(was), short(now))
-            rows.append((place, *shown))
-        lines += [f"  {line}" for line in columns(rows)] if self.inputs else ["  none"]
-        rows = [("figure", first, second, "ratio", "beyond the errors")]
-        words = {True: "yes", False: "no", None: "not known"}
-        for one in self.pairs:
-            ratio = f"{one.ratio:.3g}" if math.isfinite(one.ratio) else "-"
-            shown = (_shown(one.first), _shown(one.second))
-            rows.append((one.name, *shown, ratio, words[one.beyond_errors]))
-        lines += ["", *columns(rows)]
-        return "\n".join(lines)
+        inputs = str(self.inputs_table) if self.inputs else "none"
+        return "\n".join([self.answer, "", "inputs that differ:", inputs, "", str(self.table)])
 
     @property
     def answer(self) -> str:

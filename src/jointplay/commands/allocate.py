@@ -146,7 +146,9 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         from jointplay.plots.design import allocation
 
-        out.write({"allocation.csv": _csv(allotment), "allocation.png": allocation(allotment)})
+        out.write(
+            {"allocation.csv": allotment.table.csv(), "allocation.png": allocation(allotment)}
+        )
     return 0
 
 
@@ -196,7 +198,9 @@ def _causes(options: argparse.Namespace, out: Outputs) -> int:
     if options.out:
         from jointplay.plots.design import cause_allocation
 
-        out.write({"allocation.csv": found.csv(), "allocation.png": cause_allocation(found)})
+        out.write(
+            {"allocation.csv": found.causes_table.csv(), "allocation.png": cause_allocation(found)}
+        )
     return 0
 
 
@@ -219,14 +223,5 @@ def _by_class(options: argparse.Namespace, work: Any, out: Outputs) -> int:
     if not prices:
         print("prices of the classes are assumed; give your own with --price CLASS=X")
     if options.out:
-        out.write({"allocation.csv": found.csv()})
+        out.write({"allocation.csv": found.table.csv()})
     return 0
-
-
-def _csv(allotment: Any) -> str:
-    """A row for each joint."""
-    numbers = zip(allotment.clearance, allotment.gain, allotment.price, strict=True)
-    rows = ["joint,clearance_m,error_per_clearance,saved_by_a_micrometre,held_by"]
-    for name, values, bound in zip(allotment.joints, numbers, allotment.bound, strict=True):
-        rows.append(",".join([name, *(f"{x:.9g}" for x in values), bound or "target"]))
-    return "\n".join(rows) + "\n"

@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
     contents = {
-        "budget.csv": errors.csv(work.names or ()),
+        "budget.csv": errors.data(work.names or ()).csv(),
         "bars.png": plots.bars(errors),
     }
     if not seen:
@@ -147,9 +147,9 @@ def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: 
         causes=options.causes or CAUSES,
     )
     print("\n".join([*work.notes, f"at: {work.poses}"]))
-    print(errors.table())
+    print(errors.table)
     if options.out:
         from jointplay.plots.design import cause_bars
 
-        out.write({"errors.csv": errors.csv(), "errors.png": cause_bars(errors)})
+        out.write({"errors.csv": errors.data.csv(), "errors.png": cause_bars(errors)})
     return 0

@@ -93,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     from jointplay.identification import Term, calibrate, encoder_differences
     from jointplay.identification.calibration import TERMS, read_poses
-    from jointplay.identification.encoders import table_csv
+    from jointplay.identification.encoders import table
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.payload import Payload
 
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     if poses.link is not None:
         found = encoder_differences(mechanism, poses, payloads)
         notes += ["encoders, link less motor:", *map(str, found), ""]
-        contents[ENCODERS] = table_csv(found)
+        contents[ENCODERS] = table(found).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
         raise JointplayError(
@@ -145,7 +145,11 @@ def run(options: argparse.Namespace) -> int:
         if options.out:
             from jointplay.plots.design import calibration
 
-            texts = (fit.csv(), json.dumps(fit.describe(), indent=1) + "\n", fit.residuals_csv())
+            texts = (
+                fit.data.csv(6),
+                json.dumps(fit.describe(), indent=1) + "\n",
+                fit.residuals.csv(6),
+            )
             contents |= dict(zip(TABLES, (*texts, calibration(fit)), strict=True))
     if options.out:
         out.write(contents)

@@ -214,7 +214,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         from jointplay.plots.design import identification
 
-        contents = (fit.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
+        contents = (fit.data.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
         out.write(dict(zip(names, contents, strict=True)))
     return 0
 

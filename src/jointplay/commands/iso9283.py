@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
         if options.out:
             from jointplay.plots import design as plots
 
-            contents: dict[str, Any] = {table: performance.csv()}
+            contents: dict[str, Any] = {table: performance.table.csv()}
             if performance.poses:
                 contents[drawn] = plots.poses(performance)
             if performance.path:

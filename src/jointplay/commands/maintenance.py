@@ -43,5 +43,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         from jointplay.plots.design import wear_course
 
-        out.write({"maintenance.csv": estimate.csv(), "maintenance.png": wear_course(estimate)})
+        out.write(
+            {"maintenance.csv": estimate.table.csv(), "maintenance.png": wear_course(estimate)}
+        )
     return 0 if estimate.reached else INTERRUPTED

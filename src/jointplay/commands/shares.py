@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         from jointplay.plots.design import share_bars
 
-        contents = {"shares.csv": budget.csv(), "shares.png": share_bars(budget)}
+        contents = {"shares.csv": budget.runs.csv(), "shares.png": share_bars(budget)}
         out.write(contents, f"; runs in {options.out}/runs")
     if options.sobol is not None:
         print(

@@ -60,6 +60,6 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {number:<10.4g}  {1e6 * deepest:<12.4g}  {1e6 * mean:.4g}")
     print(life)
     if options.out:
-        files.write(options.out, life.csv())
+        files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
     return 0 if life.reached else INTERRUPTED

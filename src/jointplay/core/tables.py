@@ -11,9 +11,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from jointplay.core.units import displayed
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _MOST_NAMES = 8
 """Names that a list of them shows."""
@@ -62,7 +65,7 @@ class Column:
 
     head: str
     """Above it, in words."""
-    values: Sequence[Any]
+    values: Sequence[Any] | np.ndarray
     """Numbers in SI, text, or None where there is nothing; so is a number that is not finite."""
     unit: str = ""
     """The SI unit of the numbers; ``"1"`` of parts of a whole, which are shown in per cent."""
@@ -74,6 +77,8 @@ class Column:
     """Digits of the largest number, in text; the others have as many decimals."""
     only: str = ""
     """``"text"`` or ``"data"``, if it stands in one of them alone."""
+    errors: Sequence[Any] | np.ndarray = ()
+    """Of the values, if they are known, with ``+-`` behind them in text."""
 
     @property
     def shown(self) -> tuple[float, str]:
@@ -93,8 +98,9 @@ class Column:
         plain = re.sub(r"\W+", "_", self.head).strip("_").lower()
         return self.key or "_".join(filter(None, (plain, unit)))
 
-    def texts(self, values: Sequence[Any]) -> list[str]:
-        """How values of this column are shown, those of further rows among them."""
+    def texts(self, further: Sequence[Any] = ()) -> list[str]:
+        """How its values are shown, and those of further rows."""
+        values = [*self.values, *further]
         factor, _ = self.shown
         sizes = [abs(factor * one) for one in values if _is_number(one) and one]
         whole = all(isinstance(one, Integral) for one in values if _is_number(one))
@@ -108,7 +114,11 @@ class Column:
             number = factor * one
             return f"{number:.{self.digits}g}" if large else f"{number:.{places}f}"
 
-        return [text(one) for one in values]
+        shown = [text(one) for one in values]
+        for k, error in enumerate(self.errors):
+            if _is_number(error):
+                shown[k] += f" +- {text(error)}"
+        return shown
 
 
 def _is_number(value: Any) -> bool:
@@ -128,12 +138,16 @@ class Table:
     notes: Sequence[str] = ()
     """Lines that are shown below it."""
 
+    @classmethod
+    def of(cls, heads: Iterable[tuple[str, str]], rows: Sequence[Sequence[Any]]) -> Self:
+        """The table of rows whose columns have these names and units."""
+        values = list(zip(*rows, strict=True)) or [() for _ in heads]
+        names = zip(heads, values, strict=True)
+        return cls([Column(head, column, unit) for (head, unit), column in names])
+
     def _shown(self) -> tuple[list[str], list[list[str]]]:
         shown = [one for one in self.columns if one.only != "data"]
-        columns = [
-            one.texts([*one.values, *(row[k] for row in self.totals)])
-            for k, one in enumerate(shown)
-        ]
+        columns = [one.texts([row[k] for row in self.totals]) for k, one in enumerate(shown)]
         return [one.title for one in shown], [list(row) for row in zip(*columns, strict=True)]
 
     def __str__(self) -> str:
@@ -158,17 +172,25 @@ class Table:
         body = "".join(line(row, "td") for row in rows)
         return f"<table>{line(head, 'th')}{body}</table>{notes}"
 
+    def _data(self) -> dict[str, Sequence[Any] | np.ndarray]:
+        """Values by the columns' names in data, with their errors behind them."""
+        kept = [one for one in self.columns if one.only != "text"]
+        found: dict[str, Sequence[Any] | np.ndarray] = {}
+        for one in kept:
+            found[one.name] = one.values
+            if len(one.errors):
+                found[f"{one.name}_error"] = one.errors
+        return found
+
     def records(self) -> list[dict[str, Any]]:
         """A dictionary for each row, by the columns' names in data, SI."""
-        kept = [one for one in self.columns if one.only != "text"]
-        rows = zip(*(one.values for one in kept), strict=True)
-        return [dict(zip((one.name for one in kept), row, strict=True)) for row in rows]
+        data = self._data()
+        return [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
 
     def csv(self, digits: int = 9) -> str:
         """A line for each row, SI, numbers with so many digits."""
-        kept = [one for one in self.columns if one.only != "text"]
-        rows = zip(*(one.values for one in kept), strict=True)
-        return csv_text([[one.name for one in kept], *rows], digits)
+        data = self._data()
+        return csv_text([list(data), *zip(*data.values(), strict=True)], digits)
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -187,9 +209,15 @@ def csv_text(rows: Iterable[Iterable[Any]], digits: int) -> str:
     """Rows as comma-separated values, numbers that are not whole with so many digits."""
     text = io.StringIO(newline="")
     csv.writer(text, lineterminator="\n").writerows(
-        [f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row] for row in rows
+        [_cell(value, digits) for value in row] for row in rows
     )
     return text.getvalue()
+
+
+def _cell(value: Any, digits: int) -> Any:
+    if not isinstance(value, float):
+        return value
+    return "" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 def markdown(rows: Sequence[Sequence[str]]) -> list[str]:

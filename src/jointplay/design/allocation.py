@@ -32,7 +32,7 @@ from jointplay.core.errors import (
     require_whole,
 )
 from jointplay.core.progress import ProgressBar
-from jointplay.core.tables import columns
+from jointplay.core.tables import Column, Table
 from jointplay.core.units import readable
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget, half_sphere
@@ -305,35 +305,30 @@ class Allocation:
             return "static worst case"
         return f"static {100 * self.quantile:g} % quantile, of {SAMPLES} states"
 
-    def __str__(self) -> str:
-        """The table."""
-        head = (
-            "joint",
-            "clearance [um]",
-            "error per um",
-            "adds [um]",
-            "a um more saves",
-            "held by",
-        )
-        rows = [
-            (
-                name,
-                f"{1e6 * self.clearance[j]:.2f}",
-                f"{self.gain[j]:.3f}",
-                f"{1e6 * self.gain[j] * self.clearance[j]:.2f}",
-                f"{self.price[j]:.4g}",
-                self.bound[j] or "target",
-            )
-            for j, name in enumerate(self.joints)
-        ]
-        lines = columns([head, *rows])
+    @property
+    def table(self) -> Table:
+        """A row for each joint."""
         low, high = self.spread
         interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
-        lines.append(
-            f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; cost "
-            f"{self.total:.5g} ({self.cost}); a target one um wider saves {self.relief:.4g}"
+        return Table(
+            (
+                Column("joint", self.joints),
+                Column("clearance", self.clearance, "m", fine=True),
+                Column("error per clearance", self.gain),
+                Column("adds", self.gain * self.clearance, "m", fine=True),
+                Column("a um more saves", self.price, key="saved_by_a_micrometre"),
+                Column("held by", [one or "target" for one in self.bound]),
+            ),
+            notes=(
+                f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; "
+                f"cost {self.total:.5g} ({self.cost}); a target one um wider saves "
+                f"{self.relief:.4g}",
+            ),
         )
-        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """The table."""
+        return str(self.table)
 
 
 def allocate(

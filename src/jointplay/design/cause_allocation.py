@@ -31,7 +31,7 @@ from jointplay.core.errors import (
     require_positive,
 )
 from jointplay.core.progress import ProgressBar
-from jointplay.core.tables import columns, csv_text
+from jointplay.core.tables import Column, Table
 from jointplay.design.allocation import PATIENCE_S
 from jointplay.design.error_budget import (
     CAUSES,
@@ -113,48 +113,58 @@ class CauseAllocation:
         """Worst case or root mean square."""
         return "RMS" if self.statistical else "worst case"
 
-    def __str__(self) -> str:
-        """The table."""
-        head = ("joint", "cause", "before [mm]", "after [mm]", "remains", "price", "of all",
-                "bought", "held by")  # fmt: skip
-        rows: list[tuple[str, ...]] = [head]
-        total, whole = self.total, _largest(self.first, self.statistical)
+    @property
+    def table(self) -> Table:
+        """A row for each cause at each joint, those that matter first."""
+        whole = _largest(self.first, self.statistical)
+        rank = np.lexsort((-self.before, np.array(self.order) == 0))
         small = (np.abs(self.before) <= _LISTED * whole) & (np.array(self.order) == 0)
-        for k in np.lexsort((-self.before, np.array(self.order) == 0)):
-            if small[k]:
-                continue
-            share = f"{100 * self.price[k] / total:.1f}%" if total > 0.0 else "0.0%"
-            rows.append((
-                self.joints[k], self.causes[k], f"{1e3 * self.before[k]:.4f}",
-                f"{1e3 * self.after[k]:.4f}", f"{self.remaining[k]:.4f}", f"{self.price[k]:.4g}",
-                share, str(self.order[k] or ""), self.held[k],
-            ))  # fmt: skip
+        kept = [int(k) for k in rank if not small[k]]
+        more = []
         if small.any():
-            sums = (f"{1e3 * part[small].sum():.4f}" for part in (self.before, self.after))
-            rows.append((f"{int(small.sum())} more", "", *sums, "", "", "", "", ""))
-        lines = columns(rows)
-        lines.append(
+            sums = (float(part[small].sum()) for part in (self.before, self.after))
+            more = [(f"{int(small.sum())} more", None, *sums, None, None, None, None, None)]
+        return replace(self._rows(kept), totals=more, notes=self._notes(whole))
+
+    @property
+    def causes_table(self) -> Table:
+        """The same of all causes, in their order."""
+        return self._rows(range(len(self.causes)))
+
+    def _rows(self, kept: Sequence[int]) -> Table:
+        total = self.total
+        some = np.array(kept, int)
+        return Table(
+            (
+                Column("joint", [self.joints[k] for k in kept]),
+                Column("cause", [self.causes[k] for k in kept]),
+                Column("before", self.before[some], "m"),
+                Column("after", self.after[some], "m"),
+                Column("remains", self.remaining[some], key="remaining"),
+                Column("price", self.price[some], digits=4),
+                Column("of all", self.price[some] / (total or 1.0), "1", only="text", digits=4),
+                Column("bought", [self.order[k] or None for k in kept]),
+                Column("held by", [self.held[k] for k in kept]),
+            )
+        )
+
+    def _notes(self, whole: float) -> list[str]:
+        """The outcome, what was given and what was assumed, in lines."""
+        line = (
             f"{self.words} {1e3 * self.error:.4f} mm of {1e3 * self.target:.4f} mm (as it is "
             f"{1e3 * whole:.4f} mm)"
         )
         if self.total == 0.0:
-            lines[-1] += ": within the target already, nothing is spent"
+            line += ": within the target already, nothing is spent"
         else:
-            lines[-1] += f"; price {total:.5g}; a target 1 % wider saves "
-            lines[-1] += f"{0.01 * self.target * self.relief:.4g}"
-        lines += [f"given: {line}" for line in self.first.given]
-        lines += [f"assumed: {line}" for line in self.first.assumed]
-        return "\n".join([*lines, *self.notes])
+            line += f"; price {self.total:.5g}; a target 1 % wider saves "
+            line += f"{0.01 * self.target * self.relief:.4g}"
+        given = [f"given: {one}" for one in self.first.given]
+        return [line, *given, *(f"assumed: {one}" for one in self.first.assumed), *self.notes]
 
-    def csv(self) -> str:
-        """A row for each cause at each joint."""
-        rows: list[list] = [
-            ["joint", "cause", "before_m", "after_m", "remaining", "price", "bought", "held_by"]
-        ]
-        for k, (joint, cause) in enumerate(zip(self.joints, self.causes, strict=True)):
-            rows.append([joint, cause, self.before[k], self.after[k], self.remaining[k],
-                         self.price[k], self.order[k] or "", self.held[k]])  # fmt: skip
-        return csv_text(rows, 9)
+    def __str__(self) -> str:
+        """The table."""
+        return str(self.table)
 
 
 def allocate_causes(

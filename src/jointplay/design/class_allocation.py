@@ -21,7 +21,7 @@ from jointplay.core.errors import (
     require_non_negative,
     require_positive,
 )
-from jointplay.core.tables import columns, csv_text
+from jointplay.core.tables import Column, Table
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import half_sphere
 from jointplay.joints import Clearance, RollingBearing
@@ -66,33 +66,33 @@ class ClassAllocation:
     mechanism: Mechanism
     """With these bearings."""
 
+    @property
+    def table(self) -> Table:
+        """A row for each joint."""
+        free = [_free(offer.joint) for offer in self.chosen]
+        return Table(
+            (
+                Column("joint", self.joints),
+                Column("class", [offer.name for offer in self.chosen]),
+                Column("free across", [one[0] for one in free], "m", fine=True, digits=3),
+                Column("free along", [one[1] for one in free], "m", fine=True, digits=3),
+                Column("adds", self.parts, "m", "worst_part_m", fine=True),
+                Column("price", [offer.price for offer in self.chosen], digits=4),
+            ),
+            notes=(
+                f"static worst case {1e6 * self.error:.2f} um of {1e6 * self.target:.2f} um; price "
+                f"{self.total:g} (without a target {self.cheapest:g})",
+            ),
+        )
+
     def __str__(self) -> str:
         """The table."""
-        rows = [("joint", "class", "free across, along [um]", "adds [um]", "price")]
-        for name, offer, part in zip(self.joints, self.chosen, self.parts, strict=True):
-            across, along = _free(offer.joint)
-            rows.append(
-                (name, offer.name, f"{across:.3g}, {along:.3g}", f"{1e6 * part:.2f}",
-                 f"{offer.price:g}")
-            )  # fmt: skip
-        lines = columns(rows)
-        lines.append(
-            f"static worst case {1e6 * self.error:.2f} um of {1e6 * self.target:.2f} um; price "
-            f"{self.total:g} (without a target {self.cheapest:g})"
-        )
-        return "\n".join(lines)
-
-    def csv(self) -> str:
-        """A row for each joint."""
-        rows: list[list] = [["joint", "class", "worst_part_m", "price"]]
-        for name, offer, part in zip(self.joints, self.chosen, self.parts, strict=True):
-            rows.append([name, offer.name, part, offer.price])
-        return csv_text(rows, 9)
+        return str(self.table)
 
 
 def _free(joint: Clearance) -> tuple[float, float]:
-    """How far a joint is free across and along [um]."""
-    return 1e6 * joint.travel["x"], 1e6 * joint.travel["z"]
+    """How far a joint is free across and along [m]."""
+    return joint.travel["x"], joint.travel["z"]
 
 
 def offers_of(

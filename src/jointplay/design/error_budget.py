@@ -26,7 +26,7 @@ from jointplay.core.errors import (
     require_finite,
     require_positive,
 )
-from jointplay.core.tables import columns, csv_text
+from jointplay.core.tables import Column, Table
 from jointplay.design.levers import (
     GEAR,
     TurnPlay,
@@ -253,16 +253,23 @@ class ErrorBudget:
         found = rest.farthest(rest.contributions, self.direction[at : at + 1])[0][0]
         return float(self.worst[at] - found), float(self.rms[at] - rest.rms[0])
 
-    def csv(self) -> str:
-        """A row for each contribution at the worst pose [m]."""
+    @property
+    def data(self) -> Table:
+        """A row for each contribution at the worst pose."""
         at = self.worst_pose
-        means = [f"mean_{axis}_m" for axis in "xyz"]
-        rows: list[list] = [["joint", "cause", "worst_m", "rms_m", *means, "origin"]]
-        for i, one in enumerate(self.contributions):
-            mean = one.mean()[at]
-            own = _rms(mean[None], one.variance()[at][None])[0]
-            rows.append([one.joint, one.cause, self.parts[i, at], own, *mean, one.origin])
-        return csv_text(rows, 9)
+        means = np.array([one.mean()[at] for one in self.contributions])
+        every = zip(means, self.contributions, strict=True)
+        own = [_rms(mean[None], one.variance()[at][None])[0] for mean, one in every]
+        return Table(
+            (
+                Column("joint", [one.joint for one in self.contributions]),
+                Column("cause", [one.cause for one in self.contributions]),
+                Column("worst", self.parts[:, at], "m"),
+                Column("rms", own, "m"),
+                *(Column(f"mean {axis}", means[:, k], "m") for k, axis in enumerate("xyz")),
+                Column("origin", [one.origin for one in self.contributions]),
+            )
+        )
 
     def by(self, what: str) -> dict[str, tuple[float, float]]:
         """Parts of worst case and variance at the worst pose by ``"joint"`` or ``"cause"``."""
@@ -346,14 +353,14 @@ class ErrorBudget:
         place_now = np.einsum("nij,j->ni", turn, tool.translation) + shift
         return np.asarray(place_now - tool.translation)
 
-    def table(self) -> str:
-        """At the worst pose: each joint and cause, shares, and what halving buys [mm]."""
+    @property
+    def table(self) -> Table:
+        """At the worst pose: each joint and cause, shares, and what halving buys."""
         at = self.worst_pose
-        head = ("joint", "cause", "worst case [mm]", "share", "rms [mm]", "halved: worst, rms [mm]")
-        rows: list[tuple[str, ...]] = [head]
         same: dict[tuple[str, str], list[int]] = {}
         for i, one in enumerate(self.contributions):
             same.setdefault((one.joint, one.cause), []).append(i)
+        rows: list[tuple] = []
         small = []
         for (joint, cause), indices in sorted(
             same.items(), key=lambda item: -self.parts[item[1], at].sum()
@@ -368,33 +375,34 @@ class ErrorBudget:
                 for name in ("mean", "variance")
             )
             gain, less = self.halved(*indices)
-            rows.append((
-                joint, cause, f"{1e3 * part:.4f}", f"{100 * part / self.worst[at]:.1f}%",
-                f"{1e3 * _rms(mean[None], variance[None])[0]:.4f}",
-                f"-{1e3 * gain:.4f}, -{1e3 * less:.4f}",
-            ))  # fmt: skip
+            rms = float(_rms(mean[None], variance[None])[0])
+            rows.append((joint, cause, part, part / self.worst[at], rms, -gain, -less))
+        heads = [("joint", ""), ("cause", ""), ("worst case", "m"), ("share", "1"), ("rms", "m")]
+        heads += [("halved: worst", "m"), ("halved: rms", "m")]
+        totals: list[tuple] = []
         if small:
-            rows.append((f"{len(small)} more", "", f"{1e3 * sum(small):.4f}", "", "", ""))
-        rows.append(
-            ("all", "", f"{1e3 * self.worst[at]:.4f}", "100%", f"{1e3 * self.rms[at]:.4f}", "")
-        )
-        lines = columns(rows)
+            totals.append((f"{len(small)} more", None, sum(small), None, None, None, None))
+        totals.append(("all", None, self.worst[at], 1.0, self.rms[at], None, None))
+        return replace(Table.of(heads, rows), totals=totals, notes=self._notes())
+
+    def _notes(self) -> list[str]:
+        """By cause, what is displaced in any case, the exact kinematics, what was given."""
+        at = self.worst_pose
         shares = ", ".join(
             f"{cause} {100 * worst / self.worst[at]:.0f} % (variance {100 * share:.0f} %)"
             for cause, (worst, share) in self.by("cause").items()
         )
         mean = ", ".join(f"{1e3 * x:.4f}" for x in self.mean[at])
-        lines.append(f"by cause: {shares}")
-        lines.append(f"loads and heat displace the tool by {mean} mm along x, y, z in any case")
         off = self.reached / self.worst[at] - 1.0
         fits = "" if abs(off) < _FITS else ": too far for levers; is the class right?"
-        lines.append(
+        return [
+            f"by cause: {shares}",
+            f"loads and heat displace the tool by {mean} mm along x, y, z in any case",
             f"by the exact kinematics the worst case is {1e3 * self.reached:.4f} mm "
-            f"({100 * off:+.2f} %{fits})"
-        )
-        lines += [f"given: {line}" for line in self.given]
-        lines += [f"assumed: {line}" for line in self.assumed]
-        return "\n".join(lines)
+            f"({100 * off:+.2f} %{fits})",
+            *(f"given: {line}" for line in self.given),
+            *(f"assumed: {line}" for line in self.assumed),
+        ]
 
 
 def _rms(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

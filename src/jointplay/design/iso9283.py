@@ -52,7 +52,7 @@ from jointplay.analysis.tool_error import Stop, rotations, stops
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.analysis.uncertainty import IntervalEstimate
 from jointplay.core.errors import JointplayError, require_a, require_positive
-from jointplay.core.tables import csv_text
+from jointplay.core.tables import Table
 from jointplay.design.wear import all_wearing, first_profile, with_worn, worn_depths
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import cartesian_path
@@ -480,16 +480,18 @@ class Iso9283:
             lines.append("CR, CO: the command path has no corner")
         return "\n".join([*lines, f"drift: {self.drifting}", self.accuracy])
 
-    def csv(self) -> str:
+    @property
+    def table(self) -> Table:
         """A row for each figure, lengths in m, angles in rad, times in s."""
-        rows: list[tuple] = [("figure", "clause", "time_s", "value", "low", "high", "unit")]
+        rows: list[tuple] = []
         for _, times, found, _ in self._groups():
             rows += _rows(found, times)
         for kind, number in vars(self.cycles).items():
             rows.append((f"cycles_{kind}", "6.9", "", number, "", "", ""))
         if self.conditions is not None:
             rows.append(("speed", "6.7", "", self.conditions.speed, "", "", ""))
-        return csv_text(rows, 6)
+        words = ("figure", "clause", "time", "value", "low", "high", "unit")
+        return Table.of([(word, "s" if word == "time" else "") for word in words], rows)
 
     def _groups(self) -> Iterator[tuple[str, Sequence[float], Figures, str]]:
         """What figures are of, in words; when; the figures; and what else there is to say."""

@@ -18,7 +18,7 @@ from scipy import optimize
 
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, require_a, require_finite, require_positive
-from jointplay.core.tables import columns, csv_text
+from jointplay.core.tables import Column, Table
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
 from jointplay.design.wear import (
@@ -79,13 +79,9 @@ class Maintenance:
         aside = 2.0 * self.standard_error if np.isfinite(self.standard_error) else 0.0
         return max(self.life - aside, 0.0) / self.factor, (self.life + aside) * self.factor
 
-    def __str__(self) -> str:
-        """Table and outcome, and that it is an estimate."""
-        head = ("cycles", "tool error [mm]", *(f"{name} [um]" for name in self.joints))
-        rows = [
-            (f"{count:.4g}", f"{1e3 * error:.4g}", *(f"{1e6 * depth:.4g}" for depth in depths))
-            for count, error, depths in zip(self.cycles, self.error, self.growth, strict=True)
-        ]
+    @property
+    def table(self) -> Table:
+        """A row for each block, and the outcome: that it is an estimate."""
         shares = ", ".join(
             f"{name} {100 * part:.0f} %" for name, part in zip(self.joints, self.blame, strict=True)
         )
@@ -97,24 +93,30 @@ class Maintenance:
         )
         low, high = self.spread
         known = f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
-        return "\n".join(
-            [
-                *columns([head, *rows]),
+        growth = zip(self.joints, self.growth.T, strict=True)
+        return Table(
+            (
+                Column("cycles", self.cycles),
+                Column("standard error of block", self.scatter, only="data"),
+                Column("tool error", self.error, "m", "error_m", digits=4),
+                *(
+                    Column(name, depth, "m", f"growth_{name}_m", fine=True, digits=4)
+                    for name, depth in growth
+                ),
+            ),
+            notes=(
                 f"growth of the error by joint: {shares}",
                 f"about {self.life:.3g}{runs} cycles {what} the tool may exceed its "
                 f"{1e3 * self.target:.4g} mm",
                 f"an estimate: {known}{self.factor:g}; tool error is the static worst case along "
                 "the motion with each bore as wide as its deepest place; cycles are simulated, and "
                 f"extrapolated over {len(self.cycles) - 1} blocks",
-            ]
+            ),
         )
 
-    def csv(self) -> str:
-        """A row for each block [m]."""
-        grown = (f"growth_{name}_m" for name in self.joints)
-        head = ("cycles", "standard_error_of_block", "error_m", *grown)
-        numbers = np.column_stack([self.cycles, self.scatter, self.error, self.growth])
-        return csv_text([head, *numbers.tolist()], 8)
+    def __str__(self) -> str:
+        """The table."""
+        return str(self.table)
 
 
 def maintenance(

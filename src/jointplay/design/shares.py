@@ -44,7 +44,7 @@ from jointplay.core.errors import (
     require_positive,
     require_whole,
 )
-from jointplay.core.tables import columns, csv_text
+from jointplay.core.tables import Column, Table
 from jointplay.design.levers import GEAR
 from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
@@ -88,36 +88,43 @@ class DynamicBudget:
             "included"
         )
 
-    def __str__(self) -> str:
-        """The budget as a table [mm]."""
-        head = ("joint", "alone: RMS [mm]", "peak [mm]", "share of the mean square")
-        rows = [
-            (name, f"{1e3 * rms.mean():.4g}", f"{1e3 * peak.max():.4g}", _share(part))
-            for name, rms, peak, part in zip(
-                self.joints, self.alone_rms.T, self.alone_peak.T, self.parts.T, strict=True
-            )
-        ]
-        rows.append(("interaction", "", "", _share(self.interaction)))
-        rms, peak = f"{1e3 * self.rms.mean():.4g}", f"{1e3 * self.peak.max():.4g}"
-        rows.append(("all together", rms, peak, "100 %"))
-        return "\n".join([*columns([head, *rows]), self.accuracy])
+    @property
+    def table(self) -> Table:
+        """A row for each source."""
+        shares = [*self.parts.T, self.interaction]
+        several = len(self.rms) > 1
+        return Table(
+            (
+                Column("joint", (*self.joints, "interaction")),
+                Column("alone: RMS", [*self.alone_rms.mean(axis=0), None], "m", digits=4),
+                Column("peak", [*self.alone_peak.max(axis=0), None], "m", digits=4),
+                Column(
+                    "share of the mean square",
+                    [one.mean() for one in shares],
+                    "1",
+                    digits=3,
+                    errors=[standard_error(one) for one in shares] if several else (),
+                ),
+            ),
+            totals=(("all together", self.rms.mean(), self.peak.max(), 1.0),),
+            notes=(self.accuracy,),
+        )
 
-    def csv(self) -> str:
-        """A row for each source and run."""
-        rows: list[tuple] = [("run", "source", "rms_m", "peak_m", "share")]
+    @property
+    def runs(self) -> Table:
+        """A row for each run and source."""
+        rows: list[tuple] = []
         for run in range(len(self.rms)):
             alone = (self.alone_rms[run], self.alone_peak[run], self.parts[run])
             rows += [(run, *row) for row in zip(self.joints, *alone, strict=True)]
-            rows.append((run, "interaction", "", "", self.interaction[run]))
-            rows.append((run, "all", self.rms[run], self.peak[run], 1))
-        return csv_text(rows, 6)
+            rows.append((run, "interaction", None, None, self.interaction[run]))
+            rows.append((run, "all", self.rms[run], self.peak[run], 1.0))
+        heads = (("run", ""), ("source", ""), ("rms", "m"), ("peak", "m"), ("share", "1"))
+        return Table.of(heads, rows)
 
-
-def _share(values: np.ndarray) -> str:
-    text = f"{100 * values.mean():.1f}"
-    if len(values) > 1:
-        text += f" +- {100 * standard_error(values):.1f}"
-    return f"{text} %"
+    def __str__(self) -> str:
+        """The table."""
+        return str(self.table)
 
 
 def shares(
@@ -209,22 +216,28 @@ class Sensitivity(SobolIndices):
     rms: np.ndarray
     """RMS error of the tool in each run [m]."""
 
-    def __str__(self) -> str:
-        """As a table."""
-        rows = [("input", "range", "first-order", "total")]
-        for i, (name, (low, high)) in enumerate(zip(self.names, self.ranges, strict=True)):
-            first = f"{self.first[i]:.2f} +- {self.first_confidence[i]:.2f}"
-            total = f"{self.total[i]:.2f} +- {self.total_confidence[i]:.2f}"
-            rows.append((name, f"{low:g} to {high:g}", first, total))
-        lines = columns(rows)
-        lines.append(
-            f"statistical, from {len(self.rms)} simulated runs: RMS error "
-            f"{1e3 * self.rms.min():.4g} to {1e3 * self.rms.max():.4g} mm; +- 95 % "
-            "confidence of the indices by resampling"
+    @property
+    def table(self) -> Table:
+        """A row for each input."""
+        wide = max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE
+        return Table(
+            (
+                Column("input", self.names),
+                Column("range", [f"{low:g} to {high:g}" for low, high in self.ranges]),
+                Column("first-order", self.first, digits=3, errors=self.first_confidence),
+                Column("total", self.total, digits=3, errors=self.total_confidence),
+            ),
+            notes=(
+                f"statistical, from {len(self.rms)} simulated runs: RMS error "
+                f"{1e3 * self.rms.min():.4g} to {1e3 * self.rms.max():.4g} mm; +- 95 % "
+                "confidence of the indices by resampling",
+                *(["the intervals are wide: use more samples (--sobol)"] if wide else []),
+            ),
         )
-        if max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE:
-            lines.append("the intervals are wide: use more samples (--sobol)")
-        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """The table."""
+        return str(self.table)
 
 
 _WIDE = 0.3

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from jointplay.core.errors import JointplayError, require_a, require_finite, require_whole
-from jointplay.core.tables import columns, csv_text
+from jointplay.core.tables import Column, Table
 from jointplay.design.levers import (
     PlaySources,
     TurnPlay,
@@ -152,18 +152,25 @@ class Budget:
             words.append(f"{self.joints[i]}: {name}, {mean[i]:.0f} %{spread}")
         return f"shares of the worst case: {'; '.join(words)}"
 
-    def by_pose(self, names: Sequence[str]) -> str:
-        """A table of poses: error in the worst case, and what each joint has in it [mm, %].
+    def by_pose(self, names: Sequence[str]) -> Table:
+        """A row for each pose: error in the worst case, and the share of each joint in it.
 
         Args:
             names: of the poses, (n,).
         """
-        rows: list[tuple[str, ...]] = [("pose", "worst case [mm]", "rms [mm]", *self.joints)]
-        for i, name in enumerate(names):
-            total = max(float(self.worst_parts[i].sum()), 1e-300)
-            parts = (f"{1e3 * one:.4f} {100 * one / total:3.0f}%" for one in self.worst_parts[i])
-            rows.append((name, f"{1e3 * self.worst[i]:.4f}", f"{1e3 * self.rms[i]:.4f}", *parts))
-        return "\n".join(columns(rows))
+        total = np.maximum(self.worst_parts.sum(axis=1, keepdims=True), 1e-300)
+        shares = (self.worst_parts / total).T
+        return Table(
+            (
+                Column("pose", names),
+                Column("worst case", self.worst, "m"),
+                Column("rms", self.rms, "m"),
+                *(
+                    Column(name, share, "1", digits=3)
+                    for name, share in zip(self.joints, shares, strict=True)
+                ),
+            )
+        )
 
     @property
     def rest(self) -> np.ndarray:
@@ -203,36 +210,41 @@ class Budget:
         """
         return np.array([self.standing.interval(i) for i in range(len(self.worst))])
 
-    def table(self, pose: int | None = None) -> str:
-        """The budget at a pose, by default the worst one, as text [mm, mrad]."""
+    def table(self, pose: int | None = None) -> Table:
+        """The budget at a pose, by default the worst one."""
         at = self.worst_pose if pose is None else pose
         total = max(float(self.worst_parts[at].sum()), 1e-300)
-        rests, whole_rest, loads = self.standing.rest(at)
-        head = ("joint", "alone [mm]", "part of worst case [mm]", "share", "at rest [mm]")
-        rows: list[tuple[str, ...]] = [(*head, "rms [mm]", "worst turn [mrad]")]
+        rests, whole, _ = self.standing.rest(at)
+        parts = self.worst_parts[at]
+        worst = float(self.worst[at])
+        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(whole[:3]))
+        return Table(
+            (
+                Column("joint", self.joints),
+                Column("alone", self.alone[at], "m"),
+                Column("part of worst case", parts, "m"),
+                Column("share", parts / total, "1", digits=4),
+                Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m"),
+                Column("rms", self.rms_parts[at], "m"),
+                Column("worst turn", self.turn_parts[at], "rad"),
+            ),
+            totals=[("all", *sums, self.rms[at], self.worst_turn[at])],
+            notes=self._notes(at),
+        )
 
-        def add(name: str, share: str, rest: np.ndarray, *others: float) -> None:
-            alone, part, *more = (f"{1e3 * value:.4f}" for value in others)
-            still = "-" if np.isnan(rest).any() else f"{1e3 * float(np.linalg.norm(rest[:3])):.4f}"
-            rows.append((name, alone, part, share, still, *more))
-
-        each = self.alone, self.worst_parts, self.rms_parts, self.turn_parts
-        for j, name in enumerate(self.joints):
-            alone, part, rms, turn = (values[at, j] for values in each)
-            add(name, f"{100 * part / total:.1f}%", rests[j], alone, part, rms, turn)
-        share, worst = "100%" if self.worst[at] > 0.0 else "-", self.worst[at]
-        add("all", share, whole_rest, worst, worst, self.rms[at], self.worst_turn[at])
-        lines = columns(rows)
+    def _notes(self, at: int) -> list[str]:
+        """What stands below the budget of a pose."""
+        rests, whole, loads = self.standing.rest(at)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
-        lines.append(
+        lines = [
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
             f"about x, y, z: {', '.join(axes[3:])} mrad"
-        )
+        ]
         begins = "" if self.standing.force.any() else " (the start of a run with start=rest)"
-        place = ", ".join(f"{1e3 * value:.4f}" for value in whole_rest[:3])
+        place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
         lines.append(
             "at rest without friction: no equilibrium was found"
-            if np.isnan(whole_rest).any()
+            if np.isnan(whole).any()
             else f"at rest without friction, along x, y, z: {place} mm{begins}"
         )
         if not np.isnan(loads).any():
@@ -248,7 +260,7 @@ class Budget:
                 "the worst case takes contacts as rigid; at rest they give way under the load, "
                 f"beyond the joint's worst case alone: {', '.join(given)}"
             )
-        return "\n".join([*lines, *self._held(at)])
+        return [*lines, *self._held(at)]
 
     def _loads(self, loads: np.ndarray) -> str:
         """What each source of play bears, (j, 6), as text."""
@@ -323,8 +335,8 @@ class Budget:
             f"second order), {second}; {at_rest}"
         )
 
-    def csv(self, names: Sequence[str] = ()) -> str:
-        """A row for each pose: tool, errors, parts of each joint [m, rad].
+    def data(self, names: Sequence[str] = ()) -> Table:
+        """A row for each pose: tool, errors, parts of each joint.
 
         Args:
             names: of the poses, (n,); without, they are numbered.
@@ -332,29 +344,36 @@ class Budget:
         Where the machine rests stands only at poses for which it has been found: ask for `rest`
         and `rest_interval` before, and it stands everywhere.
         """
-        units = dict.fromkeys(AXES[:3], "m") | dict.fromkeys(AXES[3:], "rad")
+        columns = [Column("pose", names or range(len(self.worst)))]
+        columns += [Column(f"tool {x}", self.positions[:, k], "m") for k, x in enumerate("xyz")]
+        columns += [
+            Column("worst", self.worst, "m"),
+            Column("worst turn", self.worst_turn, "rad"),
+            Column("rms", self.rms, "m"),
+            Column("second order", self.second_order, "m"),
+        ]
+        whole = self.axis_worst.sum(axis=1)
+        columns += [
+            Column(f"worst {axis}", whole[:, k], "m" if k < 3 else "rad")
+            for k, axis in enumerate(AXES)
+        ]
+        for what, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
+            for k, name in enumerate(self.joints):
+                key = f"{what.replace(' ', '_')}_{name}_m"
+                columns.append(Column(f"{what} {name}", values[:, k], "m", key))
+        rests = [self._rests(i) for i in range(len(self.worst))]
         ways = ("x", "y", "z", "distance")
-        rests = [f"rest_{way}_m" for way in ways]
-        rests += [f"rest_{way}_{end}_m" for way in ways for end in ("least", "largest")]
-        head = ["pose", "tool_x_m", "tool_y_m", "tool_z_m", "worst_m", "worst_turn_rad", "rms_m"]
-        head += ["second_order_m"]
-        head += [f"worst_{axis.replace(' ', '_')}_{unit}" for axis, unit in units.items()]
-        head += [f"worst_part_{name}_m" for name in self.joints]
-        head += [f"worst_alone_{name}_m" for name in self.joints]
-        numbers = np.column_stack(
-            [
-                *(self.positions, self.worst, self.worst_turn, self.rms, self.second_order),
-                *(self.axis_worst.sum(axis=1), self.worst_parts, self.alone),
-            ]
-        )
-        rows: list[list] = [head + rests]
-        for i, row in enumerate(numbers.tolist()):
-            places: list = [""] * len(rests)
-            if self.standing.is_known(i):
-                whole, ends = self.standing.rest(i).whole[:3], self.standing.interval(i)
-                places = [*whole, np.linalg.norm(whole), *ends.ravel()]
-            rows.append([names[i] if names else i, *row, *places])
-        return csv_text(rows, 9)
+        ends = [f"rest {way} {end}" for way in ways for end in ("least", "largest")]
+        for k, head in enumerate([*(f"rest {way}" for way in ways), *ends]):
+            columns.append(Column(head, [row[k] for row in rests], "m"))
+        return Table(columns)
+
+    def _rests(self, pose: int) -> Sequence[float | None]:
+        """Where the machine rests, and between what, if that has been found; (12,) [m]."""
+        if not self.standing.is_known(pose):
+            return [None] * 12
+        whole, ends = self.standing.rest(pose).whole[:3], self.standing.interval(pose)
+        return [*whole, float(np.linalg.norm(whole)), *ends.ravel()]
 
 
 def budget(

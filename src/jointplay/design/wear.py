@@ -34,7 +34,7 @@ from jointplay.core.errors import (
     require_whole,
 )
 from jointplay.core.progress import ProgressBar
-from jointplay.core.tables import csv_text
+from jointplay.core.tables import Table
 from jointplay.joints import RollingBearing
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
@@ -198,15 +198,17 @@ class WearLife:
         """Depth after each block, mean over the bore [m]."""
         return self.profiles.mean(axis=(1, 2))
 
-    def csv(self) -> str:
+    @property
+    def table(self) -> Table:
         """A row for each block, end and azimuth."""
         azimuths = self.profiles.shape[2]
         rows = [
-            (block, f"{self.cycles[block]:.8g}", "AB"[end], f"{2 * math.pi * at / azimuths:.6f}",
-             float(self.profiles[block, end, at]))
+            (block, self.cycles[block], "AB"[end], 2 * math.pi * at / azimuths,
+             self.profiles[block, end, at])
             for block, end, at in np.ndindex(self.profiles.shape)
         ]  # fmt: skip
-        return csv_text([("block", "cycles", "end", "azimuth_rad", "depth_m"), *rows], 6)
+        heads = (("block", ""), ("cycles", ""), ("end", ""), ("azimuth", "rad"), ("depth", "m"))
+        return Table.of(heads, rows)
 
     def __str__(self) -> str:
         """Say the outcome in words, and that it is an estimate."""

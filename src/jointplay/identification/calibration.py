@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jointplay.core import tables
 from jointplay.core.errors import JointplayError, MissingName, require_a
-from jointplay.core.tables import columns as aligned
-from jointplay.core.tables import csv_text
+from jointplay.core.tables import Table
 from jointplay.core.units import displayed
 from jointplay.identification.kinematic_model import (
     Column,
@@ -51,6 +51,8 @@ TOGETHER = 0.7
 FRICTIONS = tuple(step / 20.0 for step in range(15))
 TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
 """Of play, over the largest load of the joint, where they are sought."""
+_TURNS = ("rx", "ry", "rz")
+"""Components of rotation vectors."""
 DRAWS, NORMAL, TWO_UNKNOWNS = 1000, 1.96, 5.99
 """Of coefficients for an effect's interval; half of a 95 % interval in standard deviations; 95 %
 quantile of chi-square with two degrees of freedom, friction's and transition's."""
@@ -225,15 +227,17 @@ class Calibration:
     def __str__(self) -> str:
         """Tables of models, coefficients and play."""
         turned = self.poses.orientation is not None
-        head = ["model", "unknowns", "training [mm]", *(["[deg]"] if turned else [])]
-        rows = [[*head, "held back [mm]", *(["[deg]"] if turned else []), "kept"]]
-        for one in self.steps:
-            cells = [one.added, str(one.unknowns)]
-            for position, orientation in (one.training, one.held_back):
-                cells.append(f"{1e3 * position:.3f}")
-                cells += [f"{np.degrees(orientation):.2f}"] if turned else []
-            rows.append([*cells, "yes" if one.kept else "no"])
-        lines = [*self.notes, *aligned(rows)]
+        columns = [
+            tables.Column("model", [one.added for one in self.steps]),
+            tables.Column("unknowns", [one.unknowns for one in self.steps]),
+        ]
+        for what in ("training", "held back"):
+            errors = np.array([getattr(one, what.replace(" ", "_")) for one in self.steps])
+            columns.append(tables.Column(what, errors[:, 0], "m"))
+            if turned:
+                columns.append(tables.Column(f"{what}, turn", errors[:, 1], "rad"))
+        columns.append(tables.Column("kept", ["yes" if one.kept else "no" for one in self.steps]))
+        lines = [*self.notes, str(Table(columns))]
         lines.append(
             f"{int(self.within.sum())} of {len(self.within)} held-back positions lie in their "
             "predicted 95 % regions"
@@ -258,10 +262,11 @@ class Calibration:
         lines += ["", "play by the side of the load:", *map(str, self.play)]
         return "\n".join(lines)
 
-    def csv(self) -> str:
-        """All numbers as a table [SI]."""
-        head = ("kind", "name", "unit", "value", "low", "high", "kept", "why_not")
-        rows: list[tuple[Any, ...]] = [head]
+    @property
+    def data(self) -> Table:
+        """All numbers [SI]."""
+        heads = ("kind", "name", "unit", "value", "low", "high", "kept", "why not")
+        rows: list[tuple[Any, ...]] = []
         for one in self.steps:
             name = " + ".join(one.terms) or one.added
             for what, (position, orientation) in (
@@ -287,22 +292,22 @@ class Calibration:
                 rows.append(
                     ("half-play upper bound", p.joint, p.unit, p.upper, "", "", p.found, "")
                 )
-        return csv_text(rows, 6)
+        return Table.of([(head, "") for head in heads], rows)
 
-    def residuals_csv(self) -> str:
-        """Errors of every pose, in training and held back [m, rad]."""
-        head = ["row", "group", "point"]
-        for what in ("training", "held back"):
-            head += [f"{what} {axis} [m]" for axis in "xyz"]
-            head += [f"{what} {axis} [rad]" for axis in ("rx", "ry", "rz")]
-        rows: list[list[Any]] = [head]
-        for i in range(len(self.poses)):
-            group, point = self.poses.group, self.poses.point
-            row: list[Any] = [i + 1, group[i] if group else "", point[i] if point else ""]
-            for position, orientation in (self.training, self.held_back):
-                row += [float(x) for x in (*position[i], *orientation[i])]
-            rows.append(row)
-        return csv_text(rows, 6)
+    @property
+    def residuals(self) -> Table:
+        """Errors of every pose, in training and held back."""
+        count, group, point = len(self.poses), self.poses.group, self.poses.point
+        columns = [
+            tables.Column("row", range(1, count + 1)),
+            tables.Column("group", group or [""] * count),
+            tables.Column("point", point or [""] * count),
+        ]
+        for what, errors in (("training", self.training), ("held back", self.held_back)):
+            for unit, axes, values in zip(("m", "rad"), ("xyz", _TURNS), errors, strict=True):
+                for k, axis in enumerate(axes):
+                    columns.append(tables.Column(f"{what} {axis}", values[:, k], unit))
+        return Table(columns)
 
     def describe(self) -> dict[str, Any]:
         """All of it as plain data [SI]."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_a
-from jointplay.core.tables import csv_text
+from jointplay.core.tables import Table
 from jointplay.core.units import displayed
 from jointplay.identification.calibration import (
     RARER_SIGN,
@@ -148,26 +148,20 @@ def encoder_differences(
     return tuple(_Joint(all_poses, name).explained() for name in names)
 
 
-def table_csv(found: Sequence[EncoderDifference]) -> str:
+_HEADS = ("joint", "kind", "name", "unit", "value", "low", "high")
+
+
+def table(found: Sequence[EncoderDifference]) -> Table:
     """Leave-one-out errors of all models and coefficients of the kept ones [SI]."""
-    rows: list[tuple[Any, ...]] = [("joint", "kind", "name", "unit", "value", "low", "high")]
+    rows: list[tuple[Any, ...]] = []
     for one in found:
         for name, value in one.table.items():
             rows.append((one.joint, "left by leaving one out", name, one.unit, value, "", ""))
         for cause in one.causes:
-            rows.append(
-                (
-                    one.joint,
-                    "coefficient",
-                    cause.name,
-                    cause.unit,
-                    cause.value,
-                    cause.low,
-                    cause.high,
-                )
-            )
+            about = (one.joint, "coefficient", cause.name, cause.unit)
+            rows.append((*about, cause.value, cause.low, cause.high))
         rows.append((one.joint, "verdict", one.verdict, "", "", "", ""))
-    return csv_text(rows, 6)
+    return Table.of([(head, "") for head in _HEADS], rows)
 
 
 def _difference(poses: Poses, joint: str) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_a
+from jointplay.core.tables import Table
 from jointplay.core.units import displayed
 from jointplay.design.poses import moving
 from jointplay.identification import planning
@@ -361,16 +360,12 @@ class Identification:
             rows.append(row | ({} if other.reason else found))
         return rows
 
-    def csv(self) -> str:
+    @property
+    def data(self) -> Table:
         """A row for each unknown [SI]."""
-        out = io.StringIO()
-        numbers = ("found", "low", "high")
-        header = ["joint", "unknown", "unit", "scenario", *numbers, "why_not"]
-        writer = csv.DictWriter(out, header, "", extrasaction="ignore", lineterminator="\n")
-        writer.writeheader()
-        for row in self._rows():
-            writer.writerow(row | {name: f"{row[name]:.9g}" for name in numbers if name in row})
-        return out.getvalue()
+        heads = ("joint", "unknown", "unit", "scenario", "found", "low", "high", "why_not")
+        rows = [[row.get(head) for head in heads] for row in self._rows()]
+        return Table.of([(head, "") for head in heads], rows)
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""

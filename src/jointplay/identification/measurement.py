@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_positive
+from jointplay.core.tables import Column, Table
 from jointplay.core.units import convert, plain_number
 from jointplay.design.poses import middle, moving
 from jointplay.loads.wrench import Wrench, WrenchOverTime
@@ -212,9 +213,8 @@ class Measurement:
                 head.append(f"{kind} {name} [{TOOL_UNITS[kind]}]")
             else:
                 head.append(f"{name} {kind} [{JOINT_UNITS[kind][name in self.sliding]}]")
-        table = np.column_stack([self.time, *self.signals.values()])
-        rows = [",".join("" if np.isnan(x) else f"{x:.9g}" for x in row) for row in table]
-        return "\n".join([",".join(head), *rows]) + "\n"
+        columns = zip(head, [self.time, *self.signals.values()], strict=True)
+        return Table([Column(one, values, key=one) for one, values in columns]).csv()
 
 
 _RATES = ("acceleration", "reaction")

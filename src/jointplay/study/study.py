@@ -11,7 +11,7 @@ from jointplay.analysis.certification import further_runs
 from jointplay.analysis.claims import Verdict
 from jointplay.core import files, signals
 from jointplay.core.progress import printing, whole
-from jointplay.core.tables import columns, markdown
+from jointplay.core.tables import Table, markdown
 from jointplay.core.units import displayed
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.result.certificate import CertifiedFigure
@@ -130,7 +130,9 @@ def write_errors(
 
 def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -> str:
     """The same table for the terminal."""
-    return "\n".join([*columns(rows), *(f"warning of {line}" for line in warnings)])
+    head, *others = rows
+    table = Table.of([(one, "") for one in head], others)
+    return "\n".join([str(table), *(f"warning of {line}" for line in warnings)])
 
 
 @dataclass(frozen=True)
