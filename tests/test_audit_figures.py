@@ -288,7 +288,7 @@ def test_laws_are_asked_at_the_deepest_and_fastest_of_contacts_alike(mechanism):
 def test_residual_is_printed_in_per_cent(audited):
     change = {"energy_residual": 0.038, "energy_exchanged": 4.0}
     found = Audit(**(audited()[0].describe() | change))
-    assert "0.038 J, 0.95 % of 4 J exchanged" in str(found)
+    assert "38 mJ, 0.95 % of 4 J exchanged" in str(found)
 
 
 def test_error_by_the_step_needs_both_figures(audited):

@@ -380,6 +380,7 @@ ELSEWHERE = {
     "result/netcdf.py": {  # in memory, and a file that is open already
         "dataset.to_netcdf(None, ",
         "first.to_netcdf(None, ",
+        "h5py.File(disk, ",
         "h5py.File(self._disk, ",
         "h5netcdf.File(",
     },

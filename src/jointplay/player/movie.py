@@ -24,6 +24,7 @@ from jointplay.core import files
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
+    closest,
     require_finite,
     require_non_negative,
     require_whole,
@@ -250,7 +251,8 @@ def _browser(
                 [shot.view, contents["joint"], shot.signal],
             )
             if shot.signal is not None and shot.signal not in signals:
-                raise MissingName("signal to draw", shot.signal, signals)
+                names, near = "; ".join(map(repr, signals)), closest(shot.signal, signals)
+                raise JointplayError(f"no signal {shot.signal!r} to draw; {near}available: {names}")
 
             def take(time: float, span: float, caption: str) -> bytes:
                 tab.evaluate(
