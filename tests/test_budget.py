@@ -76,8 +76,6 @@ def test_at_rest_the_tool_hangs_as_far_down_as_it_can(arm):
     assert soft.rest[0, 0, 2] < 1.5 * found.rest[0, 0, 2]
     words = "at rest they give way under the load, beyond the joint's worst case"
     assert words in str(soft.table())
-        soft.table()
-    )
     assert "give way" not in str(found.table())
 
 
@@ -219,7 +217,7 @@ def test_the_workspace_is_covered_evenly_within_limits(two):
 
 def test_rows_of_the_table_have_the_names_of_their_poses(two):
     mechanism = Mechanism(two, {"a": bearing()})
-    table = budget(mechanism, poses.over_workspace(mechanism, 2)).csv(("home", "reach"))
+    table = budget(mechanism, poses.over_workspace(mechanism, 2)).data(("home", "reach")).csv()
     assert [row["pose"] for row in csv.DictReader(io.StringIO(table))] == ["home", "reach"]
 
 

@@ -188,7 +188,7 @@ def test_what_is_told_of_play_stands_in_one_place(arm):
     fit = calibrate(arm, truth.measured(), ["offset", "play"])
     assert "play" in {term.kind for term in fit.kept}
     assert "play" not in {one.term for one in fit.coefficients}
-    rows = [row.split(",") for row in fit.csv().splitlines()]
+    rows = [row.split(",") for row in fit.data.csv(6).splitlines()]
     assert not [row for row in rows if row[0] == "coefficient" and row[1].startswith("play")]
     assert str(fit).count(f"{1e3 * fit.play_of('elbow').half:.3g} mrad (") == 1
 
@@ -502,7 +502,7 @@ def test_results_are_plain_data_and_name_what_there_is(arm):
     assert fit.folds == "each of 20 poses"
     described = fit.describe()
     assert json.loads(json.dumps(described))["kept"] == ["offset"]
-    rows = [line.split(",") for line in fit.csv().splitlines()]
+    rows = [line.split(",") for line in fit.data.csv(6).splitlines()]
     assert rows[0] == ["kind", "name", "unit", "value", "low", "high", "kept", "why_not"]
     elbow = next(row for row in rows if row[1] == "offset elbow")
     assert float(elbow[4]) < 0.01 < float(elbow[5])
@@ -539,4 +539,4 @@ def test_the_effect_of_a_term_is_what_it_moves_the_tool_by(arm):
     assert effect.size == pytest.approx(wanted, rel=0.05)
     assert effect.low <= wanted <= effect.high
     assert str(effect) in str(fit)
-    assert "effect,compliance" in fit.csv()
+    assert "effect,compliance" in fit.data.csv(6)

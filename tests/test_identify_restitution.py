@@ -207,7 +207,7 @@ def test_a_simulated_hanging_arm_tells_its_restitution_by_flights(urdf, e):
         assert abs(one.value - e) <= one.half_width < 0.06
         assert found.mechanism.clearance["j"].restitution == pytest.approx(one.value, abs=1e-4)
         assert "clearance and friction: this measurement cannot tell" in str(found)
-        assert "j,restitution,,,0." in found.csv()
+        assert "j,restitution,,,0." in found.data.csv()
         assert json.loads(json.dumps(found.describe()))["unknowns"][0]["found"] == one.value
 
 

@@ -104,7 +104,7 @@ def test_orientation_figures_are_means_and_three_standard_deviations():
     assert found.path["RT_a"].value == pytest.approx(spread)
     assert "AP_a" in str(found)
     assert "RP_c" in str(found)
-    rows = found.csv().splitlines()
+    rows = found.table.csv(6).splitlines()
     assert any(row.startswith("AP_c,7.2.1,2,0.005,") and row.endswith(",rad") for row in rows)
     assert sum(row.startswith(("AT_", "RT_")) for row in rows) == 8
 
@@ -113,7 +113,7 @@ def test_cycles_whose_orientation_nobody_recorded_have_no_figures_of_it():
     found = figures(cycles(1e-4 * SQUARE), course(), there_and_back())
     assert "AP_a" not in found.poses[0].figures
     assert list(found.path) == ["AT_p", "RT_p"]
-    assert "AP_a" not in found.csv()
+    assert "AP_a" not in found.table.csv(6)
 
 
 def test_a_lag_along_the_path_is_no_error_of_the_path():
@@ -193,7 +193,7 @@ def test_distance_figures_are_the_mean_excess_and_three_standard_deviations():
     assert one.figures["AD_x"].value == pytest.approx(-3e-4)
     assert one.figures["RD_x"].value == pytest.approx(spread)
     assert one.figures["AD_y"].value == pytest.approx(0.0, abs=1e-15)
-    rows = figures(runs, ideal, motion).csv().splitlines()
+    rows = figures(runs, ideal, motion).table.csv(6).splitlines()
     assert any(row.startswith("AD_p,7.3,2 3,0.0003,") for row in rows)
     assert re.search("AD_p +distance accuracy +0.3 mm", str(figures(runs, ideal, motion)))
 
