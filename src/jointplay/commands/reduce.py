@@ -21,6 +21,7 @@ from jointplay.commands import (
 from jointplay.commands.mechanism import Task, add_robot, preset_chosen, task
 from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.core.imports import how_to_install
+from jointplay.core.tables import Column, Table
 
 FORMATS = {
     "mjcf": [".xml"],
@@ -273,7 +274,7 @@ def _run_all(options: argparse.Namespace) -> int:
         for name, row in zip(copies, values, strict=True):
             ones = whole_robot.drawn(reductions, ranges, row)
             contents |= writer.files(name, ones, whole_robot.drawn_servos(servos, ranges, row))
-        contents["batch.csv"] = whole_robot.table(ranges, values, copies)
+        contents["batch.csv"] = whole_robot.table(ranges, values, copies).csv(17)
         known = [one.label for one in ranges if one.origin == "identified"]
         assumed = f"within +-{100.0 * options.spread:g} %, assumed"
         if known:
@@ -453,20 +454,17 @@ class _Writer:
 
 def _overview(reductions: list[Any], leaning: list[str]) -> str:
     """A line for each joint, with the lean of those whose axes lean in the files."""
-    width = max(len(one.joint) for one in reductions)
-    lines = [
-        f"{'joint':<{width}} {'half play':>12} {'friction':>12} {'stiffness':>12} {'rotor':>12}",
-        f"{'':<{width}} {'[mrad]':>12} {'[N m]':>12} {'[N m/rad]':>12} {'[kg m^2]':>12}",
+    columns = [
+        Column("joint", [one.joint for one in reductions]),
+        Column("half play", [0.5 * one.dead_band for one in reductions], "rad"),
+        Column("friction", [one.friction for one in reductions], "N*m"),
+        Column("stiffness", [one.stiffness for one in reductions], "N*m/rad"),
+        Column("rotor", [one.rotor_inertia for one in reductions], "kg*m^2"),
     ]
-    for one in reductions:
-        values = (500.0 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
-        lines.append(f"{one.joint:<{width}} " + " ".join(f"{value:>12.5g}" for value in values))
     if leaning:
-        tilts = [1e3 * one.tilt if one.joint in leaning else 0.0 for one in reductions]
-        heads = [f"{'lean':>12}", f"{'[mrad]':>12}"]
-        cells = [*heads, *(f"{tilt:>12.5g}" for tilt in tilts)]
-        lines = [f"{line} {cell}" for line, cell in zip(lines, cells, strict=True)]
-    return "\n".join(lines)
+        tilts = [one.tilt if one.joint in leaning else 0.0 for one in reductions]
+        columns.append(Column("lean", tilts, "rad"))
+    return str(Table(columns))
 
 
 def _check_all(contents: dict[str, Any], writer: _Writer, reductions: list[Any]) -> None:

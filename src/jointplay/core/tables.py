@@ -105,20 +105,27 @@ class Column:
         sizes = [abs(factor * one) for one in values if _is_number(one) and one]
         whole = all(isinstance(one, Integral) for one in values if _is_number(one))
         top = math.floor(math.log10(max(sizes))) if sizes else 0
-        places = 0 if whole and factor == 1.0 else min(max(self.digits - 1 - top, 0), 12)
-        large = bool(sizes) and max(sizes) >= 10.0 ** max(self.digits + 2, 7)
+        places = self.digits - 1 - top
+        form = f".{max(places, 0)}f" if -_ZEROS <= places <= _PLACES else f".{self.digits}g"
+        if whole and factor == 1.0:
+            form = "d"
 
         def text(one: Any) -> str:
-            if not _is_number(one):
-                return "" if one is None else str(one) if not isinstance(one, float) else "-"
-            number = factor * one
-            return f"{number:.{self.digits}g}" if large else f"{number:.{places}f}"
+            if one is None:
+                return ""
+            if _is_number(one):
+                return format(one if form == "d" else factor * one, form)
+            return "-" if isinstance(one, float) else str(one)
 
         shown = [text(one) for one in values]
         for k, error in enumerate(self.errors):
             if _is_number(error):
                 shown[k] += f" +- {text(error)}"
         return shown
+
+
+_PLACES, _ZEROS = 9, 3
+"""Most decimals, and most digits that are shown beyond those asked for; else a power of ten."""
 
 
 def _is_number(value: Any) -> bool:
@@ -145,6 +152,12 @@ class Table:
         names = zip(heads, values, strict=True)
         return cls([Column(head, column, unit) for (head, unit), column in names])
 
+    @classmethod
+    def of_texts(cls, rows: Sequence[Sequence[str]]) -> Self:
+        """The table of rows of text, the head first."""
+        head, *others = rows
+        return cls.of([(one, "") for one in head], others)
+
     def _shown(self) -> tuple[list[str], list[list[str]]]:
         shown = [one for one in self.columns if one.only != "data"]
         columns = [one.texts([row[k] for row in self.totals]) for k, one in enumerate(shown)]
@@ -153,12 +166,23 @@ class Table:
     def __str__(self) -> str:
         """Aligned text: the first column flush left, the others flush right; then the notes."""
         head, rows = self._shown()
-        return "\n".join([*columns([head, *rows]), *self.notes])
+        lines = [head, *rows]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        aligned = [
+            "  ".join(
+                f"{cell:<{width}}" if place == 0 else f"{cell:>{width}}"
+                for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+            )
+            for line in lines
+        ]
+        return "\n".join([*aligned, *self.notes])
 
     def markdown(self) -> str:
         """The table in Markdown."""
         head, rows = self._shown()
-        return "\n".join(markdown([head, *rows]))
+        lines = [" | ".join(cell.replace("|", "\\|") for cell in row) for row in (head, *rows)]
+        first, *others = [f"| {line} |" for line in lines]
+        return "\n".join([first, "|" + " --- |" * len(head), *others])
 
     def _repr_html_(self) -> str:
         """The table for notebooks, without style sheet or script."""
@@ -189,38 +213,15 @@ class Table:
 
     def csv(self, digits: int = 9) -> str:
         """A line for each row, SI, numbers with so many digits."""
-        data = self._data()
-        return csv_text([list(data), *zip(*data.values(), strict=True)], digits)
-
-
-def columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table of text cells, the first column flush left, the others flush right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            f"{cell:<{width}}" if place == 0 else f"{cell:>{width}}"
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
-
-
-def csv_text(rows: Iterable[Iterable[Any]], digits: int) -> str:
-    """Rows as comma-separated values, numbers that are not whole with so many digits."""
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(
-        [_cell(value, digits) for value in row] for row in rows
-    )
-    return text.getvalue()
+        data, text = self._data(), io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(data)
+        rows = zip(*data.values(), strict=True)
+        writer.writerows([_cell(value, digits) for value in row] for row in rows)
+        return text.getvalue()
 
 
 def _cell(value: Any, digits: int) -> Any:
     if not isinstance(value, float):
         return value
     return "" if math.isnan(value) else f"{value:.{digits}g}"
-
-
-def markdown(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table in Markdown, whose first row is its head."""
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return [lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]]

@@ -284,6 +284,8 @@ _DISPLAY = {
     "rad/(N*m)": (1e3, "mrad/(N m)"),
     "m/N": (1e3, "mm/N"),
     "N*m": (1.0, "N m"),
+    "N*m/rad": (1.0, "N m/rad"),
+    "kg*m^2": (1.0, "kg m^2"),
 }
 """Factor and unit in which results are shown, by SI unit; others are shown as they are."""
 

@@ -11,7 +11,6 @@ which a tendon, J.rim, keeps within the bore.
 from __future__ import annotations
 
 import copy
-import io
 import json
 import math
 import xml.etree.ElementTree as ElementTree
@@ -24,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
+from jointplay.core.tables import Column, Table
 from jointplay.design.levers import LeanPlay, TurnPlay
 from jointplay.design.reduced_files import (
     bodies,
@@ -719,10 +719,9 @@ def drawn_servos(
     return {k: replace(s, friction=found[k]) if k in found else s for k, s in servos.items()}
 
 
-def table(ranges: Sequence[Interval], values: np.ndarray, names: Sequence[str]) -> str:
-    """What was drawn, as CSV: a line for each copy, in full precision [SI]."""
-    out = io.StringIO()
-    out.write(",".join(["copy", *(f'"{one.label}"' for one in ranges)]) + "\n")
-    for name, row in zip(names, values, strict=True):
-        out.write(",".join([name, *(f"{x:.17g}" for x in row)]) + "\n")
-    return out.getvalue()
+def table(ranges: Sequence[Interval], values: np.ndarray, names: Sequence[str]) -> Table:
+    """What was drawn, a row for each copy [SI]."""
+    columns = [Column("copy", names)]
+    for one, drawn in zip(ranges, values.T, strict=True):
+        columns.append(Column(one.label, drawn, key=one.label))
+    return Table(columns)

@@ -16,7 +16,7 @@ from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
 from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
 from jointplay.core.progress import current
-from jointplay.core.tables import csv_text, markdown
+from jointplay.core.tables import Table
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.urdf import GRAVITY
 from jointplay.result.settings import START_UP
@@ -166,7 +166,8 @@ HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
     """Write ``claims.csv`` and ``claims.md``."""
     rows = [HEADER, *(verdict.row() for verdict in verdicts)]
-    files.write(out / "claims.csv", csv_text(rows, 9))
+    table = Table.of_texts(rows)
+    files.write(out / "claims.csv", table.csv())
     done, planned = len(ensembles.measures), len(ensembles.plan)
     lines = [
         "# The paper's claims",
@@ -185,7 +186,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         "variants (docs/assumptions.md). Numerical errors of the numbers, of one run: errors.md.",
         "",
         *([f"**Incomplete: {done} of {planned} runs.**", ""] if done < planned else []),
-        *markdown(rows),
+        table.markdown(),
         "",
         made_with(),
         "",

@@ -14,7 +14,7 @@ import numpy as np
 
 from jointplay import analysis
 from jointplay.core import files
-from jointplay.core.tables import markdown
+from jointplay.core.tables import Table
 from jointplay.geometry import Form, Mode
 from jointplay.result.result import AXES, Result
 from jointplay.result.settings import START_UP
@@ -261,18 +261,18 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         f"How long each form lasts, from {START_UP:g} s on; which of the letters a to d is which "
         "within the group is an assumption:",
         "",
-        *markdown(forms_table(cases)),
+        Table.of_texts(forms_table(cases)).markdown(),
         "",
         "## Model and data",
         "",
         "Table 2, with the inertias that are possible (docs/assumptions.md; lengths 329, 275 and "
         "350 mm):",
         "",
-        *markdown(_inertia_table()),
+        Table.of_texts(_inertia_table()).markdown(),
         "",
         "Tables 3 and 4:",
         "",
-        *markdown(_simulation_table()),
+        Table.of_texts(_simulation_table()).markdown(),
         "",
         "Table 1, the modes by the gaps: free flight, both positive; continuous contact, none "
         "negative and at least one zero (within 0.1 µm); pseudo-penetration, at least one "
@@ -286,7 +286,7 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         found = _found(study, *_CLAIMS[name])
         lines += ["", *(["Found:", "", *found, ""] if found else [])]
         if name == "fig12":
-            lines += [*markdown(orbit_table(cases)), ""]
+            lines += [Table.of_texts(orbit_table(cases)).markdown(), ""]
     lines += [
         "### Times of the force peaks",
         "",
@@ -294,14 +294,14 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         "in the paper and assumed here, so the times need not agree. benchmarks/peak_times.py "
         "searches timings of the same motion that bring them nearer.",
         "",
-        *markdown(peaks_table(cases)),
+        Table.of_texts(peaks_table(cases)).markdown(),
         "",
         "## The claims",
         "",
-        *markdown(
+        Table.of_texts(
             [("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")]
             + [verdict.row() for verdict in study.verdicts]
-        ),
+        ).markdown(),
         "",
         "## The figures by several methods",
         "",
@@ -309,14 +309,14 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         "method with this step is too high in the first strokes, for friction's ramp is stiffer "
         "than the step; the default method solves friction and damping implicitly.",
         "",
-        *markdown(study.rows),
+        Table.of_texts(study.rows).markdown(),
         "",
         *([*(f"- warning of {line}" for line in study.warnings), ""] if study.warnings else []),
         "## Equations",
         "",
         "Files under src/jointplay; docs/equation_of_motion.md computes eq. 23 term by term.",
         "",
-        *markdown([("eq.", "says", "file, function"), *EQUATIONS]),
+        Table.of_texts([("eq.", "says", "file, function"), *EQUATIONS]).markdown(),
         "",
         "## The paper against itself",
         "",

@@ -11,7 +11,7 @@ from jointplay.analysis.certification import further_runs
 from jointplay.analysis.claims import Verdict
 from jointplay.core import files, signals
 from jointplay.core.progress import printing, whole
-from jointplay.core.tables import Table, markdown
+from jointplay.core.tables import Table
 from jointplay.core.units import displayed
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.result.certificate import CertifiedFigure
@@ -118,10 +118,10 @@ def write_errors(
         "stated for has none estimated.",
         "",
         *([f"**Incomplete: {done} of {len(CASES)} cases.**", ""] if done < len(CASES) else []),
-        *markdown(rows),
+        Table.of_texts(rows).markdown(),
         "",
         *([*(f"- warning of {line}" for line in warnings), ""] if warnings else []),
-        *([used, "", *markdown(measures), ""] if len(measures) > 1 else []),
+        *([used, "", Table.of_texts(measures).markdown(), ""] if len(measures) > 1 else []),
         made_with(),
         "",
     ]
@@ -130,9 +130,7 @@ def write_errors(
 
 def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -> str:
     """The same table for the terminal."""
-    head, *others = rows
-    table = Table.of([(one, "") for one in head], others)
-    return "\n".join([str(table), *(f"warning of {line}" for line in warnings)])
+    return "\n".join([str(Table.of_texts(rows)), *(f"warning of {line}" for line in warnings)])
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from jointplay.analysis.uncertainty import (
     sobol_indices,
 )
 from jointplay.core.errors import JointplayError, MissingName, require_a, require_share
+from jointplay.core.tables import Table
 from jointplay.sweeps.case import FAILED
 from jointplay.sweeps.measures import BEARING
 from jointplay.sweeps.plan import REPEAT, SAMPLE
@@ -48,7 +49,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     for index in list(np.ndindex(*shape))[:rows]:
         where = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
         lines.append([*where, *(_text(float(v[index])) for v in values)])
-    text = _aligned([header, *lines])
+    text = str(Table.of_texts([header, *lines]))
     if over and count:
         runs = int(np.prod([dataset.sizes[d] for d in over]))
         text += f"\nmeans over {runs} runs of each point"
@@ -149,15 +150,6 @@ def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
 def _text(value: float) -> str:
     """A number of the table."""
     return "-" if not np.isfinite(value) else f"{value:.4g}"
-
-
-def _aligned(lines: Sequence[Sequence[str]]) -> str:
-    """Lines of a table, columns at the right."""
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join(
-        "  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True))
-        for line in lines
-    )
 
 
 def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
