@@ -102,7 +102,7 @@ class DynamicBudget:
                     "share of the mean square",
                     [one.mean() for one in shares],
                     "1",
-                    digits=3,
+                    digits=4,
                     errors=[standard_error(one) for one in shares] if several else (),
                 ),
             ),
