@@ -43,6 +43,12 @@ def test_text_is_no_list_of_names_and_no_mechanism():
             call("joint_b", "joint_b") if call is not jp.ensemble else call("joint_b")
 
 
+@pytest.mark.parametrize("settings", ["a=1", 3, ["a=1"], [3]])
+def test_settings_are_not_text(settings):
+    with pytest.raises(jp.JointplayError, match=r"setting.* must be"):
+        jp.Scenario.load(jp.shipped("scara.toml"), settings=settings)
+
+
 def test_what_fits_is_accepted():
     require_a("path", Path("a"), "str", "Path")
     require_a("path", "a", "str", "Path")

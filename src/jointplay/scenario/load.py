@@ -77,6 +77,11 @@ class Scenario(Overview):
 
         `label` is that of the only case of a file that names none; by default the file's name.
         """
+        require_a("text", text, "str")
+        require_a("path", path, "str", "Path")
+        require_a("settings", settings, "Iterable")
+        for one in settings:
+            require_a("a setting", one, "Setting")
         self.path = Path(path)
         self.settings = tuple(settings)
         self.trust = tuple(trust)
