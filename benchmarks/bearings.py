@@ -19,7 +19,7 @@ from scipy.optimize import linprog, root
 import jointplay as jp
 from jointplay.contact import resultant
 from jointplay.core.files import temporary
-from jointplay.core.tables import columns
+from jointplay.core.tables import Table
 from jointplay.simulation.run import Run
 
 ISO = "MASTA"
@@ -53,7 +53,7 @@ class Cases:
 
     def __str__(self):
         head = ("case", "found", "reference", "error", "limit", "origin")
-        return "\n".join(columns([head, *self.rows]))
+        return str(Table.of_texts([head, *self.rows]))
 
 
 def deflections(cases):
