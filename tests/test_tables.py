@@ -67,6 +67,16 @@ def test_a_number_is_shown_within_half_of_its_last_digit(values, digits):
         assert abs(float(text) - value) <= 0.51 * 10.0 ** (1 - digits) * 10 * max(largest, 1e-300)
 
 
+def test_what_is_small_is_told_from_nothing():
+    assert Column("x", [1.8043, 3.81e-5, 0.0, 1e-12]).texts() == [
+        "1.8043",
+        "4e-05",
+        "0.0000",
+        "0.0000",
+    ]
+    assert Column("x", [0.0, 0.0]).texts() == ["0", "0"]
+
+
 def test_every_display_unit_is_a_size_of_its_own():
     for unit in ("m", "rad", "m/N", "rad/(N*m)"):
         factor, word = displayed(unit)

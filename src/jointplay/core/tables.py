@@ -109,13 +109,19 @@ class Column:
         form = f".{max(places, 0)}f" if -_ZEROS <= places <= _PLACES else f".{self.digits}g"
         if whole and factor == 1.0:
             form = "d"
+        elif not sizes:
+            form = ".0f"
+        # What is not nothing must not look like it; rounding errors may.
+        least = 0.5 * 10.0**-places
+        noise = _NOISE * max(sizes, default=0.0)
 
         def text(one: Any) -> str:
             if one is None:
                 return ""
-            if _is_number(one):
-                return format(one if form == "d" else factor * one, form)
-            return "-" if isinstance(one, float) else str(one)
+            if not _is_number(one):
+                return "-" if isinstance(one, float) else str(one)
+            number = one if form == "d" else factor * one
+            return f"{number:.1g}" if noise < abs(number) < least else format(number, form)
 
         shown = [text(one) for one in values]
         for k, error in enumerate(self.errors):
@@ -123,6 +129,9 @@ class Column:
                 shown[k] += f" +- {text(error)}"
         return shown
 
+
+_NOISE = 1e-9
+"""Numbers that are so much smaller than the largest are shown as nothing."""
 
 _PLACES, _ZEROS = 9, 3
 """Most decimals, and most digits that are shown beyond those asked for; else a power of ten."""
