@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.analysis.claims import Verdict, judge, measure
-from jointplay.study.cases import CASES, scara
+from jointplay.paper.cases import CASES, scara
 
 PRINTED = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the peaks of the contact force along the world axes (Section 5, Figures 13-15) [s]."""

@@ -19,10 +19,10 @@ import numpy as np
 
 import jointplay as jp
 from jointplay.core.files import temporary
-from jointplay.sweeps import open_sweep, plan_of
-from jointplay.sweeps.case import Bench, Outcome, job
-from jointplay.sweeps.run import local_workers
-from jointplay.sweeps.store import Store
+from jointplay.study import open_sweep, plan_of
+from jointplay.study.case import Bench, Outcome, job
+from jointplay.study.run import local_workers
+from jointplay.study.store import Store
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
 LONG_S, SHORT_S = 3.0, 0.05
@@ -93,7 +93,7 @@ def start():
     before = children()
     import subprocess
 
-    program = "import jointplay.sweeps.case; from jointplay import kernel; kernel.compiled()"
+    program = "import jointplay.study.case; from jointplay import kernel; kernel.compiled()"
     subprocess.run([sys.executable, "-c", program], check=True)
     assert made.count == 2
     return children() - before

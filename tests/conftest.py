@@ -177,7 +177,7 @@ def planned(swept):
     """The plan of such a scenario."""
 
     def make(axes=GRID, options="", **given):
-        from jointplay.sweeps import plan_of
+        from jointplay.study import plan_of
 
         return plan_of(swept(axes, options), **given)
 

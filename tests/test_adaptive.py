@@ -8,8 +8,8 @@ from conftest import body, joint
 from test_integrators import ELASTIC
 
 import jointplay as jp
+from jointplay.paper import scara
 from jointplay.simulation.loop import LONGEST_ADAPTIVE_MACRO_STEP_S
-from jointplay.study import scara
 
 TOLERANCES = np.array([1e-2, 1e-3, 1e-4, 1e-5])
 

@@ -13,8 +13,8 @@ import jointplay as jp
 from jointplay import analysis
 from jointplay.analysis import headline
 from jointplay.exports import notebook
+from jointplay.paper import scara
 from jointplay.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
-from jointplay.study import scara
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay import analysis, cli, study
+from jointplay import analysis, cli, paper
 from jointplay.analysis.certification import (
     STRETCHES,
     Measured,
@@ -27,9 +27,9 @@ from jointplay.analysis.certification import (
     scatter,
 )
 from jointplay.kernel import Status
+from jointplay.paper import scara
 from jointplay.reports import cases, sections
 from jointplay.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
-from jointplay.study import scara
 
 JAMMED_TRUTH_N = 677.1
 """Peak force of the jammed case by rk4 at 1 us."""
@@ -535,11 +535,11 @@ def test_a_scenario_told_to_stop_while_it_certifies_keeps_its_runs(tmp_path, cap
 @pytest.mark.usefixtures("stopped_while_certifying")
 def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, tmp_path):
     monkeypatch.setattr(
-        "jointplay.study.cases.scara", lambda *_, **__: replace(scara(None), duration=0.02)
+        "jointplay.paper.cases.scara", lambda *_, **__: replace(scara(None), duration=0.02)
     )
     with pytest.raises(KeyboardInterrupt):
-        study.run_case("ideal", tmp_path, progress=False)
-    assert plain(tmp_path / study.FILES["ideal"])
+        paper.run_case("ideal", tmp_path, progress=False)
+    assert plain(tmp_path / paper.FILES["ideal"])
 
 
 def test_claims_that_are_left_out_are_said(monkeypatch):

@@ -28,7 +28,7 @@ from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import Free
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.urdf import shipped
-from jointplay.study import CONDITIONS, output_names, scara, study
+from jointplay.paper import CONDITIONS, output_names, scara, study
 
 START = str(Path(sys.executable).parent / "jointplay")
 """The command as a new process."""
@@ -249,7 +249,7 @@ STUDY = """
 import sys
 from dataclasses import replace
 from jointplay import cli
-from jointplay.study import cases
+from jointplay.paper import cases
 scara = cases.scara
 cases.scara = lambda *a, **b: replace(scara(*a, **b), duration=float(sys.argv[1]))
 sys.exit(cli.main(sys.argv[2:]))
@@ -531,10 +531,10 @@ def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
     work = getattr(place, name)
     monkeypatch.setattr(place, name, told)
     monkeypatch.setattr(study, "CASES", {"ideal": None})
-    monkeypatch.setattr("jointplay.study.ensembles.CASES", {"ideal": None})
+    monkeypatch.setattr("jointplay.paper.ensembles.CASES", {"ideal": None})
     short = replace(scara(None), duration=0.002)
     monkeypatch.setattr(study, "run_case", lambda *_: short.run())
-    monkeypatch.setattr("jointplay.study.ensembles.METHODS", {})
+    monkeypatch.setattr("jointplay.paper.ensembles.METHODS", {})
     assert main(["scara", "--runs", "0", "--out", str(tmp_path / "o"), "--quiet"]) == 0
     assert (
         "stop requested after the computation had ended: the result is saved"

@@ -11,7 +11,7 @@ from warm import JOINTPLAY
 import jointplay as jp
 from jointplay import analysis
 from jointplay.analysis import comparison
-from jointplay.study import scara
+from jointplay.paper import scara
 
 
 def call(*arguments):

@@ -8,8 +8,8 @@ from conftest import body, joint, release, still
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.loads import ComputedTorque, JointFriction
+from jointplay.paper import scara
 from jointplay.simulation.run import Run
-from jointplay.study import scara
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
 

@@ -21,9 +21,9 @@ from jointplay import JointplayError, Motion, Result, cli
 from jointplay.exports import layouts
 from jointplay.joints import SphericalClearance
 from jointplay.motion import rosbag
+from jointplay.paper import scara
 from jointplay.result.certificate import alone
 from jointplay.result.thinning import thinned
-from jointplay.study import scara
 
 
 @pytest.fixture(scope="module")

@@ -23,9 +23,9 @@ from jointplay.cli import main
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, KelvinVoigt
 from jointplay.core import files, hdf5, schema
 from jointplay.joints import Clearance
+from jointplay.paper import scara
 from jointplay.plots.style import new_figure
 from jointplay.result import netcdf
-from jointplay.study import scara
 
 
 @pytest.fixture(scope="module")
@@ -386,10 +386,10 @@ ELSEWHERE = {
     },
     "simulation/checkpoint.py": {"np.savez(out, "},  # in memory
     "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
-    "sweeps/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
-    "sweeps/journal.py": {"self._file.truncate("},  # torn lines are known by their checksums
-    "sweeps/dataset.py": {"dataset.rename("},  # names of variables
-    "sweeps/store.py": {
+    "study/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
+    "study/journal.py": {"self._file.truncate("},  # torn lines are known by their checksums
+    "study/dataset.py": {"dataset.rename("},  # names of variables
+    "study/store.py": {
         "rest.unlink(",
         "path.unlink(",
         "self.path.rmdir()",

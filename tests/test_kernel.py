@@ -245,7 +245,7 @@ print(called(3.0), NumbaError)
 def test_where_numba_is_another_inside_results_are_the_same(what, tmp_path):
     code = """
 import hashlib, jointplay as jp
-from jointplay.study import scara
+from jointplay.paper import scara
 made = scara(2e-4)
 found = jp.simulate(made.mechanism, made.motion, duration=0.05).dataset
 numbers = [v.values.tobytes() for v in found.variables.values() if v.dtype.kind == "f"]

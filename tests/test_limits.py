@@ -29,10 +29,10 @@ from jointplay.mechanism import impact
 from jointplay.mechanism.loop import closing_rows, misfit
 from jointplay.mechanism.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
 from jointplay.nonlinear import lyapunov, observables, poincare
+from jointplay.paper import run_study, scara
 from jointplay.player import movie
 from jointplay.reports.sections import claim_rows
-from jointplay.study import run_study, scara
-from jointplay.sweeps import axes
+from jointplay.study import axes
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
@@ -418,7 +418,7 @@ def test_a_damaged_cache_is_thrown_away(tmp_path, content):
     code = (
         "from jointplay.mechanism.impact import contact_duration\n"
         "from jointplay.simulation import Run\n"
-        "from jointplay.study import scara\n"
+        "from jointplay.paper import scara\n"
         "print(Run(scara(2e-4)).total_steps)\n"
     )
     call = [sys.executable, "-c", code]

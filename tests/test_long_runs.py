@@ -20,10 +20,10 @@ from jointplay.analysis import certification
 from jointplay.commands import run_scenario
 from jointplay.kernel import Status
 from jointplay.loads import ComputedTorque, tables
+from jointplay.paper import scara
 from jointplay.result import audit, netcdf
 from jointplay.simulation import spool
 from jointplay.simulation.working_files import CHECKPOINT, working_paths
-from jointplay.study import scara
 
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
@@ -294,7 +294,7 @@ def test_a_lazily_opened_file_keeps_nothing_in_memory_and_is_checked(tmp_path):
 CHILD = """
 import resource, sys
 import jointplay as jp
-from jointplay.study import scara
+from jointplay.paper import scara
 
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

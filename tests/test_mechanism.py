@@ -7,10 +7,10 @@ from conftest import body, gaps, joint, journal_axis
 
 from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
 from jointplay.kernel import Command, Status
+from jointplay.paper import scara
 from jointplay.scenario.robot import robot_scenario
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
-from jointplay.study import scara
 
 PLAY = RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 AXES = ["1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0.6 0 0.8", "-0.48 0.64 0.6"]

@@ -66,7 +66,7 @@ ELSEWHERE = {
     "run": "simulate",
     "urdf": "to_urdf",
     "check": "Scenario",
-    "scara": "study",
+    "scara": "paper",
     "dynamics": "nonlinear",
     "init": "shipped",
     "plot-sweep": "open_sweep",
@@ -79,6 +79,6 @@ def test_every_command_has_a_function_of_its_name_in_one_place():
     commands = cli.parser()._subparsers._group_actions[0].choices
     for command in commands:
         name = ELSEWHERE.get(command, command)
-        several = ("study", "nonlinear", "presets", "live")
+        several = ("paper", "nonlinear", "presets", "live")
         assert callable(getattr(jp, name)) or name in several, command
     assert set(ELSEWHERE) <= set(commands)

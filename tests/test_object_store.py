@@ -54,8 +54,8 @@ def test_a_store_copied_to_an_object_store_reads_the_same(bucket, tmp_path):
     assert (there["state"] == 1).all()
     # And back, with all its seals.
     files.get("studies/study.zarr", str(tmp_path / "back.zarr"), recursive=True)
-    whole = jp.sweeps.open_sweep(tmp_path / "back.zarr").load()
-    kept = jp.sweeps.open_sweep(tmp_path / "study.zarr").load()
+    whole = jp.study.open_sweep(tmp_path / "back.zarr").load()
+    kept = jp.study.open_sweep(tmp_path / "study.zarr").load()
     xr.testing.assert_identical(whole, kept)
 
 

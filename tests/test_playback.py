@@ -20,6 +20,7 @@ import jointplay as jp
 from jointplay import player
 from jointplay.mechanism.meshes import surface
 from jointplay.mechanism.robots import robot_urdf
+from jointplay.paper import scara
 from jointplay.player.scene import quaternions
 from jointplay.player.server import Server
 from jointplay.player.tracks import (
@@ -31,7 +32,6 @@ from jointplay.player.tracks import (
     unpack,
     unpack_mesh,
 )
-from jointplay.study import scara
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")

@@ -10,8 +10,8 @@ from matplotlib.colors import to_hex
 
 from jointplay import analysis, plots
 from jointplay.geometry import Mode
+from jointplay.paper import scara
 from jointplay.plots import figures
-from jointplay.study import scara
 
 
 def shortened(clearance, duration):

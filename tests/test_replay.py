@@ -5,7 +5,7 @@ import pytest
 
 import jointplay as jp
 from jointplay.analysis.replay import follow, largest_impacts, replay, window
-from jointplay.study import scara
+from jointplay.paper import scara
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import reports
-from jointplay.study import scara
+from jointplay.paper import scara
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jointplay import JointplayError, Result
+from jointplay.paper import scara
 from jointplay.result import FORMAT, netcdf
-from jointplay.study import scara
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from jointplay.core.schema import fields_of
 from jointplay.design.error_budget import error_budget
 from jointplay.design.robot_errors import CLASSES, ERROR_CLASSES, JointErrors, RobotErrors
 from jointplay.scenario import Scenario
-from jointplay.sweeps.keys import kinds
+from jointplay.study.keys import kinds
 
 ARM = """
 [robot]

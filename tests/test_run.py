@@ -16,7 +16,7 @@ from jointplay.kernel import Status
 from jointplay.scenario.places import dotted
 from jointplay.scenario.settings import parse
 from jointplay.simulation.working_files import CHECKPOINT
-from jointplay.sweeps.keys import path_of
+from jointplay.study.keys import path_of
 
 
 @pytest.fixture

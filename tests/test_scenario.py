@@ -15,13 +15,13 @@ from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, CustomBrist
 from jointplay.joints import JOINT_WORDS
 from jointplay.kernel import Status
 from jointplay.loads.drive import DRIVES
+from jointplay.paper import CASES, CONDITIONS, scara
 from jointplay.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import lines
 from jointplay.scenario.schema import schema
 from jointplay.scenario.summary import summary
-from jointplay.study import CASES, CONDITIONS, scara
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEMPLATE = Path(jp.__file__).parent / "scenario" / "template.toml"

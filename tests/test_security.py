@@ -174,7 +174,7 @@ def lawful(tmp_path):
     (tmp_path / "strange_laws.py").write_text(LAW)
     code = (
         "import jointplay as jp, strange_laws, pathlib\n"
-        "from jointplay.study import scara\n"
+        "from jointplay.paper import scara\n"
         "made = scara(2e-4)\n"
         "joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4,\n"
         "    normal=jp.contact.CustomNormalForce(strange_laws.push, (1e8,)))\n"
@@ -218,7 +218,7 @@ def test_in_python_too_a_result_imports_nothing_unasked(lawful, monkeypatch):
 
 SCRIPT = """
 import jointplay as jp
-from jointplay.study import scara
+from jointplay.paper import scara
 
 def push(delta, ddelta, ddelta0, stiffness):
     return stiffness * delta
@@ -328,7 +328,7 @@ def test_a_result_chooses_no_mesh_outside_the_folders_named(tmp_path, urdf, monk
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     """A result, and a file here that is none of its business."""
-    from jointplay.study import scara
+    from jointplay.paper import scara
 
     folder = tmp_path_factory.mktemp("plain")
     made = scara(2e-4)

@@ -12,7 +12,7 @@ from jointplay.core.schema import fields_of
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import ComputedTorque
-from jointplay.study import Condition, scara
+from jointplay.paper import Condition, scara
 
 LOADED = Condition("loaded", "consistent")
 

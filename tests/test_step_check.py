@@ -11,8 +11,8 @@ from jointplay.kernel import Status
 from jointplay.loads.drive import Free
 from jointplay.mechanism.impact import tooth_duration
 from jointplay.mechanism.urdf import shipped
+from jointplay.paper import scara
 from jointplay.simulation import step_check
-from jointplay.study import scara
 
 RATTLING = jp.Gear(play=2e-3, rotor_inertia=0.5, stiffness=2e5, damping=5.0)
 """Controlled by what the joint does, the motor rattles in its play."""

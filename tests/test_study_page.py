@@ -9,9 +9,9 @@ import pytest
 
 import jointplay
 from jointplay.geometry import Form, Mode
-from jointplay.study import METHODS, Found, Study, early_peak, errors_table, scara
-from jointplay.study.cases import EARLY, EARLY_S
-from jointplay.study.page import (
+from jointplay.paper import METHODS, Found, Study, early_peak, errors_table, scara
+from jointplay.paper.cases import EARLY, EARLY_S
+from jointplay.paper.page import (
     EQUATIONS,
     PRINTED_PEAKS,
     forms_table,

@@ -13,12 +13,12 @@ from warm import PYTHON
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.cli import main
-from jointplay.sweeps import case as case_module
-from jointplay.sweeps import plan_of, sealed
-from jointplay.sweeps.case import Bench, job
-from jointplay.sweeps.measures import about
-from jointplay.sweeps.run import probe
-from jointplay.sweeps.table import columns_of, measured, table
+from jointplay.study import case as case_module
+from jointplay.study import plan_of, sealed
+from jointplay.study.case import Bench, job
+from jointplay.study.measures import about
+from jointplay.study.run import probe
+from jointplay.study.table import columns_of, measured, table
 
 VARYING = "cost"
 
@@ -95,7 +95,7 @@ def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
 
 def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
     before = jp.open_sweep(done[0]).load()
-    run = importlib.import_module("jointplay.sweeps.run")
+    run = importlib.import_module("jointplay.study.run")
     monkeypatch.setattr(run, "workers_for", lambda *_: pytest.fail("nothing is left"))
     after = jp.sweep(done[1], done[0], resume=True)
     xr.testing.assert_identical(after.load(), before)
@@ -334,7 +334,7 @@ def test_the_ideal_run_is_done_once_for_cases_that_share_it(planned, monkeypatch
 
 
 def test_files_travel_with_the_job(swept, tmp_path):
-    from jointplay.sweeps import plan_of
+    from jointplay.study import plan_of
 
     urdf = jp.shipped("scara.urdf").read_text()
     (tmp_path / "here").mkdir()

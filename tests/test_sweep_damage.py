@@ -20,11 +20,11 @@ from sweep_scenario import SCENARIO
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.sweeps import plan_of, sealed
-from jointplay.sweeps import run as run_module
-from jointplay.sweeps.case import run_cases
-from jointplay.sweeps.journal import Journal
-from jointplay.sweeps.store import Store
+from jointplay.study import plan_of, sealed
+from jointplay.study import run as run_module
+from jointplay.study.case import run_cases
+from jointplay.study.journal import Journal
+from jointplay.study.store import Store
 
 AXES = """
 clearance = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "1 nm", "0.2 mm"] }
@@ -522,7 +522,7 @@ def test_labels_of_histories_that_found_no_room_are_written_the_next_time(
     stop, here, tmp_path, monkeypatch
 ):
     """The second case is longer; the disk is full at the stop-th thing that is written of time."""
-    from jointplay.sweeps.sealed import SealedStore
+    from jointplay.study.sealed import SealedStore
 
     path = tmp_path / "study.toml"
     axes = 't = { key = "integration.duration", values = ["1 ms", "2 ms"] }'

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.sweeps import plan_of, run
-from jointplay.sweeps.axes import DISTRIBUTIONS, GROWING, METHODS, points, read
-from jointplay.sweeps.keys import path_of, put, units_of
+from jointplay.study import plan_of, run
+from jointplay.study.axes import DISTRIBUTIONS, GROWING, METHODS, points, read
+from jointplay.study.keys import path_of, put, units_of
 
 MU = "joints.joint_b.friction.mu_d"
 CR = "joints.joint_b.radial_clearance"

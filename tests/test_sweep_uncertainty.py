@@ -13,7 +13,7 @@ from jointplay.analysis.uncertainty import (
     read_until,
     sobol_indices,
 )
-from jointplay.sweeps.axes import points
+from jointplay.study.axes import points
 
 
 @pytest.mark.parametrize(

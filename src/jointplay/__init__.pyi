@@ -5,7 +5,7 @@ from . import geometry as geometry
 from . import identification as identification
 from . import loads as loads
 from . import nonlinear as nonlinear
-from . import study as study
+from . import paper as paper
 from .analysis.certification import certify as certify
 from .analysis.comparison import compare as compare
 from .core.errors import JointplayError as JointplayError
@@ -70,8 +70,8 @@ from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
 from .simulation.ensemble import EnsembleInterrupted as EnsembleInterrupted
 from .simulation.ensemble import ensemble as ensemble
-from .sweeps import open_sweep as open_sweep
-from .sweeps import sweep as sweep
-from .sweeps.table import uncertainty as uncertainty
+from .study import open_sweep as open_sweep
+from .study import sweep as sweep
+from .study.table import uncertainty as uncertainty
 
 __version__: str

@@ -315,7 +315,7 @@ def test_what_a_full_disk_cannot_take_is_kept_elsewhere(small_disk, tmp_path):
 
 
 def test_a_result_that_cannot_be_saved_is_still_there_in_python(tmp_path):
-    from jointplay.study import scara
+    from jointplay.paper import scara
 
     result = jp.simulate(scara(2e-4).mechanism, scara(2e-4).motion, duration=1e-3)
     with pytest.raises(jp.JointplayError, match="cannot write"):

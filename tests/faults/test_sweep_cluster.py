@@ -16,10 +16,10 @@ from test_sweep_kills import AXES, CASES, descendants, grown, resume, same
 from warm import PYTHON, Process
 
 import jointplay as jp
-from jointplay.sweeps import plan_of
-from jointplay.sweeps.case import DONE, Outcome, job
-from jointplay.sweeps.cluster import TRIES, ClusterWorkers, version
-from jointplay.sweeps.store import Store
+from jointplay.study import plan_of
+from jointplay.study.case import DONE, Outcome, job
+from jointplay.study.cluster import TRIES, ClusterWorkers, version
+from jointplay.study.store import Store
 
 pytest.importorskip("distributed")
 
@@ -146,7 +146,7 @@ def test_what_a_worker_that_is_at_fault_says_is_said():
 
 
 def test_a_scheduler_that_does_not_answer_is_said_in_a_line(reference, tmp_path, monkeypatch):
-    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 1)
     with closing(socket.socket()) as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -158,7 +158,7 @@ def test_a_scheduler_that_does_not_answer_is_said_in_a_line(reference, tmp_path,
 
 @pytest.mark.parametrize("there", [False, True])
 def test_without_workers_nothing_is_left_behind(there, reference, tmp_path, monkeypatch):
-    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 1)
     store = tmp_path / "s"
     if there:
         store.mkdir()
@@ -169,7 +169,7 @@ def test_without_workers_nothing_is_left_behind(there, reference, tmp_path, monk
 
 
 def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_path, monkeypatch):
-    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 1)
     store = Store(tmp_path / "s", plan_of(reference[0]))
     store.keep(Outcome((0, 1), DONE, {"impacts": 7.0}))
     store.close()
@@ -180,7 +180,7 @@ def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_pat
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://", "tcp://127.0.0.1:99999999"])
 def test_addresses_that_are_none_are_said_in_a_line(address, reference, tmp_path, monkeypatch):
-    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 1)
     with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at"):
         jp.sweep(reference[0], tmp_path / "s", scheduler=address)
 
@@ -221,7 +221,7 @@ def test_a_scheduler_without_workers_is_said_in_a_line(cluster, reference, tmp_p
     check = ClusterWorkers._check
 
     def soon(workers):  # only once the scheduler has answered, however long that took
-        monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 0.5)
+        monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 0.5)
         check(workers)
 
     monkeypatch.setattr(ClusterWorkers, "_check", soon)
@@ -230,7 +230,7 @@ def test_a_scheduler_without_workers_is_said_in_a_line(cluster, reference, tmp_p
 
 
 def test_workers_with_another_version_are_refused_with_both(cluster, reference, monkeypatch):
-    from jointplay.sweeps.cluster import ClusterWorkers
+    from jointplay.study.cluster import ClusterWorkers
 
     cluster.add(1)
     work = job(plan_of(reference[0]), send_files=True)
@@ -240,7 +240,7 @@ def test_workers_with_another_version_are_refused_with_both(cluster, reference, 
 
 
 def test_a_worker_that_joins_with_another_version_is_refused_as_well(reference):
-    from jointplay.sweeps.case import run_cases
+    from jointplay.study.case import run_cases
 
     work = job(plan_of(reference[0]))
     other = type(work)(**{**vars(work), "version": "99.0"})

@@ -22,9 +22,9 @@ from test_kills import alive, begin, children, end, gone, needs_proc, small_disk
 from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
-from jointplay.sweeps import plan_of
-from jointplay.sweeps.journal import Journal, entries
-from jointplay.sweeps.store import Store
+from jointplay.study import plan_of
+from jointplay.study.journal import Journal, entries
+from jointplay.study.store import Store
 
 __all__ = ["small_disk"]
 
@@ -289,7 +289,7 @@ import numpy as np
 import zarr
 
 from jointplay.core.errors import JointplayError
-from jointplay.sweeps.store import writing
+from jointplay.study.store import writing
 
 try:
     with writing(Path(sys.argv[1])):

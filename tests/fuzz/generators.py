@@ -814,7 +814,7 @@ def _files_exchanged(store: Path, rng: random.Random) -> None:
 
 def _journal_written(store: Path, rng: random.Random) -> None:
     """Lines with right checksums that no sweep has written."""
-    from jointplay.sweeps.journal import line
+    from jointplay.study.journal import line
 
     values: tuple[Any, ...] = (
         {"i": [0, 0], "s": 1, "v": {"peak_force": 1.0}}, {"i": [99, 99], "s": 1, "v": {}}, {}, [],

@@ -70,7 +70,7 @@ def small_memory() -> mock._patch:
 
 def build(folder: Path) -> None:
     """Make all of it."""
-    from jointplay.sweeps import sweep
+    from jointplay.study import sweep
 
     (folder / "s.toml").write_text(SCENARIO, encoding="utf-8")
     (folder / "sweep.toml").write_text(SCENARIO + SWEEP, encoding="utf-8")

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     runs = {case: scenario.ready_run(case) for case in scenario.cases}
     lines = [summary(scenario, runs)]
     if scenario.sweep:
-        from jointplay.sweeps import plan_of
+        from jointplay.study import plan_of
 
         lines.append(f"sweep: {plan_of(scenario).words}")
     if place is not None:

@@ -54,8 +54,8 @@ def run(options: argparse.Namespace) -> int:
     default = f"{store.name.removesuffix('.zarr')}_{roles.get('z', roles['y'])}.png"
     out = files.check_picture(options.out or store.parent / default)
     from jointplay.plots.sweep import draw  # what comes now takes long to import
-    from jointplay.sweeps import open_sweep
-    from jointplay.sweeps.dataset import reading
+    from jointplay.study import open_sweep
+    from jointplay.study.dataset import reading
 
     with reading(store):
         figure = draw(open_sweep(store), **roles, only=given)

@@ -56,27 +56,27 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the study and print its tables."""
-    from jointplay.study.outputs import PAGE, folder
+    from jointplay.paper.outputs import PAGE, folder
 
     folder(options.out, options.runs, options.jobs)  # before anything is loaded that takes time
-    from jointplay import study
+    from jointplay import paper
 
     started = time.perf_counter()
     progress = not options.quiet
-    found = study.run_study(
+    found = paper.run_study(
         options.out,
         options.runs,
         options.jobs,
         progress,
         lambda label, result: print(f"\n{label}: {result.message}\n{result.audit}"),
-        condition=study.Condition(options.gravity, options.inertia.replace("-", " ")),
+        condition=paper.Condition(options.gravity, options.inertia.replace("-", " ")),
         integrator=options.integrator,
     )
     print("\nFigures with their numerical errors, and by other methods:\n")
-    print(study.errors_text(found.rows, found.warnings))
+    print(paper.errors_text(found.rows, found.warnings))
     if found.verdicts:
         print(f"\nThe paper's claims on {options.runs} runs each; numbers in claims.md:\n")
-        print(study.summary(found.verdicts))
+        print(paper.summary(found.verdicts))
     print(f"\nresults in {options.out}, {time.perf_counter() - started:.0f} s")
     print(f"look at {options.out}/fig12.png, and read {options.out}/{PAGE}: all of it on one page")
     if signals.stop_requested():

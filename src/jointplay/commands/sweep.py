@@ -44,15 +44,15 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the sweep, print the table."""
-    from jointplay.sweeps.journal import is_there
+    from jointplay.study.journal import is_there
 
     # Before anything is loaded that takes time.
     is_there(Path(options.out), options.resume or options.extend)
     import numpy as np
 
-    from jointplay.sweeps import open_sweep, plan_of, run_plan
-    from jointplay.sweeps.dataset import reading
-    from jointplay.sweeps.table import table
+    from jointplay.study import open_sweep, plan_of, run_plan
+    from jointplay.study.dataset import reading
+    from jointplay.study.table import table
 
     made = plan_of(options.file, trust=options.trust)
     words = f"{made.scenario.path}: {made.words}"

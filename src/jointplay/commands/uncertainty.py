@@ -37,9 +37,9 @@ def run(options: argparse.Namespace) -> int:
 
     out = files.check_picture(options.out) if options.out else None
     from jointplay.plots.sweep import draw_convergence  # what comes now takes long to import
-    from jointplay.sweeps import open_sweep
-    from jointplay.sweeps.dataset import reading
-    from jointplay.sweeps.table import uncertainty
+    from jointplay.study import open_sweep
+    from jointplay.study.dataset import reading
+    from jointplay.study.table import uncertainty
 
     dataset = open_sweep(Path(options.store))
     with reading(options.store):

@@ -11,8 +11,8 @@ import xarray as xr
 from jointplay.analysis.uncertainty import convergence, enough, estimate
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.plots.style import COLOURS, StyledFigure, listed, logarithmic, panels
-from jointplay.sweeps.plan import SAMPLE
-from jointplay.sweeps.table import coordinate_text, label, measured, samples_of, scale, select
+from jointplay.study.plan import SAMPLE
+from jointplay.study.table import coordinate_text, label, measured, samples_of, scale, select
 
 MOST_LINES = 12
 

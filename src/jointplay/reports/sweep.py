@@ -22,10 +22,10 @@ from jointplay.plots.style import style
 from jointplay.reports import html
 from jointplay.reports.cases import Say
 from jointplay.reports.html import Cell, Html, details, joined, markup, paragraph, table, targets
-from jointplay.sweeps import open_sweep
-from jointplay.sweeps.case import DONE, FAILED
-from jointplay.sweeps.plan import REPEAT, SAMPLE
-from jointplay.sweeps.table import columns_of, coordinate_text, label, measured, scale, uncertainty
+from jointplay.study import open_sweep
+from jointplay.study.case import DONE, FAILED
+from jointplay.study.plan import REPEAT, SAMPLE
+from jointplay.study.table import columns_of, coordinate_text, label, measured, scale, uncertainty
 
 MOST_ROWS = 400
 """Points of the grid, and failed cases, that the tables show."""

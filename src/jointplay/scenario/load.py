@@ -60,7 +60,7 @@ class Scenario(Overview):
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
-        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweeps` reads it.
+        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.study` reads it.
         assumptions: what was chosen that nobody gave, a line each.
         notes: what was added when simulations were built, a line each.
     """

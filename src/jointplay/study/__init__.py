@@ -1,4 +1,7 @@
-"""The paper's study: its cases, its figures and its claims."""
+"""Sweeps: many cases of a scenario on all cores or a cluster, in one store that loses nothing.
+
+Modules are loaded when a name is first used: workers need neither the store nor statistics.
+"""
 
 import lazy_loader
 

@@ -13,7 +13,7 @@ import xarray as xr
 
 from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.files import is_file
-from jointplay.sweeps.sealed import METADATA, WRITTEN, SealedStore, damaged, plain_name
+from jointplay.study.sealed import METADATA, WRITTEN, SealedStore, damaged, plain_name
 
 FORMAT = 3
 """Version of the store's format."""

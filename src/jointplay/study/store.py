@@ -23,14 +23,14 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 from jointplay.result.stored import versions
 from jointplay.scenario.places import dotted
-from jointplay.sweeps import sealed
-from jointplay.sweeps.axes import GROWING
-from jointplay.sweeps.case import DONE, FAILED, Outcome, joints
-from jointplay.sweeps.dataset import FORMAT, check_format, quiet, reading
-from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, entries, is_there, line
-from jointplay.sweeps.measures import USER, about
-from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
-from jointplay.sweeps.sealed import (
+from jointplay.study import sealed
+from jointplay.study.axes import GROWING
+from jointplay.study.case import DONE, FAILED, Outcome, joints
+from jointplay.study.dataset import FORMAT, check_format, quiet, reading
+from jointplay.study.journal import JOURNAL, SYNC_S, Journal, entries, is_there, line
+from jointplay.study.measures import USER, about
+from jointplay.study.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.study.sealed import (
     BEGUN,
     COMPRESSORS,
     METADATA,

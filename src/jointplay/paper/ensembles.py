@@ -19,10 +19,7 @@ from jointplay.core.progress import current
 from jointplay.core.tables import Table
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.urdf import GRAVITY
-from jointplay.result.settings import START_UP
-from jointplay.result.stored import versions
-from jointplay.simulation.initial import PERTURBATION
-from jointplay.study.cases import (
+from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
     METHODS,
@@ -33,6 +30,9 @@ from jointplay.study.cases import (
     length,
     perturbed,
 )
+from jointplay.result.settings import START_UP
+from jointplay.result.stored import versions
+from jointplay.simulation.initial import PERTURBATION
 
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""

@@ -16,13 +16,13 @@ from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.urdf import GRAVITY as GRAVITY
 from jointplay.mechanism.urdf import shipped
+from jointplay.paper.outputs import FILES as FILES
+from jointplay.paper.outputs import JOINT as JOINT
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.outputs import FILES as FILES
-from jointplay.study.outputs import JOINT as JOINT
 
 
 @cache

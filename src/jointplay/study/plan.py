@@ -22,8 +22,8 @@ from jointplay.mechanism.robots import resolve
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
-from jointplay.sweeps.axes import GROWING, METHODS, Axis, points, read
-from jointplay.sweeps.keys import put
+from jointplay.study.axes import GROWING, METHODS, Axis, points, read
+from jointplay.study.keys import put
 
 Index = tuple[int, ...]
 

@@ -23,16 +23,16 @@ from jointplay.core.schema import one_of
 from jointplay.core.units import toml_text
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
-from jointplay.sweeps.axes import Axis
-from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
-from jointplay.sweeps.dataset import open_sweep
-from jointplay.sweeps.measures import shipped
-from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan, plan_of
-from jointplay.sweeps.sealed import METADATA, ROOT, metadata
-from jointplay.sweeps.store import Store, of_sweep, sweep_of_states
+from jointplay.study.axes import Axis
+from jointplay.study.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
+from jointplay.study.dataset import open_sweep
+from jointplay.study.measures import shipped
+from jointplay.study.plan import REPEAT, SAMPLE, Index, Plan, plan_of
+from jointplay.study.sealed import METADATA, ROOT, metadata
+from jointplay.study.store import Store, of_sweep, sweep_of_states
 
 if TYPE_CHECKING:
-    from jointplay.sweeps.cluster import ClusterWorkers
+    from jointplay.study.cluster import ClusterWorkers
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
@@ -259,7 +259,7 @@ def _begun(store: Store, number: int, scheduler: str | None) -> Workers:
 def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
     """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
-        from jointplay.sweeps.cluster import ClusterWorkers
+        from jointplay.study.cluster import ClusterWorkers
 
         return ClusterWorkers(job(made, send_files=True), scheduler)
     return local_workers(job(made), number)

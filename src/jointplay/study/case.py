@@ -27,7 +27,7 @@ from jointplay.result.stored import versions
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting
 from jointplay.simulation.simulation import Simulation
-from jointplay.sweeps.measures import (
+from jointplay.study.measures import (
     COST,
     NUMERICAL_ERROR,
     measure,
@@ -35,7 +35,7 @@ from jointplay.sweeps.measures import (
     own_measures,
     rests_of,
 )
-from jointplay.sweeps.plan import Index, Plan
+from jointplay.study.plan import Index, Plan
 
 if TYPE_CHECKING:
     import xarray as xr

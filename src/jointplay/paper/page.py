@@ -16,14 +16,14 @@ from jointplay import analysis
 from jointplay.core import files
 from jointplay.core.tables import Table
 from jointplay.geometry import Form, Mode
+from jointplay.paper.cases import CASES, JOINT, scara
+from jointplay.paper.ensembles import made_with
+from jointplay.paper.outputs import DRAWINGS, PAGE
 from jointplay.result.result import AXES, Result
 from jointplay.result.settings import START_UP
-from jointplay.study.cases import CASES, JOINT, scara
-from jointplay.study.ensembles import made_with
-from jointplay.study.outputs import DRAWINGS, PAGE
 
 if TYPE_CHECKING:
-    from jointplay.study.study import Study
+    from jointplay.paper.study import Study
 
 PRINTED_PEAKS = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the force peaks in the paper, along world axes (Section 5, Figures 13-15) [s]."""

@@ -18,9 +18,9 @@ from jointplay.analysis.uncertainty import (
 )
 from jointplay.core.errors import JointplayError, MissingName, require_a, require_share
 from jointplay.core.tables import Table
-from jointplay.sweeps.case import FAILED
-from jointplay.sweeps.measures import BEARING
-from jointplay.sweeps.plan import REPEAT, SAMPLE
+from jointplay.study.case import FAILED
+from jointplay.study.measures import BEARING
+from jointplay.study.plan import REPEAT, SAMPLE
 
 SHOWN = (
     ("tool_error_rms_total", "µm", 1e6),
@@ -65,7 +65,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
     """Measures of the table, the user's own last: name, unit, and factor to it."""
-    from jointplay.sweeps.measures import USER
+    from jointplay.study.measures import USER
 
     own = [
         (name, str(dataset[name].attrs.get("units", "")), 1.0)

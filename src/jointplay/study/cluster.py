@@ -13,7 +13,7 @@ from typing import Any
 from jointplay.core.errors import JointplayError, one_line
 from jointplay.core.imports import extra
 from jointplay.result.stored import versions
-from jointplay.sweeps.case import COST, FAILED, Case, Job, Outcome, run_cases
+from jointplay.study.case import COST, FAILED, Case, Job, Outcome, run_cases
 
 BATCH_S = 2.0
 """Work of one task: the scheduler's own milliseconds are then nothing [s]."""

@@ -14,9 +14,7 @@ from jointplay.core.progress import printing, whole
 from jointplay.core.tables import Table
 from jointplay.core.units import displayed
 from jointplay.kernel.integrators import DEFAULT
-from jointplay.result.certificate import CertifiedFigure
-from jointplay.result.result import Result
-from jointplay.study.cases import (
+from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
     EARLY,
@@ -28,9 +26,11 @@ from jointplay.study.cases import (
     run_case,
     scara,
 )
-from jointplay.study.ensembles import Ensembles, made_with, write_claims
-from jointplay.study.outputs import folder
-from jointplay.study.page import write_page
+from jointplay.paper.ensembles import Ensembles, made_with, write_claims
+from jointplay.paper.outputs import folder
+from jointplay.paper.page import write_page
+from jointplay.result.certificate import CertifiedFigure
+from jointplay.result.result import Result
 
 
 def errors_table(

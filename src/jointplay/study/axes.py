@@ -13,7 +13,7 @@ from jointplay.core.errors import JointplayError, closest, require_positive, req
 from jointplay.core.schema import one_of, unknown_key
 from jointplay.core.units import convert, toml_text
 from jointplay.scenario.places import Key, dotted
-from jointplay.sweeps.keys import is_whole, kinds, path_of, units_of
+from jointplay.study.keys import is_whole, kinds, path_of, units_of
 
 SPACINGS = ("linear", "log")
 _KEYS = ("key", "keys")
