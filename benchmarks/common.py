@@ -25,6 +25,9 @@ from jointplay.kernel.integrators import DEFAULT
 from jointplay.result.certificate import plus_minus
 from jointplay.simulation import PERTURBATION
 
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+
 JOINT = "joint_b"
 RECORD_INTERVAL = 2e-4
 """Interval of the records, a multiple of every step used [s]."""

@@ -1,26 +1,12 @@
 """The accuracy benchmark: when it takes a case for calm, so that single runs have a true value."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-
-
-@pytest.fixture
-def accuracy(monkeypatch):
-    """The script as a module."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import accuracy
-
-    yield accuracy
-    sys.modules.pop("accuracy", None)
+from truth import accuracy
 
 
 @pytest.fixture
-def judged(accuracy):
+def judged():
     """Which figures are wild, of runs that all agree but for some changes by level or aside."""
     case = accuracy.Case(accuracy.SCARA, 2e-4)
 
@@ -56,7 +42,7 @@ def test_stick_slip_that_a_nanometre_does_not_show_is_wild(judged):
     assert judged({(1e-9, "peak_N"): 100.35, (-1, "peak_N"): 140.0})["peak_N"]
 
 
-def test_a_journal_that_sticks_and_slips_is_told_by_a_larger_start_and_a_longer_step(accuracy):
+def test_a_journal_that_sticks_and_slips_is_told_by_a_larger_start_and_a_longer_step():
     """Brown-McPhee under load: 1 nm and half the step change nothing, 100 nm and twice it 2.7 %."""
     case = accuracy.Case(accuracy.SCARA, 2e-4, "Brown-McPhee", True, duration=0.4)
     coarse, fine, finest = accuracy.levels(case)

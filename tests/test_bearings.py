@@ -3,8 +3,6 @@
 import importlib.util
 import math
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -39,12 +37,7 @@ SEVEN = {
 @pytest.fixture(scope="module")
 def benchmark():
     """The benchmark of bearings, as a module."""
-    folder = Path(__file__).parents[1] / "benchmarks"
-    spec = importlib.util.spec_from_file_location("bearings_benchmark", folder / "bearings.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return importlib.import_module("truth.bearings")
 
 
 # The reference numbers, as the benchmark has them.

@@ -405,16 +405,9 @@ def test_the_table_says_whether_friction_decides_where_the_tool_rests(urdf):
 
 
 def loose_joints(name):
-    """A case of benchmarks/friction_at_rest.py, with what looks at its journals."""
-    import sys
-    from pathlib import Path
+    """A case of benchmarks/truth/friction_at_rest.py, with what looks at its journals."""
+    from truth import friction_at_rest as brute
 
-    folder = str(Path(__file__).parents[1] / "benchmarks")
-    sys.path.insert(0, folder)
-    try:
-        import friction_at_rest as brute
-    finally:
-        sys.path.remove(folder)
     case = (brute.CASES | brute.PAIRS)[name]
     mechanism, q = case.build()
     return brute, mechanism, q, [brute.Journal(mechanism, q, joint) for joint in case.joints]

@@ -3,10 +3,8 @@
 import importlib
 import json
 import subprocess
-import sys
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +24,6 @@ from jointplay.identification.static_poses import (
 )
 from jointplay.mechanism.payload import Payload
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 JOINTS = ("waist", "shoulder", "elbow", "wrist")
 NOISE = 5e-5
 
@@ -195,7 +192,7 @@ def test_what_is_told_of_play_stands_in_one_place(arm):
 
 def test_intervals_of_play_cover_frictions_and_transitions_that_nobody_gave():
     """Robots of the benchmark whose friction and transition lie between those that are tried."""
-    benchmark = importlib.import_module("calibrate")
+    benchmark = importlib.import_module("truth.calibrate")
     rows = [row for seed in (1, 10, 13, 21, 45) for row in benchmark.case(seed)]
     found = [row for row in rows if row["kind"] == "joint's play"]
     assert len(found) >= 5
@@ -512,9 +509,8 @@ def test_results_are_plain_data_and_name_what_there_is(arm):
     assert str(Term.parse("rail waist by lift")) == "rail waist by lift"
 
 
-def test_the_benchmark_says_how_to_get_data_that_are_missing(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
-    measured = importlib.import_module("measured")
+def test_the_benchmark_says_how_to_get_data_that_are_missing(tmp_path):
+    measured = importlib.import_module("truth.measured")
     missing = measured.Repository("owner", "name", "0" * 40, "MIT", tmp_path)
     with pytest.raises(SystemExit, match=r"git clone https://github\.com/owner/name"):
         missing.text("data.csv")

@@ -1,14 +1,8 @@
 """A four-bar with three clearances under control, against the result of its authors' program."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-
-from four_bar_control import REFERENCE, crank, machine
+from truth.four_bar_control import REFERENCE, crank, machine
 
 
 def differences(path, corrected):

@@ -2,7 +2,6 @@
 
 import csv
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -112,11 +111,8 @@ def test_the_gate_leans_by_as_much_as_its_hinges_let_it():
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", [n for n in NAMES if n not in ("scara", "slider_crank")])
 def test_the_numbers_can_be_measured_again(name):
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    try:
-        import gallery
-    finally:
-        sys.path.remove(str(ROOT / "benchmarks"))
+    from pictures import gallery
+
     known = {row["case"]: row for row in rows() if row["mechanism"] == name}
     for row in gallery.numbers(name):
         for field, factor in (("tool_rms_mm", 1.3), ("force_peak_N", 3.0)):

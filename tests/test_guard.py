@@ -1,24 +1,10 @@
 """The benchmarks' guard names what got worse, and only that."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-
-
-@pytest.fixture
-def guard(monkeypatch):
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import run
-
-    yield run
-    for name in ("run", "scale", "common"):
-        sys.modules.pop(name, None)
+from cost import guard
 
 
-def test_ratios_within_their_scatter_are_no_worse(guard):
+def test_ratios_within_their_scatter_are_no_worse():
     baseline = {"step cost over a bare aba": 1.0, "scale: cores, two over one": 1.9}
     assert not guard.worse({"step cost over a bare aba": 1.09}, baseline)
     assert not guard.worse({"scale: cores, two over one": 2.0}, baseline)
@@ -35,12 +21,12 @@ def test_ratios_within_their_scatter_are_no_worse(guard):
         ("start-up: import jointplay", 1.0, 1.5),
     ],
 )
-def test_what_got_worse_is_named_with_both_numbers(name, before, now, guard):
+def test_what_got_worse_is_named_with_both_numbers(name, before, now):
     (said,) = guard.worse({name: now}, {name: before})
     assert said == f"{name}: {now:.4g}, and was {before:.4g}"
 
 
-def test_the_baseline_has_every_part_and_no_seconds(guard):
+def test_the_baseline_has_every_part_and_no_seconds():
     import json
 
     known = json.loads(guard.BASELINE.read_text())

@@ -2,14 +2,13 @@
 
 import importlib
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import body, joint, tip
 from scipy.optimize import minimize
+from truth import elastic
 
 from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identify
 from jointplay.cli import main
@@ -19,9 +18,6 @@ from jointplay.identification.identification import apply
 from jointplay.identification.measurement import visits
 from jointplay.identification.parameters import Parameter, compliances
 from jointplay.loads import JointFriction
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-import elastic
 
 LENGTHS, MASSES = (0.5, 0.4), (6.0, 3.0)
 RATE = 50.0
@@ -288,7 +284,7 @@ SOFT = {
 @pytest.mark.parametrize("case", SOFT)
 def test_soft_bearings_are_not_taken_for_friction_or_play(monkeypatch, case):
     """Friction turns what a bush gives way by; a contact that stiffens looks like play."""
-    benchmark = importlib.import_module("identify")
+    benchmark = importlib.import_module("truth.identify")
     seed, change, exponent, label = SOFT[case]
     drawn = benchmark.elastic_arm
 

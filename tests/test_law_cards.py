@@ -1,13 +1,13 @@
 """The generator of the law cards: what it writes, and that every law has a card."""
 
 import csv
-import importlib.util
 import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pictures import law_cards
 from PIL import Image
 
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
@@ -52,17 +52,11 @@ def written(tmp_path_factory):
     """Folder of the quick cards of one law of each family."""
     folder = tmp_path_factory.mktemp("cards")
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "benchmarks"))
         words = ["law_cards.py", "--quick", "--jobs", "1", "--out", str(folder)]
         for family, name in CHOSEN.items():
             words += ["--law", f"{family}:{name}"]
         patch.setattr(sys, "argv", words)
-        spec = importlib.util.spec_from_file_location(
-            "law_cards", ROOT / "benchmarks" / "law_cards.py"
-        )
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        module.main()
+        law_cards.main()
     return folder
 
 

@@ -1,14 +1,9 @@
 """The mutation runner: what it changes, and that it tells a killed mutant from a survivor."""
 
 import ast
-import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-
-import mutation
+from robustness import mutation
 
 TOY = '''
 import math

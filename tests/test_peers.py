@@ -4,20 +4,15 @@ A deliberately wrong mass or inertia must be noticed, else the comparison compar
 """
 
 import functools
-import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-
-import peers
-from peer_engines import common, pinocchio_engine
-from peer_engines.common import missing, slider_crank
-from peer_engines.jointplay_engine import run_jointplay
-from peer_engines.trace import Trace, impacts, offset
+from truth import peers
+from truth.peer_engines import common, pinocchio_engine
+from truth.peer_engines.common import missing, slider_crank
+from truth.peer_engines.jointplay_engine import run_jointplay
+from truth.peer_engines.trace import Trace, impacts, offset
 
 import jointplay as jp
 
@@ -30,7 +25,7 @@ def engine(name):
     reason = missing(name)
     if reason:
         pytest.skip(reason)
-    return __import__(f"peer_engines.{name}_engine", fromlist=["run_free"])
+    return __import__(f"truth.peer_engines.{name}_engine", fromlist=["run_free"])
 
 
 FLIGHTS = {"scara": (peers.flying_scara, 6), "slider_crank": (peers.flying_slider_crank, 1)}

@@ -1,31 +1,16 @@
 """The benchmark of random cases: what it draws, what it takes for true, and what is silent."""
 
-import sys
 import types
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
+from truth import random_cases as cases
 
 from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS
 from jointplay.result.certificate import Certificate, CertifiedFigure
 
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
-
-@pytest.fixture
-def cases(monkeypatch):
-    """The script as a module."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import random_cases
-
-    yield random_cases
-    for name in ("random_cases", "common"):
-        sys.modules.pop(name, None)
-
-
-def test_every_mechanism_and_law_is_drawn_about_as_often_as_any_other(cases):
+def test_every_mechanism_and_law_is_drawn_about_as_often_as_any_other():
     for which, choices in enumerate((cases.KINDS, tuple(NORMAL_LAWS), tuple(FRICTION_LAWS))):
         drawn = [cases.in_turn(choices, 3, number, which) for number in range(200)]
         counts = [drawn.count(name) for name in choices]
@@ -33,7 +18,7 @@ def test_every_mechanism_and_law_is_drawn_about_as_often_as_any_other(cases):
         assert max(counts) <= 200 // len(choices) + 1
 
 
-def test_a_case_hangs_on_its_seed_and_number_alone(cases):
+def test_a_case_hangs_on_its_seed_and_number_alone():
     several = [cases.drawn(5, number) for number in range(len(cases.KINDS))]
     assert {case.kind for case in several} == set(cases.KINDS)
     assert sum(bool(case.simulation.mechanism.clearance) for case in several) >= 10
@@ -45,40 +30,40 @@ def test_a_case_hangs_on_its_seed_and_number_alone(cases):
         assert other != several[number].simulation.describe()
 
 
-def truth(cases, draws, coarser, target=0.01):
+def truth(draws, coarser, target=0.01):
     return cases.Truth(tuple(draws), coarser, "N", target)
 
 
-def test_a_figure_is_calm_sensitive_or_not_converged(cases):
-    assert truth(cases, (100.0, 100.1, 100.2, 100.0), 100.1).state == "calm"
-    assert truth(cases, (100.0, 103.0, 99.0, 100.0), 101.0).state == "sensitive"
-    assert truth(cases, (100.0, 100.1, 100.2, 100.0), 101.0).state == "open"
-    assert truth(cases, (100.0, 103.0, 99.0, 100.0), 120.0).state == "open"
+def test_a_figure_is_calm_sensitive_or_not_converged():
+    assert truth((100.0, 100.1, 100.2, 100.0), 100.1).state == "calm"
+    assert truth((100.0, 103.0, 99.0, 100.0), 101.0).state == "sensitive"
+    assert truth((100.0, 100.1, 100.2, 100.0), 101.0).state == "open"
+    assert truth((100.0, 103.0, 99.0, 100.0), 120.0).state == "open"
 
 
-def test_the_distance_from_the_truth_is_that_from_the_interval(cases):
-    known = truth(cases, (100.0, 102.0, 101.0, 100.5), 99.0)
+def test_the_distance_from_the_truth_is_that_from_the_interval():
+    known = truth((100.0, 102.0, 101.0, 100.5), 99.0)
     assert [known.away(value) for value in (98.5, 99.0, 101.5, 104.0)] == [0.5, 0.0, 0.0, 2.0]
 
 
-def test_only_what_no_error_and_no_warning_tells_of_is_silent(cases):
-    known = truth(cases, (100.0, 100.1, 100.2, 100.0), 100.1)
+def test_only_what_no_error_and_no_warning_tells_of_is_silent():
+    known = truth((100.0, 100.1, 100.2, 100.0), 100.1)
     assert known.verdict(101.0, np.nan, False) == ""
     assert known.verdict(103.0, np.nan, False) == "silent"
     assert known.verdict(103.0, 1.0, False) == "silent"
     assert known.verdict(103.0, 3.0, False) == "outside"
     assert known.verdict(103.0, np.nan, True) == "outside"
-    assert truth(cases, (100.0, 100.0, 100.0), 101.0).verdict(150.0, np.nan, False) == ""
+    assert truth((100.0, 100.0, 100.0), 101.0).verdict(150.0, np.nan, False) == ""
 
 
-def test_what_a_run_states_is_that_of_its_certificate(cases):
+def test_what_a_run_states_is_that_of_its_certificate():
     run = types.SimpleNamespace(certificate=None)
     assert cases.stated_errors(run) == {}
     run.certificate = Certificate((CertifiedFigure("impacts", 9.0, 2.0, ""),))
     assert cases.stated_errors(run) == {"impacts": 2.0}
 
 
-def test_a_case_is_judged(cases, monkeypatch):
+def test_a_case_is_judged(monkeypatch):
     """The first 10 ms of a slider."""
     number = next(k for k in range(99) if cases.in_turn(cases.KINDS, 1, k, 0) == "slider")
     case = cases.drawn(1, number)

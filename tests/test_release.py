@@ -15,7 +15,7 @@ from sweep_scenario import GRID, SCENARIO
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-DATA = ROOT / "benchmarks" / "validation" / "data"
+DATA = ROOT / "benchmarks" / "truth" / "validation" / "data"
 LICENCES = runpy.run_path(str(DATA / "__init__.py"))["LICENCES"]
 CONDA_NAMES = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "meshcat-python"}
 

@@ -1,14 +1,8 @@
 """The short form of every validation case: it passes, and fails with its deliberate mistake."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-
-from validate import main, page
-from validation import CASES, load
+from truth.validate import main, page
+from truth.validation import CASES, load
 
 load()
 each = pytest.mark.parametrize("name", CASES)

@@ -1,6 +1,5 @@
 """Whatever commands are given, they do their work or say in one line why they cannot."""
 
-import importlib.util
 import os
 import random
 import signal
@@ -13,17 +12,18 @@ import generators
 import pytest
 import twins
 from generators import Case, judge
+from robustness import fuzz
 from warm import PYTHON
 
 from jointplay import cli
 
-FUZZ = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
+FUZZ = [Path(__file__).parents[2] / "benchmarks", "fuzz"]
 CASES = 90
 
 
 def test_no_input_brings_a_traceback_or_is_taken_in_silence(tmp_path):
-    """The first cases of `benchmarks/fuzz.py`, two of every kind and more of most."""
-    command = [PYTHON, FUZZ, "--cases", CASES, "--first", 0, "--kept", tmp_path / "kept"]
+    """The first cases of `benchmarks/robustness/fuzz.py`, two of every kind and more of most."""
+    command = [PYTHON, *FUZZ, "--cases", CASES, "--first", 0, "--kept", tmp_path / "kept"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     last = done.stdout.splitlines()[-1]
@@ -108,15 +108,6 @@ def test_what_a_command_must_not_do_is_noticed(main, word, tmp_path, monkeypatch
     assert judge(Case(0, "options", [], bad=main is takes_anything), tmp_path).startswith(word)
 
 
-@pytest.fixture
-def fuzz():
-    """The program as a module."""
-    spec = importlib.util.spec_from_file_location("fuzz_program", FUZZ)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def crashes(case, folder):
     os.kill(os.getpid(), signal.SIGSEGV)
 
@@ -143,7 +134,7 @@ def takes_all_memory(case, folder):
         (takes_all_memory, "crash: the generator: MemoryError"),
     ],
 )
-def test_what_ends_or_holds_up_its_process_is_noticed(does, word, fuzz, tmp_path, monkeypatch):
+def test_what_ends_or_holds_up_its_process_is_noticed(does, word, tmp_path, monkeypatch):
     monkeypatch.setattr(fuzz, "LIMIT_S", 5.0)
     monkeypatch.setattr(generators, "judge", does)
     monkeypatch.setattr(generators, "make", lambda seed, folder: Case(seed, "a", ["b"]))

@@ -47,10 +47,10 @@ _RANK = 1e-9
 SHARE = 0.1
 """Part of a direction in the null space from which on an unknown is named with it."""
 MODEL, MODEL_ELSE = {"friction": 0.1}, 0.02
-"""Part of a value by which the static model itself is off, see benchmarks/identify.py."""
+"""Part of a value by which the static model itself is off, see benchmarks/truth/identify.py."""
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, for errors of the model that all means
-share; set by the first ten machines of benchmarks/identify.py."""
+share; set by the first ten machines of benchmarks/truth/identify.py."""
 _LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
 """How often effects are sought over the width of the intervals; least and largest step by scale."""
 _LEAST_FREEDOM = 8

@@ -291,8 +291,9 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
         "### Times of the force peaks",
         "",
         "The two largest peaks of each case beside the times in the paper. The motion is sketched "
-        "in the paper and assumed here, so the times need not agree. benchmarks/peak_times.py "
-        "searches timings of the same motion that bring them nearer.",
+        "in the paper and assumed here, so the times need not agree. "
+        "`python benchmarks peak_times` searches timings of the same motion that bring them "
+        "nearer.",
         "",
         Table.of_texts(peaks_table(cases)).markdown(),
         "",

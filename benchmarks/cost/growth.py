@@ -1,0 +1,116 @@
+"""How cost grows with steps, joints, contacts, cases and cores, in one figure.
+
+CPU times but for the cores, which are wall time of the same cases by one worker and by two.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from common import COLOURS, Benchmark, Case, new_figure
+from cost.mechanism_cost import JOINT, LINK
+from cost.scale import LONG_S, SHORT_S, bookkeeping, gain, messages, pairs
+
+import jointplay as jp
+from jointplay.core.files import temporary
+from jointplay.kernel import Status
+
+PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
+DURATIONS = (0.2, 0.5, 1.0, 2.0, 3.0)
+JOINTS = (1, 2, 4, 8, 16, 32)
+LOOSE = (0, 1, 2, 3, 4)
+CASES = (10, 100, 1000, 10_000, 100_000)
+
+
+def arm(joints, loose, folder):
+    """An arm of so many links, drifting freely, the last `loose` joints with clearance."""
+    parts = [
+        LINK.format(i=i) + JOINT.format(i=i, parent=f"l{i - 1}" if i else "base", x=0.2 if i else 0)
+        for i in range(joints)
+    ]
+    path = f"{folder}/arm.urdf"
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
+    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(joints - loose, joints)}
+    robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
+    speeds = {name: (None, 0.5 / joints) for name in robot.joints}
+    return jp.Simulation(robot, drive={}, state=speeds, duration=0.2, record_every=100)
+
+
+def cost(simulation):
+    """CPU seconds of the time loop, the better of two; without what numpy's own threads idle."""
+    found = []
+    for _ in range(2):
+        run = jp.Run(simulation)
+        began = time.thread_time()
+        status = run.run_to_end()
+        if status != Status.COMPLETED:
+            raise SystemExit(run.message(status))
+        found.append(time.thread_time() - began)
+    return min(found)
+
+
+def main():
+    benchmark = Benchmark("growth", __doc__, runs=0)
+    benchmark.parser.add_argument(
+        "--no-cores", action="store_true", help="leave out the wall times, on a busy machine"
+    )
+    args = benchmark.parse()
+    data = []
+    with temporary("growth") as folder:
+        steps = [cost(Case().simulation(duration=one)) for one in DURATIONS]
+        joints = [cost(arm(n, 1, folder)) / 20_000 for n in JOINTS]
+        loose = [cost(arm(5, n, folder)) / 20_000 for n in LOOSE]
+        (bare, case), outcome = pairs(SHORT_S, 40 if args.quick else 200)
+        kept, _ = bookkeeping(outcome, 2000, Path(folder))
+    driver = kept + messages(100)
+    ratio, seconds = 0.0, 0.0
+    if not args.no_cores:
+        ratio, seconds = gain(8 if args.quick else 24, 1 if args.quick else 3)
+    figure, axes = new_figure(2, 3, 9.0, 5.2)
+    panels = list(axes.flat)
+    series = (
+        ("simulated time [s]", DURATIONS, steps, "CPU time [s]", "steps: SCARA"),
+        ("joints of the arm", JOINTS, [1e6 * v for v in joints], "a step [µs]", "joints: arm"),
+        ("joints with clearance of 5", LOOSE, [1e6 * v for v in loose], "a step [µs]", "contacts"),
+        (
+            "cases",
+            CASES,
+            [n * (float(np.median(case)) + driver) for n in CASES],
+            "CPU time [s]",
+            f"cases of {SHORT_S:g} s (reckoned)",
+        ),
+        ("workers", (1, 2), [1.0, ratio], "cases in a time", f"cores: cases of {LONG_S:g} s"),
+    )
+    if args.no_cores:
+        series = series[:-1]
+        panels.pop(-2).set_visible(False)
+    rows = []
+    for panel, (x, at, values, y, title) in zip(panels, series, strict=False):
+        panel.plot(at, values, "o-", ms=4, color=COLOURS[0])
+        panel.set_xlabel(x)
+        panel.set_ylabel(y)
+        panel.set_title(title, fontsize=9)
+        if at is not CASES:
+            panel.set_ylim(bottom=0)
+        else:
+            panel.set_xscale("log")
+            panel.set_yscale("log")
+        if at is JOINTS:
+            panel.set_xscale("log", base=2)
+            panel.xaxis.set_major_formatter("{x:g}")
+        if x == "workers":
+            panel.set_xticks(at)
+        for one, value in zip(at, values, strict=True):
+            rows.append([title, f"{x}: {one:g}", f"{value:.3g}"])
+            data.append({"what": title, "x": one, "value": value})
+    parts = {"bare": np.median(bare), "built, measured": np.median(case - bare), "driver": driver}
+    names = [name.replace(", ", ",\n") for name in parts]
+    panels[-1].bar(names, [1e3 * float(v) for v in parts.values()], color=COLOURS[1])
+    panels[-1].set_ylabel("CPU time [ms]")
+    panels[-1].set_title(f"a case of {SHORT_S:g} s", fontsize=9)
+    for name, value in parts.items():
+        rows.append([f"a case of {SHORT_S:g} s", name, f"{1e3 * float(value):.3g} ms"])
+    if ratio:
+        print(f"a case of {LONG_S:g} s with two workers: {seconds:.3g} s of wall time")
+    benchmark.finish(["what", "at", "value"], rows, data, figure)

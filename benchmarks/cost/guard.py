@@ -1,0 +1,164 @@
+"""Guard: step cost, accuracy, scale and start-up in a few minutes, compared with the baseline.
+
+Everything is a ratio of two things measured in the same minutes on the same machine, so that the
+numbers of another machine can be compared: no seconds. What is worse than the baseline by more than
+its scatter is named, and the exit status is 1. `--update` makes what was measured the baseline.
+"""
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from common import Case
+from cost import scale
+
+from jointplay.analysis.certification import figures
+from jointplay.core.files import temporary
+
+BASELINE = Path(__file__).with_name("baseline.json")
+
+TOLERATED = {
+    "step cost": 0.10,
+    "accuracy": 0.30,
+    "scale: overhead": 0.02,
+    "scale: driver": 0.01,
+    "scale: short": 0.15,
+    "scale: cores": 0.10,
+    "start-up": 0.25,
+}
+"""By how much a ratio may be larger than the baseline's: relative, but for the overhead and the
+driver, which are shares; by what begins its name."""
+
+ABSOLUTE = ("scale: overhead", "scale: driver")
+SMALLER_IS_WORSE = ("scale: cores",)
+
+ACCURACY_S = 0.5
+FINE = {"step": 1e-6, "macro_step": 2e-5, "record_every": 200}
+"""The reference of the accuracy: a tenth of the step and macro steps of 20 us."""
+
+
+def step_cost():
+    """A step over a bare call of `pin.aba`, as `step_cost.py` has it."""
+    with temporary("run") as folder:
+        command = [sys.executable, str(Path(__file__).with_name("step_cost.py")), "--quick"]
+        done = subprocess.run(
+            [*command, "--force", "--out", folder], capture_output=True, text=True, check=True
+        )
+    return {"step cost over a bare aba": float(re.findall(r"ratio ([\d.]+)", done.stdout)[-1])}
+
+
+def accuracy():
+    """Errors of the default settings, relative: the loaded SCARA against a finer run of itself."""
+    case = Case(loaded=True)
+    simulation = case.simulation(duration=ACCURACY_S)
+    plain = figures(simulation.run(), None)
+    fine = figures(replace(simulation, **FINE).run(), None)
+    return {
+        f"accuracy: {name}": abs(plain[name][0] - value) / abs(value)
+        for name, (value, _) in fine.items()
+        if name.startswith(("RMS joint force", "dissipated energy"))
+    }
+
+
+def scaling():
+    """Ratios of `scale.py`."""
+    found = scale.measure(quick=True)
+    return {
+        "scale: overhead over a 3 s case": found["overhead"],
+        "scale: driver over a 3 s case": found["driver_over_case"],
+        "scale: short cases over their compute": found["short"],
+        "scale: cores, two over one": found["cores"],
+    }
+
+
+def start_up():
+    """CPU time of starting, over that of importing numpy, scipy and Pinocchio."""
+    programs = {
+        "bare": "import numpy, scipy.interpolate, pinocchio",
+        "start-up: import jointplay": "import jointplay",
+        "start-up: jointplay --version": "from jointplay.cli import main; main(['--version'])",
+        "start-up: first step of a run": (
+            "import jointplay as jp; s = jp.Scenario.load('jointplay:scara.toml');"
+            "s.simulation('0.2 mm', {'integration': {'duration': 1e-4}}).run()"
+        ),
+    }
+    found = {name: min(_cpu(program) for _ in range(3)) for name, program in programs.items()}
+    bare = found.pop("bare")
+    return {name: seconds / bare for name, seconds in found.items()}
+
+
+def _cpu(program):
+    before = os.times()
+    subprocess.run([sys.executable, "-c", program], check=True, stdout=subprocess.DEVNULL)
+    after = os.times()
+    return (
+        after.children_user
+        + after.children_system
+        - (before.children_user + before.children_system)
+    )
+
+
+PARTS = {"step": step_cost, "accuracy": accuracy, "scale": scaling, "start": start_up}
+
+
+def worse(found, baseline):
+    """Names of the ratios that got worse, and how."""
+    said = []
+    for name, value in found.items():
+        if name not in baseline:
+            continue
+        before = baseline[name]
+        key = next(begin for begin in TOLERATED if name.startswith(begin))
+        margin = TOLERATED[key] * (1.0 if key in ABSOLUTE else abs(before))
+        if name.startswith("accuracy"):
+            margin = max(margin, 1e-4)  # the last digits of a small error
+        beyond = before - value if key in SMALLER_IS_WORSE else value - before
+        if beyond > margin:
+            said.append(f"{name}: {value:.4g}, and was {before:.4g}")
+    return said
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", choices=PARTS, nargs="+", default=list(PARTS))
+    parser.add_argument("--out", type=Path, metavar="JSON", help="write the ratios")
+    parser.add_argument("--update", action="store_true", help=f"write them to {BASELINE.name}")
+    parser.add_argument(
+        "--quick", action="store_true", help="accuracy and start-up alone; the status is always 0"
+    )
+    args = parser.parse_args()
+    if args.quick:
+        args.only = ["accuracy", "start"]
+    found = {}
+    for name in args.only:
+        began = time.perf_counter()
+        found |= PARTS[name]()
+        print(f"{name}: {time.perf_counter() - began:.0f} s", file=sys.stderr, flush=True)
+    found = {name: float(np.format_float_positional(v, 4, fractional=False, trim="k"))
+             for name, v in found.items()}  # fmt: skip
+    known = json.loads(BASELINE.read_text()) if BASELINE.is_file() else {}
+    print("| ratio | now | baseline |\n| --- | --- | --- |")
+    for name, value in found.items():
+        before = f"{known[name]:.4g}" if name in known else "-"
+        print(f"| {name} | {value:.4g} | {before} |")
+    text = json.dumps({**known, **found} if args.update else found, indent=1) + "\n"
+    if args.out:
+        args.out.write_text(text)
+    if args.update:
+        BASELINE.write_text(text)
+        return
+    said = worse(found, known)
+    for line in said:
+        print(f"worse: {line}")
+    print(f"worse {len(said)} of {len(found)}")
+    if said and not args.quick:
+        sys.exit(1)

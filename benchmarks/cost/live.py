@@ -1,0 +1,104 @@
+"""How soon the live page answers: from the move of a slider to what is drawn, in a browser.
+
+Opens `jointplay live` for the SCARA and for the UR5 (clearance in its elbow; with --all in all six
+joints, too), moves sliders in turn, and measures in the page from the input event until the answer
+has been painted: the first budget, and the first cycle of the motion. Beside it the processor time
+that the answering process took, which a busy machine does not lengthen. Chromium draws here without
+a graphics card, which takes its part of both.
+
+Usage: python benchmarks live [--moves 30] [--all] [--quick]
+"""
+
+import argparse
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+
+from common import require
+from tqdm import tqdm
+
+UR5 = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+ROBOTS = {"SCARA": (), "UR5": ("ur5", "--joint", "elbow_joint")}
+ALL = {"UR5, all joints": ("ur5", *(w for name in UR5 for w in ("--joint", f"{name}_joint")))}
+FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+MOVE = """([k]) => {
+    const live = window.jointplay, all = Object.values(live.inputs), {slider} = all[k % all.length];
+    slider.value = String((Number(slider.value) + 37) % 240 + 30);
+    slider.dispatchEvent(new Event("input"));
+    slider.dispatchEvent(new Event("change"));
+}"""
+
+
+def measure(browser, arguments, moves):
+    """Of each move: milliseconds until budget and cycle are drawn, and their processor times."""
+    command = [sys.executable, "-c", "from jointplay.cli import main; raise SystemExit(main())"]
+    command += ["live", *arguments, "--no-browser", "--port", "0"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(server.stdout.readline().split()[2])
+        wait(page)
+        rows = []
+        for k in tqdm(range(moves), file=sys.stderr):
+            page.wait_for_timeout(600)  # the last picture is drawn, in software
+            page.evaluate(MOVE, [k])
+            rows.append(wait(page))
+        page.close()
+        return rows
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.wait()
+
+
+def wait(page):
+    """The times of the newest question, once its exact answer is drawn."""
+    while True:
+        timing = page.evaluate("() => window.jointplay?.timing")
+        if timing and timing.get("ended"):
+            if "fine" not in timing:
+                text = page.evaluate("() => window.jointplay.root.innerText")
+                raise SystemExit(f"a question was not answered: {text}")
+            return timing
+        page.wait_for_timeout(10)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--moves", type=int, default=30)
+    parser.add_argument("--all", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="the SCARA alone, two moves")
+    options = parser.parse_args()
+    require(options.quick, playwright="pip install 'jointplay[movie]'")
+    browser_path = shutil.which("chromium")
+    if browser_path is None:
+        text = "chromium is not installed"
+        if not options.quick:
+            raise SystemExit(text)
+        print(f"skipped: {text}")
+        return
+    from playwright.sync_api import sync_playwright
+
+    robots = ROBOTS | (ALL if options.all else {})
+    if options.quick:
+        robots, options.moves = {"SCARA": ROBOTS["SCARA"]}, 2
+    found = {}
+    with sync_playwright() as tools:
+        browser = tools.chromium.launch(executable_path=browser_path, args=FLAGS)
+        for name, arguments in robots.items():
+            rows = measure(browser, arguments, options.moves)
+            middle = {
+                key: statistics.median(row[key] for row in rows)
+                for key in ("budget", "budgetCpu", "cycle", "cycleCpu", "fine")
+            }
+            print(
+                f"{name}: budget {middle['budget']:.0f} ms drawn ({middle['budgetCpu']:.0f} ms of "
+                f"processor), cycle {middle['cycle']:.0f} ms drawn ({middle['cycleCpu']:.0f} ms), "
+                f"exact run {middle['fine']:.0f} ms; medians of {len(rows)} moves"
+            )
+            if name in ROBOTS:
+                found[name] = middle
+        browser.close()
+    budget, cycle = (max(one[key] for one in found.values()) for key in ("budget", "cycle"))
+    print(f"live budget {budget:.0f} ms, cycle {cycle:.0f} ms")

@@ -1,0 +1,205 @@
+"""What a sweep costs beyond its bare compute, and how it grows with cores and cases.
+
+Bare compute is `Simulation.run` on simulations that are built already, one after the other in one
+process. Overheads are CPU times: each case is run bare and as a case of a sweep (built from the
+scenario, run, compared with the ideal mechanism, measured) in turn, in one process, so that both
+meet the same machine; to the median of the pairs comes what driver and workers take for messages,
+journal and arrays, and the start of the workers, spread over the cases. Only the gain by a second
+core is wall time, of the same cases with one and two workers in turn, workers warm: it wants a
+machine that does nothing else.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import jointplay as jp
+from jointplay.core.files import temporary
+from jointplay.study import open_sweep, plan_of
+from jointplay.study.case import Bench, Outcome, job
+from jointplay.study.run import local_workers
+from jointplay.study.store import Store
+
+CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
+LONG_S, SHORT_S = 3.0, 0.05
+STUDY, SHORT = 1000, 1000
+"""Cases of the study that is reckoned, and of the one with short cases."""
+STORED, MILLION, WORKERS = 10_000, 1_000_000, 100
+LIMITS = {"cores": 1.85, "overhead": 0.05, "short": 1.5, "open": 2.0}
+
+
+def scenario(duration):
+    """The paper's SCARA for so long [s]."""
+    text = jp.Scenario.load("jointplay:scara.toml").text
+    text = text.replace('step = "10 us"', f'step = "10 us"\nduration = {duration}')
+    return jp.Scenario(text, jp.shipped("scara.toml"))
+
+
+def planned(duration, number):
+    """A study of so many clearances."""
+    axis = {"keys": CLEARANCES, "from": "0.1 mm", "to": "0.5 mm", "number": number}
+    return plan_of(scenario(duration), {"clearance": axis}, case="0.2 mm")
+
+
+def pairs(duration, number):
+    """CPU seconds of cases run bare, and as cases of a sweep: two arrays."""
+    made = planned(duration, number)
+    bench = Bench(job(made))
+    bench.run((0,), made.changes((0,)))
+    found = []
+    for index in made.indices():
+        simulation = bench.simulation(made.changes(index))
+        began = time.process_time()
+        simulation.run(estimate=False)  # as cases of a sweep are run
+        middle = time.process_time()
+        outcome = bench.run(index, made.changes(index))
+        found.append((middle - began, time.process_time() - middle))
+        if outcome.state != 1:
+            raise SystemExit(outcome.error)
+    return np.array(found).T, outcome
+
+
+def bookkeeping(outcome, number, folder):
+    """CPU seconds of the driver for each of `number` cases, and seconds to open them."""
+    made = planned(SHORT_S, number)
+    store = Store(folder / "stored", made)
+    began = time.process_time()
+    for index in made.indices():
+        made.changes(index)
+        store.keep(Outcome(index, 1, outcome.values))
+    store.flush()
+    took = (time.process_time() - began) / number
+    store.close()
+    began = time.perf_counter()
+    found = open_sweep(folder / "stored")
+    assert float(found["peak_force"].mean()) > 0.0
+    return took, time.perf_counter() - began
+
+
+def start():
+    """CPU seconds that the start of the workers takes, imports and compiled kernels included."""
+    import resource
+
+    made = planned(SHORT_S, 2)
+
+    def children():
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
+    before = children()
+    import subprocess
+
+    program = "import jointplay.study.case; from jointplay import kernel; kernel.compiled()"
+    subprocess.run([sys.executable, "-c", program], check=True)
+    assert made.count == 2
+    return children() - before
+
+
+def messages(number):
+    """CPU seconds of the driver for messages to and from workers, by case."""
+    made = planned(SHORT_S, number)
+    workers = local_workers(job(made), 1)
+    try:
+        cases = ((index, made.changes(index)) for index in made.indices())
+        began = time.process_time()
+        for _ in workers.run(cases):
+            pass
+        return (time.process_time() - began) / number
+    finally:
+        workers.close()
+
+
+def gain(number, rounds):
+    """How much faster two workers are than one, and the wall seconds of a case with two."""
+    made = planned(LONG_S, number)
+    crews = {1: local_workers(job(made), 1), 2: local_workers(job(made), 2)}
+    times = {1: [], 2: []}
+    try:
+        for crew in crews.values():
+            list(crew.run((index, made.changes(index)) for index in list(made.indices())[:4]))
+        for _ in range(rounds):
+            for workers, crew in crews.items():
+                began = time.perf_counter()
+                for _, outcome in crew.run((i, made.changes(i)) for i in made.indices()):
+                    if outcome.state != 1:
+                        raise SystemExit(outcome.error)
+                times[workers].append(time.perf_counter() - began)
+    finally:
+        for crew in crews.values():
+            crew.close()
+    return min(times[1]) / min(times[2]), min(times[2]) / number
+
+
+def measure(quick=False):
+    """All ratios and what is reckoned from them, by name."""
+    made = temporary("scale")
+    folder = Path(made.name)
+    try:
+        (short_bare, short_case), outcome = pairs(SHORT_S, 60 if quick else 200)
+        (long_bare, long_case), _ = pairs(LONG_S, 6 if quick else 20)
+        kept, opened = bookkeeping(outcome, STORED, folder)
+        told = messages(100 if quick else 300)
+        begun = start()
+        cores, seconds = gain(8 if quick else 24, 1 if quick else 3)
+    finally:
+        made.cleanup()
+    driver = kept + told
+    bare = float(np.median(long_bare))
+    overhead = float(np.median(long_case - long_bare)) + driver
+    short = float(np.median(short_case)) + driver + begun / SHORT
+    return {
+        "cores": cores,
+        "overhead": overhead / bare,
+        "short": short / float(np.median(short_bare)),
+        "open": opened,
+        "driver_over_case": driver / bare,
+        "study_s": STUDY * seconds + begun,
+        "million_s": max(MILLION * (bare + overhead) / WORKERS, MILLION * driver),
+        "million_driver_s": MILLION * driver,
+        "bare_s": bare,
+        "driver_s": driver,
+        "start_s": begun,
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="a rough answer")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers there as well")
+    parser.add_argument("--check", action="store_true", help="exit with status 1 beyond a limit")
+    args = parser.parse_args()
+    found = measure(args.quick)
+    print("| what | value |\n| --- | --- |")
+    print(f"| bare compute of the {LONG_S:g} s cycle, CPU | {found['bare_s']:.3f} s |")
+    print(f"| driver, for each case, CPU | {1e3 * found['driver_s']:.2f} ms |")
+    print(f"| start of the workers, CPU, once | {found['start_s']:.2f} s |")
+    print(f"| {STORED} stored cases open in | {found['open']:.2f} s |")
+    print(
+        f"| {STUDY} cases of {LONG_S:g} s on two cores, reckoned from those run | "
+        f"{found['study_s'] / 60:.1f} min |"
+    )
+    print(
+        f"| {MILLION} cases of {LONG_S:g} s on {WORKERS} workers, reckoned | "
+        f"{found['million_s'] / 3600:.2f} h, of which the driver is busy "
+        f"{found['million_driver_s'] / 3600:.2f} h |"
+    )
+    if args.json:
+        args.json.write_text(json.dumps(found, indent=1) + "\n")
+    print(
+        f"cores {found['cores']:.2f} overhead {100 * found['overhead']:.1f}% "
+        f"short {found['short']:.2f}"
+    )
+    good = (
+        found["cores"] >= LIMITS["cores"]
+        and found["overhead"] < LIMITS["overhead"]
+        and found["short"] <= LIMITS["short"]
+        and found["open"] < LIMITS["open"]
+    )
+    if args.check and not good:
+        sys.exit(1)

@@ -1,4 +1,0 @@
-"""Other engines on the mechanisms of this package; `benchmarks/peers.py` compares them.
-
-One module per engine, imported only if the engine is installed (`common.missing`).
-"""

@@ -1,0 +1,174 @@
+"""The gallery of the documentation: runs every mechanism, draws it, and writes its numbers.
+
+Pictures and `numbers.csv` go to docs/gallery; the tables of its page are written from the numbers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import re
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+from common import DOCS
+
+import jointplay as jp
+from jointplay import analysis
+from jointplay.mechanism.picture import picture
+
+FOLDER = DOCS / "gallery"
+SHIPPED = ("scara", "slider_crank", "four_bar", "delta", "three_rrr")
+"""Scenarios that lie in the package; the others are in the gallery's own folder."""
+QUICK = "gate"
+"""The mechanism of a quick run."""
+VIEWS = {
+    "oil_pendulum": (-65.0, 18.0),
+    "spline": (-60.0, 22.0),
+    "ball_pendulum": (-60.0, 15.0),
+    "jansen": (-90.0, 80.0),
+    "delta": (-70.0, 12.0),
+    "three_rrr": (-90.0, 80.0),
+}
+"""Directions from which some are drawn: azimuth and elevation [deg]."""
+FIELDS = (
+    "mechanism",
+    "case",
+    "tool_peak_mm",
+    "tool_rms_mm",
+    "force_peak_N",
+    "contacts",
+    "residual",
+)
+
+
+def names() -> list[str]:
+    """Mechanisms of the gallery: those that ship with the package first."""
+    return [*SHIPPED, *sorted(path.stem for path in FOLDER.glob("*.toml"))]
+
+
+def scenario(name: str) -> jp.Scenario:
+    return jp.Scenario.load(
+        f"jointplay:{name}.toml" if name in SHIPPED else FOLDER / f"{name}.toml"
+    )
+
+
+def numbers(name: str) -> list[dict[str, str]]:
+    """Run all cases; a row for each with play."""
+    warnings.simplefilter("ignore", RuntimeWarning)
+    given = scenario(name)
+    results = {case: given.simulation(case).run() for case in given.cases}
+    rows = []
+    for case, result in results.items():
+        if not analysis.has_play(result):
+            continue
+        ideal = next((r for r in results.values() if analysis.is_twin(result, r)), None)
+        ideal = analysis.twin(result) if ideal is None else ideal
+        start = result.simulation.judged_from
+        error = analysis.deviation(result, ideal)
+        sizes = np.linalg.norm(error.sel(time=error["time"] >= start).values, axis=1)
+        judged = result.time >= start
+        force = max(
+            (
+                float(np.linalg.norm(
+                    result["joint_force_peak"].sel(joint=joint).values[judged], axis=1).max())
+                for joint in result.joints
+            ),
+            default=float("nan"),
+        )  # fmt: skip
+        found = analysis.contacts(result, start) if result.joints else ()
+        count = sum(len(one.start) for one in found)
+        residual = f"{result.audit.relative_energy_residual:.1e}"
+        peak, rms = (f"{1e3 * s:.3g}" for s in (sizes.max(), np.sqrt((sizes**2).mean())))
+        if sizes.max() < 1e-12:  # a tool frame that does not move
+            peak = rms = "-"
+        rows.append(
+            dict(zip(FIELDS, (
+                name, case, peak, rms, _round(force), str(count), residual,
+            ), strict=True))
+        )  # fmt: skip
+    return rows
+
+
+def _round(value: float) -> str:
+    """Three digits that count, no power of ten."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
+def draw(name: str) -> None:
+    """The mechanism where its first case with play starts, as a small PNG."""
+    from PIL import Image
+
+    given = scenario(name)
+    runs = [given.ready_run(case) for case in given.cases]
+    shown = next((r for r in runs if r.mechanism.clearance or r.mechanism.gears), runs[0])
+    figure = picture(shown.mechanism, shown.workspace.q, title="", view=VIEWS.get(name))
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=80, bbox_inches="tight")  # labels of axes too
+    image = Image.open(drawn).convert("RGB").quantize(96, dither=Image.Dither.NONE)
+    image.save(FOLDER / f"{name}.png", optimize=True)
+
+
+def table(rows: list[dict[str, str]]) -> str:
+    lines = [
+        "| case | tool error, largest / RMS [mm] | largest joint force [N] | contacts |",
+        "| --- | --- | --- | --- |",
+    ]
+    for row in rows:
+        force = "-" if row["force_peak_N"] == "nan" else row["force_peak_N"]
+        lines.append(
+            f"| {row['case']} | {row['tool_peak_mm']} / {row['tool_rms_mm']} | {force} | "
+            f"{row['contacts']} |"
+        )
+    return "\n".join(lines)
+
+
+def fill(rows: list[dict[str, str]]) -> None:
+    """Write the tables into the page, each after its mark."""
+    page = FOLDER / "README.md"
+    text = page.read_text(encoding="utf-8")
+    for name in dict.fromkeys(row["mechanism"] for row in rows):
+        own = table([row for row in rows if row["mechanism"] == name])
+        text = re.sub(
+            rf"(<!-- numbers: {name} -->\n)\n?(?:\|.*\n)*",
+            lambda m, own=own: f"{m[1]}\n{own}\n",
+            text,
+        )
+    page.write_text(text, encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", help="mechanisms")
+    parser.add_argument("--pictures", action="store_true", help="draw only")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument(
+        "--quick", action="store_true", help="the numbers of one mechanism; nothing is written"
+    )
+    options = parser.parse_args()
+    if options.quick:
+        print(table(numbers(QUICK)))
+        return
+    chosen = options.only or names()
+    for name in chosen:
+        draw(name)
+    if options.pictures:
+        return
+    kept = FOLDER / "numbers.csv"
+    rows = {}
+    if kept.exists():
+        with kept.open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                rows.setdefault(row["mechanism"], []).append(row)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for name, found in zip(chosen, pool.map(numbers, chosen), strict=True):
+            rows[name] = found
+            print(table(found).splitlines()[2:], flush=True)
+    every = [row for name in names() for row in rows.get(name, [])]
+    with kept.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, FIELDS)
+        writer.writeheader()
+        writer.writerows(every)
+    fill(every)

@@ -1,0 +1,193 @@
+"""Do the intervals of `jointplay calibrate` hold the truth, and is play told where there is some?
+
+Random robots of three to six joints whose encoders are off, whose joints give way in proportion to
+their load and some of which have play and friction, whose links are longer or shorter than drawn,
+stand at random poses; a tracker looks at them. What they do is computed by Pinocchio alone.
+`jointplay.calibrate` is given the drawn robot, no friction and no transition of play, and its
+default terms. Counted: intervals of coefficients and of play without the truth, bounds of play
+below it, joints without play that are told to have some.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pinocchio as pin
+from common import COLOURS, Benchmark, new_figure
+from scipy.spatial.transform import Rotation
+from tqdm import tqdm
+
+import jointplay as jp
+from jointplay.core.files import temporary
+from jointplay.identification import StaticPoses
+
+LINK = """
+  <link name="link{i}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="joint{i}" type="revolute"><parent link="{parent}"/><child link="link{i}"/>
+    <origin xyz="{at}"/><axis xyz="{axis}"/>
+    <limit lower="-3" upper="3" effort="1e3" velocity="9"/></joint>"""
+TOOL = """
+  <link name="tool"/><joint name="tip" type="fixed"><parent link="link{i}"/><child link="tool"/>
+    <origin xyz="{at}"/></joint>"""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot as it was drawn, what it has in truth by label (SI), and poses seen of it."""
+
+    drawn: jp.Mechanism
+    truth: dict[str, float]
+    poses: StaticPoses
+
+
+def drawn(random: np.random.Generator) -> jp.Mechanism:
+    """A robot whose joints turn about the axes of their frames, the first about the vertical."""
+
+    def text(vector: np.ndarray) -> str:
+        return " ".join(f"{x:.6f}" for x in vector)
+
+    count, parts, parent = int(random.integers(3, 7)), ['<link name="base"/>'], "base"
+    way = np.array([0.0, 0.0, 0.3])
+    before = ""
+    for i in range(count):
+        choices = [one for one in ("1 0 0", "0 1 0", "0 0 1") if i < 2 or one != before]
+        axis = "0 0 1" if i == 0 else "0 1 0" if i == 1 else str(random.choice(choices))
+        before = axis if i else ""
+        at, way = way, random.uniform([0.1, -0.1, -0.1], [0.4, 0.1, 0.1])
+        mass = random.uniform(1.0, 5.0)
+        parts.append(
+            LINK.format(
+                i=i, centre=text(0.5 * way), mass=mass, parent=parent, at=text(at), axis=axis
+            )
+        )
+        parent = f"link{i}"
+    parts.append(TOOL.format(i=count - 1, at=text(way)))
+    with temporary("calibrate") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+        return jp.Mechanism(path, tool="tool")
+
+
+def robot(seed: int) -> Robot:
+    """One of the robots."""
+    random = np.random.default_rng([17, seed])
+    mechanism = drawn(random)
+    names, model = mechanism.joints, mechanism.ideal().model.copy()
+    n, count = int(random.integers(30, 81)), len(names)
+    motor = random.uniform(-2.5, 2.5, (n, count))
+    data = model.createData()
+    load = -np.array([pin.computeGeneralizedGravity(model, data, q).copy() for q in motor])
+    way = np.vstack([np.zeros(count), np.sign(np.diff(motor, axis=0))])
+    true, truth = motor.copy(), {}
+    waves, bends, grows = random.random(3) < (0.3, 0.7, 0.5)
+    for j, name in enumerate(names):
+        largest = float(np.abs(load[:, j]).max())
+        offset = random.normal(0.0, 0.01)
+        give = random.uniform(0.0, 1e-3) if bends else 0.0
+        half = 10.0 ** random.uniform(-4.0, -2.3) if random.random() < 0.4 else 0.0
+        sine, cosine = random.normal(0.0, 2e-3, 2) if waves else (0.0, 0.0)
+        friction = largest * random.uniform(0.0, 0.4) * (random.random() < 0.5)
+        width = max(largest * random.uniform(0.02, 0.3), 1e-9)
+        lean = np.clip((load[:, j] - friction * way[:, j]) / width, -1.0, 1.0)
+        if largest < 1e-6:
+            half, lean = 0.0, np.zeros(n)
+        true[:, j] += offset + give * load[:, j] + half * lean
+        true[:, j] += sine * np.sin(motor[:, j]) + cosine * np.cos(motor[:, j])
+        truth |= {f"offset {name}": offset, f"compliance {name}": give, f"play {name}": half}
+        truth |= {f"eccentricity {name} sin": sine, f"eccentricity {name} cos": cosine}
+        if j and grows:
+            moved = random.normal(0.0, 5e-4, 3)
+            model.jointPlacements[j + 1].translation += moved
+            truth |= {f"placement {name} along {a}": x for a, x in zip("xyz", moved, strict=True)}
+    places = []
+    data = model.createData()
+    for q in true:
+        pin.framesForwardKinematics(model, data, q)
+        places.append(data.oMf[mechanism.ideal().tool_frame].copy())
+    noise = 10.0 ** random.uniform(-4.7, -3.7)
+    frame, at = Rotation.random(rng=random).as_matrix(), random.normal(size=3)
+    position = np.array([at + frame @ p.translation for p in places])
+    position += noise * random.normal(size=position.shape)
+    turned = None
+    if random.random() < 0.5:
+        small = Rotation.from_rotvec(5.0 * noise * random.normal(size=position.shape)).as_matrix()
+        turned = small @ frame @ np.array([p.rotation for p in places])
+    poses = StaticPoses(names, motor, position=position, orientation=turned)
+    return Robot(mechanism, truth, poses)
+
+
+def case(seed: int) -> list[dict]:
+    """A row for each interval that is told of a robot, and for each joint's play."""
+    one = robot(seed)
+    begin = perf_counter()
+    fit = jp.calibrate(one.drawn, one.poses)
+    seconds, rows = perf_counter() - begin, []
+    for c in fit.coefficients:
+        truth = one.truth.get(c.label, 0.0)
+        inside = c.low <= truth <= c.high
+        rows.append(
+            {
+                "case": seed, "kind": c.term, "label": c.label, "truth": truth, "found": c.value,
+                "low": c.low, "high": c.high, "told": c.determined, "wrong": not inside,
+                "seconds": seconds,
+            }
+        )  # fmt: skip
+    for p in fit.play:
+        truth = one.truth[f"play {p.joint}"]
+        low, high = (p.low, p.high) if p.found else (0.0, p.upper)
+        wrong = not low <= truth <= high
+        rows.append(
+            {
+                "case": seed, "kind": "joint's play" if p.found else "joint's bound",
+                "label": p.joint, "truth": truth, "found": p.half, "low": low, "high": high,
+                "told": not p.reason, "wrong": wrong, "seconds": seconds,
+            }
+        )  # fmt: skip
+    return rows
+
+
+def main() -> None:
+    benchmark = Benchmark("calibrate", __doc__ or "", runs=0)
+    add = benchmark.parser.add_argument
+    add("--robots", type=int, default=60, metavar="N",
+        help="robots (default: %(default)s; --quick: 2)")  # fmt: skip
+    add("--seed", type=int, default=0, metavar="N", help="number of the first of them")
+    add("--jobs", type=int, default=1, metavar="N", help="processes")
+    args = benchmark.parse()
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # for the processes that are started
+    numbers = range(args.seed, args.seed + (2 if args.quick else args.robots))
+    if args.jobs == 1:
+        found = [case(number) for number in tqdm(numbers, unit="robot")]
+    else:
+        with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
+            found = list(tqdm(pool.map(case, numbers), total=len(numbers), unit="robot"))
+    every = [row for one in found for row in one]
+    table = []
+    for kind in dict.fromkeys(row["kind"] for row in every):
+        mine = [row for row in every if row["kind"] == kind]
+        told = [row for row in mine if row["told"]]
+        wrong = sum(row["wrong"] for row in told)
+        none = sum(row["truth"] == 0.0 and row["low"] > 0.0 for row in told)
+        table.append([kind, str(len(mine)), str(len(told)), str(wrong), str(none)])
+    header = ("interval of", "number", "told", "without the truth", "of these: truth is none")
+    figure, axes = new_figure(1, 1, 4.0, 3.4)
+    for row in every:
+        if row["kind"] == "joint's play" and row["told"]:
+            low, high, middle = (1e3 * row[name] for name in ("low", "high", "found"))
+            axes[0][0].errorbar(
+                1e3 * row["truth"], middle, [[middle - low], [high - middle]],
+                fmt="o", ms=3, lw=0.8, color=COLOURS[int(row["wrong"])],
+            )  # fmt: skip
+    axes[0][0].plot([0.0, 5.0], [0.0, 5.0], color="0.5", lw=0.7)
+    axes[0][0].set_xlabel("true half-play [mrad]")
+    axes[0][0].set_ylabel("found, 95 % interval [mrad]")
+    benchmark.finish(header, table, every, figure)
+    print(f"calibration: {np.median([rows[0]['seconds'] for rows in found]):.1f} s (median)")

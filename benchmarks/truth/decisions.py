@@ -1,0 +1,236 @@
+"""How far static budgets, allocations and reduced models can be trusted, and what they cost.
+
+    python benchmarks decisions [--poses 30] [--jobs 2] [--parts times,reductions,poses]
+
+Writes times.txt (CPU seconds of each command), reductions.txt (MuJoCo against the full model), and
+poses.csv, poses.txt, poses.png (static bound and dynamic error at random poses, slow and fast).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from common import folder_of, require
+
+import jointplay as jp
+from jointplay.analysis.runs import dynamic_error
+from jointplay.core.files import temporary
+from jointplay.design.poses import along_motion, over_workspace
+from jointplay.design.reduced_files import follow, to_mjcf
+from jointplay.design.reduction import reduce
+from jointplay.design.static_budget import budget
+from jointplay.mechanism.robots import robot_urdf
+
+UR5 = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+PLAYS = ("shoulder_lift_joint", "elbow_joint", "wrist_2_joint")
+CLEARANCE_M = 1e-4
+MOVE_RAD = 0.15
+DOCS = Path("docs/images/decisions")
+SPEEDS = {"slow": 2.0, "fast": 0.25}
+"""Duration of a movement of `MOVE_RAD` in every joint [s]."""
+
+
+HEAD = (
+    "| joint | reversals | stated [urad] | MuJoCo, largest | MuJoCo, RMS | lean: stated [mrad] | "
+    "MuJoCo's lean, largest | us a step | s per s simulated | full model, s per s |",
+    "|" + " --- |" * 10,
+)
+
+
+def robot() -> jp.Mechanism:
+    bearing = jp.RevoluteClearance(
+        bearing_radius=20e-3, radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M
+    )
+    return jp.Mechanism(robot_urdf("ur5"), dict.fromkeys(PLAYS, bearing), tool="tool0")
+
+
+def one(number: int) -> dict[str, float]:
+    """Static bound and dynamic errors about one random pose."""
+    mechanism = robot()
+    at = over_workspace(mechanism, 64, seed=7)[number]
+    random = np.random.default_rng(number)
+    begin = np.array([at[mechanism.coordinate(name)] for name in UR5])
+    end = begin + MOVE_RAD * random.choice([-1.0, 1.0], len(UR5))
+    row: dict[str, float] = {"pose": number}
+    for name, duration in SPEEDS.items():
+        times = np.array([0.0, 0.3, 0.3 + duration])
+        motion = jp.Motion(UR5, times, [begin, begin, end])
+        # Limits do not matter here: a turn more or less is the same pose.
+        t = np.linspace(0.0, times[-1], 40)
+        positions = motion(t)[0]
+        q = np.array([mechanism.configuration(dict(zip(UR5, p, strict=True))) for p in positions])
+        found = budget(mechanism, q)
+        simulation = jp.Simulation(mechanism, motion, limits="ignore")
+        seen = dynamic_error(mechanism, motion, simulation, runs=1)
+        row[f"{name}_bound"] = float((found.worst + found.second_order).max())
+        row[f"{name}_rest"] = float(found.rest_error.max())
+        row[f"{name}_peak"] = float(seen.peak.max())
+        row[f"{name}_rms"] = float(seen.rms.mean())
+        row[f"{name}_step"] = seen.step
+    return row
+
+
+def budget_time() -> float:
+    """CPU seconds of a 7-joint arm's budget along a motion, start of Python not counted."""
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    bearing = jp.RevoluteClearance(radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M)
+    mechanism = jp.Mechanism(
+        robot_urdf("panda"), dict.fromkeys(names, bearing), tool="panda_hand_tcp"
+    )
+    home = np.array([0.0, -0.8, 0.0, -2.0, 0.0, 1.5, 0.7])
+    motion = jp.Motion(names, [0.0, 1.0, 2.0], [home, home + 0.5, home])
+    begun = time.process_time()
+    budget(mechanism, along_motion(mechanism, motion))
+    return time.process_time() - begun
+
+
+def command_times(quick: bool) -> dict[str, float]:
+    """CPU seconds of the commands, start of Python and all."""
+    clearance = ["--clearance", "0.05 mm"]
+    orders = {
+        "budget panda, one pose": ["budget", "panda", *clearance],
+        "budget panda, 500 poses": ["budget", "panda", *clearance, "--workspace", "500"],
+        "budget slider-crank, 60 poses": [
+            "budget", "jointplay:slider_crank.toml", "--case", "0.2 mm",
+        ],
+        "allocate panda, 60 poses": [
+            "allocate", "panda", "--target", "1 mm", "--workspace", "60",
+        ],
+        "allocate panda, 99 %, 60 poses": [
+            "allocate", "panda", "--target", "1 mm", "--workspace", "60", "--quantile", "0.99",
+        ],
+        "reduce ur5 elbow": [
+            "reduce", "ur5", "--joint", "elbow_joint", *clearance, "--gear",
+            "elbow_joint=2 arcmin", "--gear-stiffness", "2e4", "--rotor-inertia", "0.5",
+            "--gear-damping", "20", "--quiet", "--out", "{out}",
+        ],
+    }  # fmt: skip
+    found: dict[str, float] = {}
+    program = "import sys; from jointplay.cli import main; sys.exit(main())"
+    for name, order in list(orders.items())[: 1 if quick else None]:
+        with temporary("decisions") as folder:
+            order = [part.format(out=f"{folder}/out") for part in order]
+            begun = sum(os.times()[2:4])
+            subprocess.run(
+                [sys.executable, "-c", program, *order], check=True, stdout=subprocess.DEVNULL
+            )
+            found[name] = sum(os.times()[2:4]) - begun
+    return found
+
+
+def reductions(quick: bool) -> list[str]:
+    """MuJoCo with the reduced model against the full model, in reversals other than the fit's."""
+    rows = []
+    pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.0}
+    for joint in ("shoulder_pan_joint", "elbow_joint"):
+        bearing = jp.RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
+        mechanism = jp.Mechanism(
+            robot_urdf("ur5"),
+            {joint: bearing},
+            gears={joint: jp.Gear(1e-3, 0.5, 2e4, 20.0)},
+            tool="tool0",
+        )
+        fitted = reduce(mechanism, joint, pose)
+        for amplitude, period in ((0.1, 2.0), (0.05, 3.0), (0.15, 2.0)):
+            begun = time.process_time()
+            other = reduce(mechanism, joint, pose, amplitude=amplitude, period=period)
+            spent = time.process_time() - begun
+            past = replace(fitted, history=other.history)
+            seen = follow(to_mjcf(mechanism, fitted), past)
+            lean = follow(to_mjcf(mechanism, fitted, tilt=True), past).lean_error
+            rows.append(
+                f"| {joint} | {amplitude:g} rad, {period:g} s | {1e6 * fitted.angle_error:.0f} | "
+                f"{1e6 * seen.error:.0f} | {1e6 * seen.rms:.0f} | {1e3 * fitted.tilt_error:.2f} | "
+                f"{1e3 * lean:.2f} | {1e6 * seen.step_seconds:.0f} | "
+                f"{seen.step_seconds / seen.step:.3f} | {spent / (2.0 * period):.2f} |"
+            )
+            print(rows[-1], flush=True)
+            if quick:
+                return rows
+    return rows
+
+
+def figure(rows: list[dict[str, float]], path: Path) -> None:
+    from jointplay.plots.style import COLOURS, new_figure, style
+
+    with style():
+        drawn = new_figure(5.5, 4.2)
+        axes = drawn.subplots()
+        top = 0.0
+        for (name, duration), colour, marker in zip(SPEEDS.items(), COLOURS, "os", strict=False):
+            x = np.array([1e3 * row[f"{name}_bound"] for row in rows])
+            y = np.array([1e3 * row[f"{name}_peak"] for row in rows])
+            axes.plot(x, y, marker, color=colour, ms=4, label=f"{MOVE_RAD} rad in {duration:g} s")
+            top = max(top, x.max(), y.max())
+        axes.plot([0, top], [0, top], color="0.5", lw=0.8, label="dynamic = static bound")
+        axes.set(xlabel="static worst case [mm]", ylabel="peak error in a run [mm]")
+        axes.legend()
+        drawn.savefig(path)
+
+
+def times(quick: bool) -> list[str]:
+    lines = [f"- budget of a 7-joint arm along a motion, in Python: {budget_time():.2f} s"]
+    return lines + [f"- `{name}`: {spent:.1f} s" for name, spent in command_times(quick).items()]
+
+
+def summary(rows: list[dict[str, float]]) -> list[str]:
+    lines = []
+    for name in SPEEDS:
+        part = np.array([row[f"{name}_peak"] / row[f"{name}_bound"] for row in rows])
+        rest = np.array([row[f"{name}_rms"] / row[f"{name}_rest"] for row in rows])
+        lines.append(
+            f"- {name}: peak / bound {part.min():.2f} to {part.max():.2f}, median "
+            f"{np.median(part):.2f}; {int((part > 1.0).sum())} of {len(rows)} beyond the bound; "
+            f"RMS / error at rest {np.median(rest):.2f} (median)"
+        )
+    return lines
+
+
+def write_poses(rows: list[dict[str, float]], out: Path) -> None:
+    head = list(rows[0])
+    text = [",".join(head)] + [",".join(f"{row[key]:.6g}" for key in head) for row in rows]
+    (out / "poses.csv").write_text("\n".join(text) + "\n")
+    (out / "poses.txt").write_text("\n".join(summary(rows)) + "\n")
+    figure(rows, out / "poses.png")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poses", type=int, default=30)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--parts", default="times,reductions,poses")
+    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
+    parser.add_argument("--quick", action="store_true", help="of each part the first line")
+    options = parser.parse_args()
+    quick, parts = options.quick, options.parts.split(",")
+    if "reductions" in parts:
+        require(quick, mujoco="pip install 'jointplay[simulators]'")
+    out, poses = folder_of(options, "decisions", DOCS), 1 if quick else options.poses
+    if "times" in parts:
+        lines = times(quick)
+        (out / "times.txt").write_text("\n".join(lines) + "\n")
+        print("\n".join(lines), flush=True)
+    if "reductions" in parts:
+        (out / "reductions.txt").write_text("\n".join([*HEAD, *reductions(quick)]) + "\n")
+    if "poses" in parts:
+        with ProcessPoolExecutor(options.jobs) as pool:
+            rows = []
+            for row in pool.map(one, range(poses)):
+                rows.append(row)
+                print({key: float(f"{value:.4g}") for key, value in row.items()}, flush=True)
+                write_poses(rows, out)

@@ -1,0 +1,741 @@
+"""Does identification find what is there, with the intervals stated, and say when it cannot?
+
+Elastic machines: random arms whose joints, gears, links and tools give way, with stiction, thermal
+drift, offsets of encoders and geometry that is off, by a static solver of their own (`elastic.py`);
+`jointplay.identify` is given no stiffness but of some. Counted: machines with an interval that
+misses the truth, and machines of which a play cannot be told.
+
+Dynamic machines (`--cases`) are run by the full dynamic model (contacts, friction, drives), and
+instruments with noise look at them; identification knows their stiffness and that nothing drifts,
+but neither the
+values (the scenario's are off by up to a factor of 2.5) nor where the robot's geometry is off.
+Counted: how often the 95 % intervals hold the truth, how wide they are, and what hostile
+measurements (drowned in noise, one way only, never pushed, slow, full of holes, with a load cell
+that is off) are said to tell. Then measurements of real machines (benchmarks/truth/validation/data,
+sources on top of each file).
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import multiprocessing
+import os
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from common import COLOURS, Benchmark, new_figure
+from tqdm import tqdm
+from truth import elastic
+
+import jointplay as jp
+from jointplay.core.files import temporary
+from jointplay.identification import Identification, Measurement
+from jointplay.identification.identification import identify
+
+DATA = Path(__file__).parent / "validation" / "data"
+LINK = """
+  <link name="{name}"><inertial><origin xyz="{com} 0 0"/><mass value="{mass}"/>
+    <inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """
+  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+    <origin xyz="{at} 0 0"/><axis xyz="{axis}"/>
+    <limit lower="-3" upper="3" effort="1e4" velocity="9"/></joint>"""
+SPEED = 0.4
+"""At which joints pass [rad/s]."""
+PUSH_S = 0.8
+"""For which a push holds [s]."""
+KINDS = ("lying", "standing", "two", "geared")
+
+
+def robot(random: np.random.Generator, kind: str, folder: Path) -> tuple[Path, list[str]]:
+    """A URDF: one joint about y (lying), about z (standing, geared), or one of each (two)."""
+    axes = {"lying": ["0 1 0"], "two": ["0 0 1", "0 1 0"]}.get(kind, ["0 0 1"])
+    parts, parent = ['<link name="base"/>'], "base"
+    reach = 0.0
+    for i, axis in enumerate(axes):
+        name = f"arm{i}"
+        parts.append(
+            LINK.format(name=name, com=random.uniform(0.1, 0.3), mass=random.uniform(2, 6))
+        )
+        parts.append(
+            JOINT.format(
+                name=f"j{i}", kind="revolute", parent=parent, child=name, at=reach, axis=axis
+            )
+        )
+        parent, reach = name, random.uniform(0.2, 0.4)
+    parts.append('<link name="tool"/>')
+    parts.append(
+        JOINT.format(name="tip", kind="fixed", parent=parent, child="tool", at=reach, axis="0 0 1")
+    )
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+    return path, [f"j{i}" for i in range(len(axes))]
+
+
+def bearing(random: np.random.Generator) -> jp.RevoluteClearance:
+    radial = random.uniform(2e-5, 1.5e-4)
+    return jp.RevoluteClearance(
+        bearing_radius=random.uniform(8e-3, 20e-3),
+        bearing_length=random.uniform(30e-3, 60e-3),
+        radial_clearance=radial,
+        axial_clearance=radial * random.uniform(0.7, 2.0),
+        friction=jp.contact.Ambrosio(random.uniform(0.05, 0.25)),
+        restitution=random.uniform(0.3, 0.8),
+    )
+
+
+def guess(random: np.random.Generator, joint: jp.RevoluteClearance) -> jp.RevoluteClearance:
+    """What somebody expects before the measurement."""
+    off = random.uniform(0.4, 2.5, 3)
+    return replace(
+        joint,
+        radial_clearance=joint.cr * off[0],
+        journal_radius=None,
+        axial_clearance=joint.ca * off[1],
+        journal_length=None,
+        friction=jp.contact.Ambrosio(joint.friction.mu_d * off[2]),
+    )
+
+
+def course(
+    random: np.random.Generator, joints: list[str], mass: float
+) -> tuple[jp.Motion, jp.loads.WrenchOverTime]:
+    """There and back twice; once under a push and once under its opposite; pushes at two poses."""
+    ends = random.uniform(0.3, 0.6, len(joints))
+    centre = random.uniform(-0.3, 0.3, len(joints))
+    leg = 2.0 * float(ends.max()) / SPEED
+    strength = random.uniform(1.5, 2.5) * 9.81 * mass
+    times, places = [0.0, 0.3], [centre - ends, centre - ends]
+    push_times, pushes = [0.0], [np.zeros(3)]
+
+    def push(begin: float, end: float, force: np.ndarray) -> None:
+        push_times.extend([begin, begin + 0.1, end - 0.1, end])
+        pushes.extend([np.zeros(3), force, force, np.zeros(3)])
+
+    def pass_by() -> None:
+        for way in (1.0, -1.0):
+            times.extend([times[-1] + leg, times[-1] + leg + 0.1])
+            places.extend([centre + way * ends] * 2)
+
+    pass_by()
+    pass_by()
+    axis = np.eye(3)[random.integers(3)]
+    for side in (1.0, -1.0):
+        times[-1] += 0.6
+        begin = times[-1] - 0.5
+        pass_by()
+        push(begin, times[-1], side * strength * axis)
+    for part in (-0.4, 0.5):
+        place = centre + part * ends
+        begin = times[-1] + 1.7
+        times += [times[-1] + 1.0, begin]
+        places += [place, place]
+        for axis in np.eye(3):
+            for side in (1.0, -1.0):
+                push(begin, begin + PUSH_S, side * strength * axis)
+                begin += PUSH_S + 0.2
+        times[-1] = begin
+    motion = jp.Motion(joints, times, places)
+    rows = tuple(tuple(float(x) for x in row) for row in pushes)
+    wrench = jp.loads.WrenchOverTime(frame="tool", times=tuple(push_times), forces=rows)
+    return motion, wrench
+
+
+def off(random: np.random.Generator, measured: Measurement) -> Measurement:
+    """Geometry that is wrong: a smooth distortion of the tool's place by up to a millimetre."""
+    signals = dict(measured.signals)
+    motors = [values for (kind, _), values in signals.items() if kind == "motor"]
+    for key in signals:
+        if key[0] == "tool":
+            for values in motors:
+                a, b = random.uniform(-1e-3, 1e-3, 2)
+                signals[key] = signals[key] + a * np.sin(values) + b * np.cos(values)
+    return Measurement(measured.time, signals, source="the simulated measurement")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine with its truth, and what somebody believes of it before the measurement."""
+
+    seed: int
+    kind: str
+    true: dict[str, jp.RevoluteClearance]
+    gears: dict[str, jp.Gear]
+    simulation: jp.Simulation
+    believed: jp.Simulation
+    noise: dict[str, float]
+    kinds: tuple[str, ...]
+
+    @property
+    def stiffness(self) -> dict[str, float]:
+        """Given to identification: links and joints are rigid, gears as they are."""
+        return {"all": math.inf} | {name: gear.stiffness for name, gear in self.gears.items()}
+
+    def look(self) -> Measurement:
+        """Run it, and let the instruments look."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            result = self.simulation.run()
+        seen = Measurement.from_result(result, noise=self.noise, kinds=self.kinds, seed=self.seed)
+        return off(np.random.default_rng(self.seed), seen)
+
+
+def machine(seed: int) -> Machine:
+    """One of the machines."""
+    random = np.random.default_rng(seed)
+    kind = KINDS[seed % len(KINDS)]
+    with temporary("identify") as folder:
+        path, joints = robot(random, kind, Path(folder))
+        true = {name: bearing(random) for name in joints}
+        believed = {name: guess(random, joint) for name, joint in true.items()}
+        gears = {}
+        if kind == "geared":
+            play = random.uniform(0.3e-3, 3e-3)
+            gears = {"j0": jp.Gear(play, rotor_inertia=0.3, stiffness=2e4, damping=20.0)}
+        guessed = {n: replace(g, play=g.play * random.uniform(0.4, 2.5)) for n, g in gears.items()}
+        motion, wrench = course(random, joints, 4.0 * len(joints))
+        simulation = jp.Simulation(
+            jp.Mechanism(path, true, gears=gears, tool="tool"),
+            motion,
+            jp.loads.ComputedTorque(encoder="motor"),
+            loads={"push": wrench},
+            record_every=500,
+            joint_friction={name: jp.loads.JointFriction(coulomb=0.5) for name in gears},
+            limits="ignore",
+        )
+        expected = jp.Mechanism(path, believed, gears=guessed, tool="tool")
+    noise = {"tool": 10 ** random.uniform(-6.0, -4.6), "motor": 1e-5, "link": 1e-5}
+    link = ("link",) if gears and random.random() < 0.5 else ()
+    kinds = ("tool", "motor", "force", *link)
+    theirs = replace(simulation, mechanism=expected)
+    return Machine(seed, kind, true, gears, simulation, theirs, noise, kinds)
+
+
+PLAIN = "as measured"
+
+
+def case(seed: int, worsen: bool, keep: Path | None) -> list[dict]:
+    """What is found of one machine, by its measurement and, to `worsen`, by hostile ones."""
+    one = machine(seed)
+    measured = looked(one, keep)
+    rows = compare(one, identify(one.believed, measured, stiffness=one.stiffness, drift=0), PLAIN)
+    for name, worse in hostile(one, measured).items() if worsen else ():
+        try:
+            rows += compare(
+                one, identify(one.believed, worse, stiffness=one.stiffness, drift=0), name
+            )
+        except jp.JointplayError as error:
+            rows += [{**row, **REFUSED, "measurement": name, "why_not": str(error)} for row in rows
+                     if row["measurement"] == PLAIN]  # fmt: skip
+    return rows
+
+
+REFUSED = {"found": np.nan, "half_width": np.inf, "told": False, "covered": False, "misfit": np.nan}
+
+
+def looked(made: Machine, keep: Path | None) -> Measurement:
+    """Its measurement, from a file if it was kept."""
+    if keep is None:
+        return made.look()
+    path = keep / f"{made.seed}.csv"
+    if not path.exists():
+        keep.mkdir(parents=True, exist_ok=True)
+        path.write_text(made.look().csv())
+    return Measurement.from_csv(path, dict.fromkeys(made.true, False))
+
+
+def hostile(made: Machine, measured: Measurement) -> dict[str, Measurement]:
+    """The same measurement made worse, by name."""
+    random = np.random.default_rng(made.seed)
+    time, signals = measured.time, measured.signals
+    pushed = np.any([signals["force", axis] != 0.0 for axis in "xyz"], axis=0)
+    first = time[pushed][0] - 0.3
+    leg = float(made.simulation.motion.times[2])
+
+    def changed(kind: str, how: Callable[[np.ndarray], np.ndarray]) -> Measurement:
+        return replace(
+            measured,
+            signals={key: how(v) if key[0] == kind else v for key, v in signals.items()},
+        )
+
+    def kept(chosen: np.ndarray) -> Measurement:
+        return replace(
+            measured, time=time[chosen], signals={key: v[chosen] for key, v in signals.items()}
+        )
+
+    return {
+        "noise of 0.3 mm": changed("tool", lambda v: v + 3e-4 * random.standard_normal(len(v))),
+        "one way only": kept(time < leg),
+        "never pushed": kept(time < first),
+        "10 records a second": kept(np.arange(len(time)) % 10 == 0),
+        "half of the records lost": changed(
+            "tool", lambda v: np.where(random.random(len(v)) < 0.5, np.nan, v)
+        ),
+        "load cell off by 30 %": changed("force", lambda v: 1.3 * v),
+    }
+
+
+def compare(made: Machine, found: Identification, measurement: str) -> list[dict]:
+    """A row for each unknown: truth, what was found, and whether the interval holds it."""
+    true, gears = made.true, made.gears
+    rows = []
+    for i, one in enumerate(found.unknowns):
+        if not one.sought:
+            continue
+        truth = {
+            "radial_clearance": lambda n: true[n].cr,
+            "axial_clearance": lambda n: true[n].ca,
+            "friction": lambda n: true[n].friction.mu_d,
+            "gear_play": lambda n: gears[n].play,
+            "dry_friction": lambda n: made.simulation.joint_friction[n].coulomb,
+        }[one.name](one.joint)
+        rows.append(
+            {
+                "case": made.seed,
+                "measurement": measurement,
+                "kind": made.kind,
+                "unknown": one.label,
+                "name": one.name,
+                "truth": truth,
+                "expected": one.nominal,
+                "found": found.value[i],
+                "half_width": found.half_width[i],
+                "told": found.identified[i],
+                "covered": abs(found.value[i] - truth) <= found.half_width[i],
+                "noise_m": made.noise["tool"],
+                "misfit": found.misfit,
+                "why_not": found.reasons[i],
+            }
+        )
+    return rows
+
+
+RAMP_S = 0.3
+"""In which the elastic machines start and stop [s]."""
+RATE = 50.0
+"""Records a second of the elastic machines [Hz]."""
+PLAY_KINDS = ("shoulder", "elbow", "both", "gear", "gears", "gear and bearing")
+SIZES = (1.0, 0.6, 0.3)
+"""Of pushes."""
+FEWER = 5
+"""Each such machine is pushed with fewer than three sizes."""
+
+
+@dataclass(frozen=True)
+class ElasticMachine:
+    """An arm that gives way, what is believed of it, and its measurement."""
+
+    seed: int
+    kind: str
+    sizes: int
+    """Of its pushes."""
+    arm: elastic.Arm
+    believed: jp.Mechanism
+    friction: dict[str, jp.loads.JointFriction]
+    measured: Measurement
+    truth: dict[str, float]
+    """By label of what is sought."""
+    options: dict
+    """For `identify`."""
+
+
+def elastic_arm(random: np.random.Generator, kind: str) -> elastic.Arm:
+    """Stiffness 2e4 to 1e7 N m/rad, 0.05 to 2 um/N at the tool."""
+
+    def log(low: float, high: float) -> float:
+        return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+    turned = random.uniform(0.0, np.pi)
+    axes = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    tool = axes @ np.diag([log(0.05e-6, 2e-6), log(0.05e-6, 2e-6)]) @ axes.T
+    joints = []
+    for k, name in enumerate(("shoulder", "elbow")):
+        geared = kind == "gears" or (kind.startswith("gear") and k == 0)
+        loose = kind in (name, "both") or (kind == "gear and bearing" and k == 1)
+        length = random.uniform(0.3, 0.6)
+        dry = log(0.2, 5.0) if (geared and random.random() < 0.7) or random.random() < 0.2 else 0.0
+        joints.append(
+            elastic.Joint(
+                length,
+                random.uniform(2.0, 8.0),
+                random.uniform(0.3, 0.6) * length,
+                inertia=0.03,
+                clearance=log(1e-6, 1.5e-4) if loose else 0.0,
+                friction=random.uniform(0.03, 0.2) if loose and random.random() < 0.6 else 0.0,
+                radius=random.uniform(8e-3, 20e-3),
+                sinks=log(0.1e-6, 1e-6),
+                radial=log(1e-9, 2e-8),
+                torsional=1.0 / log(2e4, 1e7),
+                play=log(0.1e-3, 3e-3) if geared else 0.0,
+                dry=dry,
+                sticks=random.uniform(1.0, 1.4),
+                bends=log(0.02e-6, 0.5e-6),
+            )
+        )
+    return elastic.Arm(tuple(joints), bool(random.random() < 0.5), tool)
+
+
+def slow_course(random: np.random.Generator, strength: float, count: int) -> tuple:
+    """Positions (n, 2), forces in the plane (n, 2), and whether it moves (n,), at `RATE`."""
+    ends = random.uniform(0.3, 0.6, 2)
+    centre = np.array([random.uniform(-0.5, 0.5), random.uniform(0.5, 1.2)])
+    rows: list[np.ndarray] = []
+    turned = random.uniform(0.0, np.pi / 2.0)
+    axes = np.array([[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])
+
+    def stay(seconds: float, force: np.ndarray) -> None:
+        last = rows[-1][-1, :2] if rows else centre - ends
+        rows.append(np.tile([*last, *force, 0.0], (round(seconds * RATE), 1)))
+
+    def go(goal: np.ndarray, force: np.ndarray) -> None:
+        last = rows[-1][-1, :2]
+        n = round((float(np.abs(goal - last).max()) / SPEED + RAMP_S) * RATE)
+        ramp = round(RAMP_S * RATE)
+        speed = np.convolve(np.ones(n - ramp), np.hanning(ramp + 2)[1:-1])[:n]
+        part = (np.cumsum(speed) / np.sum(speed))[:, None]
+        n = len(part)
+        rows.append(np.column_stack([last + part * (goal - last), np.tile([*force, 1.0], (n, 1))]))
+
+    none = np.zeros(2)
+    stay(0.4, none)
+    for force in (none, strength * axes[0], -strength * axes[0], none):
+        go(centre + ends, force)
+        go(centre - ends, force)
+    for part in (-0.4, 0.5, 0.1):
+        go(centre + part * ends, none)
+        stay(0.8, none)
+        for size in SIZES[:count]:
+            for axis in axes:
+                for side in (1.0, -1.0):
+                    stay(0.6, side * size * strength * axis)
+                    stay(0.3, none)
+    table = np.concatenate(rows)
+    return table[:, :2], table[:, 2:4], table[:, 4] > 0.0
+
+
+def elastic_machine(seed: int) -> ElasticMachine:
+    """One of the elastic machines."""
+    random = np.random.default_rng([7, seed])
+    kind = PLAY_KINDS[seed % len(PLAY_KINDS)]
+    arm = elastic_arm(random, kind)
+    count = 3 if seed % FEWER else int(random.integers(0, 3))
+    strength = random.uniform(1.2, 2.5) * 9.81 * sum(one.mass for one in arm.joints)
+    motor, force, moves = slow_course(random, strength, count)
+    rate = np.sign(np.round(np.gradient(motor, axis=0), 9))
+    way = np.zeros_like(rate)
+    kept, now = np.ones(2), np.zeros(2)
+    for i in range(len(way)):
+        if moves[i]:
+            kept, now = np.ones(2), rate[i]
+        elif (force[i] != force[max(i - 1, 0)]).any():
+            kept = random.uniform(0.0, 1.0, 2)  # a push lets some of what friction holds go
+        way[i] = kept * now
+    time = np.arange(len(motor)) / RATE
+    tool, twist = elastic.statics(arm, motor, force, way, time)
+    noise = 10 ** random.uniform(-6.0, -4.6)
+    warm = time / time[-1]
+    walk = np.cumsum(random.standard_normal((len(time), 3)), axis=0) / np.sqrt(len(time))
+    drift = random.uniform(-30e-6, 30e-6, 3) * warm[:, None] + random.uniform(0.0, 5e-6) * walk
+    columns = (0, 2) if arm.vertical else (0, 1)
+    position, pushes = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    position[:, columns], pushes[:, columns] = tool, force
+    offset = random.uniform(-1e-3, 1e-3, 2)
+    names = ("shoulder", "elbow")
+    signals = {}
+    for i, axis in enumerate("xyz"):
+        error = drift[:, i] + noise * random.standard_normal(len(time))
+        signals["tool", axis] = position[:, i] + error
+        signals["force", axis] = pushes[:, i]
+    for k, name in enumerate(names):
+        records = motor[:, k] + offset[k] + 1e-6 * random.standard_normal(len(time))
+        signals["motor", name] = records
+        if arm.joints[k].play and random.random() < 0.5:
+            records = motor[:, k] + twist[:, k] + 1e-5 * random.standard_normal(len(time))
+            signals["link", name] = records + random.uniform(-1e-3, 1e-3)
+    seen = off(random, Measurement(time, signals))
+    believed, friction, truth = belief(random, arm)
+    options: dict = {}
+    if random.random() < 0.1:
+        options["stiffness"] = {"shoulder torsional": (0.9 / arm.joints[0].torsional, 0.2)}
+    return ElasticMachine(seed, kind, count, arm, believed, friction, seen, truth, options)
+
+
+def belief(random: np.random.Generator, arm: elastic.Arm) -> tuple:
+    """The mechanism and the friction that somebody expects, and the truth by label."""
+    bearings, gears, friction, truth = {}, {}, {}, {}
+    axis = "0 1 0" if arm.vertical else "0 0 1"
+    parts, parent, reach = ['<link name="base"/>'], "base", 0.0
+    for name, one in zip(("shoulder", "elbow"), arm.joints, strict=True):
+        parts.append(LINK.format(name=f"{name} link", com=one.centre, mass=one.mass))
+        parts.append(
+            JOINT.format(
+                name=name, kind="revolute", parent=parent, child=f"{name} link", at=reach, axis=axis
+            )
+        )
+        parent, reach = f"{name} link", one.length
+        off = random.uniform(0.4, 2.5, 4)
+        if one.clearance:
+            expected = max(one.clearance, 2e-5) * off[0]
+            truth[f"{name} radial clearance"] = one.clearance
+            law = jp.contact.Ambrosio(one.friction * off[1])
+            if one.friction:
+                truth[f"{name} friction"] = one.friction
+            bearings[name] = jp.RevoluteClearance.planar(
+                radial_clearance=expected, bearing_radius=one.radius, friction=law
+            )
+        if one.play:
+            truth[f"{name} gear play"] = one.play
+            gears[name] = jp.Gear(one.play * off[2], 0.1, off[1] ** 2 / one.torsional)
+            truth[f"{name} gear compliance"] = one.torsional
+        if one.dry:
+            truth[f"{name} dry friction"] = one.dry
+            friction[name] = jp.loads.JointFriction(coulomb=one.dry * off[3])
+            if not one.play:
+                truth[f"{name} torsional compliance"] = one.torsional
+    parts.append('<link name="tool"/>')
+    parts.append(
+        JOINT.format(name="tip", kind="fixed", parent=parent, child="tool", at=reach, axis="0 0 1")
+    )
+    with temporary("identify") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+        mechanism = jp.Mechanism(path, bearings, gears=gears, tool="tool")
+    return mechanism, friction, truth
+
+
+def elastic_case(seed: int) -> list[dict]:
+    """A row for each unknown that was asked of an elastic machine."""
+    one = elastic_machine(seed)
+    begin = perf_counter()
+    found = identify(one.believed, one.measured, joint_friction=one.friction, **one.options)
+    seconds = perf_counter() - begin
+    rows = []
+    for i, unknown in enumerate(found.unknowns):
+        if not unknown.sought:
+            continue
+        truth = one.truth[unknown.label]
+        low, high = found.interval(i)
+        rows.append(
+            {
+                "case": seed,
+                "kind": one.kind,
+                "sizes": one.sizes,
+                "unknown": unknown.label,
+                "play": unknown.name in ("radial_clearance", "gear_play"),
+                "truth": truth,
+                "expected": unknown.nominal,
+                "found": found.value[i],
+                "half_width": found.half_width[i],
+                "told": found.identified[i],
+                "wrong": bool(found.identified[i] and not low <= truth <= high),
+                "excess": found.excess,
+                "seconds": seconds,
+                "why_not": found.reasons[i],
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    benchmark = Benchmark("identify", __doc__ or "", runs=0)
+    add = benchmark.parser.add_argument
+    add("--machines", type=int, default=100, metavar="N",
+        help="elastic machines (default: %(default)s; --quick: 5)")  # fmt: skip
+    add("--seed", type=int, default=0, metavar="N", help="number of the first of them")
+    add("--cases", type=int, default=0, metavar="N",
+        help="machines that are run by the full dynamic model, too, and then the real ones "
+        "(default: none; minutes each; --quick: at most 4)")  # fmt: skip
+    add("--first", type=int, default=0, metavar="N", help="number of the first one")
+    add("--jobs", type=int, default=1, metavar="N", help="processes")
+    add("--hostile", type=int, default=8, metavar="N", help="machines that are measured badly, too")
+    add("--keep", type=Path, metavar="DIR", help="folder in which measurements are kept")
+    args = benchmark.parse()
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # for the processes that are started
+    if args.cases:
+        benchmark.name = "identify_dynamic"
+        dynamic(benchmark, args)
+        benchmark.name = "identify"
+        print()
+        real()
+        print()
+    count = 5 if args.quick else args.machines
+    elastic_machines(benchmark, range(args.seed, args.seed + count), args.jobs)
+
+
+def elastic_machines(benchmark: Benchmark, numbers: range, jobs: int) -> None:
+    """How many intervals miss, and where nothing can be told, by kind of machine and of pushes."""
+    if jobs == 1:
+        found = [elastic_case(number) for number in tqdm(numbers, unit="machine")]
+    else:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+            work = pool.map(elastic_case, numbers)
+            found = list(tqdm(work, total=len(numbers), unit="machine"))
+    every = [row for one in found for row in one]
+    groups: dict[str, list[list[dict]]] = {}
+    for rows in found:
+        for name in (
+            f"play in: {rows[0]['kind']}", f"pushes of {rows[0]['sizes']} sizes",
+            "of three sizes: " + rows[0]["kind"] if rows[0]["sizes"] == 3 else "", "all",
+        ):  # fmt: skip
+            groups.setdefault(name, []).append(rows)
+    groups.pop("", None)
+    table = []
+    for name in sorted(groups, key=lambda one: (one == "all", one)):
+        machines = groups[name]
+        rows = [row for one in machines for row in one]
+        plays = [row for row in rows if row["play"] and row["told"]]
+        table.append(
+            [
+                name,
+                str(len(machines)),
+                str(sum(_wrong(one) for one in machines)),
+                str(sum(_cannot_tell(one) for one in machines)),
+                f"{sum(row['told'] for row in rows)} of {len(rows)}",
+                str(sum(row["wrong"] for row in rows)),
+                f"{100 * np.median([row['half_width'] / row['found'] for row in plays]):.2g} %"
+                if plays else "-",
+            ]
+        )  # fmt: skip
+    figure, axes = new_figure(1, 2, 7.0, 3.2)
+    for panel, end, scale, unit in zip(
+        axes[0], ("clearance", "play"), (1e6, 1e3), ("µm", "mrad"), strict=True
+    ):
+        for row in every:
+            if row["play"] and row["told"] and row["unknown"].endswith(end):
+                panel.errorbar(
+                    scale * row["truth"], scale * row["found"], scale * row["half_width"],
+                    fmt="o", ms=3, lw=0.8, color=COLOURS[int(row["wrong"])],
+                )  # fmt: skip
+        low, high = panel.get_xlim()
+        panel.plot([max(low, 0.0), high], [max(low, 0.0), high], color="0.5", lw=0.7)
+        panel.set_xlabel(f"true {end} [{unit}]")
+    axes[0][0].set_ylabel("identified, 95 % interval")
+    header = (
+        "machines", "number", "wrong: an interval without the truth",
+        "cannot tell: a play that is not told", "unknowns told", "intervals without the truth",
+        "half width of plays (median)",
+    )  # fmt: skip
+    benchmark.finish(header, table, every, figure)
+    seconds = [rows[0]["seconds"] for rows in found]
+    print(f"identification: {np.median(seconds):.1f} s (median), {max(seconds):.1f} s (longest)")
+    wrong, silent = sum(map(_wrong, found)), sum(map(_cannot_tell, found))
+    print(f"machines {len(found)} wrong {wrong} cannot tell {silent}")
+
+
+def _wrong(rows: list[dict]) -> bool:
+    """Whether an interval of a machine misses the truth: of a play, a friction, a compliance."""
+    return any(row["wrong"] for row in rows)
+
+
+def _cannot_tell(rows: list[dict]) -> bool:
+    """Whether a play of a machine is not told."""
+    return any(row["play"] and not row["told"] for row in rows)
+
+
+def dynamic(benchmark: Benchmark, args: argparse.Namespace) -> None:
+    """Machines that are run by the full dynamic model; rigid but for contacts and known gears."""
+    numbers = range(args.first, args.first + min(args.cases, 4 if args.quick else args.cases))
+    worsen = [number < args.first + args.hostile for number in numbers]
+    if args.jobs == 1:
+        found = [
+            case(number, worsen[number - args.first], args.keep)
+            for number in tqdm(numbers, unit="machine")
+        ]
+    else:
+        with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
+            work = pool.map(case, numbers, worsen, [args.keep] * len(numbers))
+            found = list(tqdm(work, total=len(numbers), unit="machine"))
+    every = [row for one in found for row in one]
+    rows = [row for row in every if row["measurement"] == PLAIN]
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    others = list(dict.fromkeys(row["measurement"] for row in every if row["measurement"] != PLAIN))
+    table = []
+    for name in [*names, "all", *others, *(["all, hostile included"] if others else [])]:
+        if name in others:
+            mine = [row for row in every if row["measurement"] == name]
+        elif name == "all, hostile included":
+            mine = every
+        else:
+            mine = [row for row in rows if name in (row["name"], "all")]
+        told = [row for row in mine if row["told"]]
+        covered = sum(row["covered"] for row in told)
+        off_by = [abs(row["found"] - row["truth"]) / row["truth"] for row in told]
+        wide = [row["half_width"] / row["truth"] for row in told]
+        table.append(
+            [
+                name.replace("_", " "),
+                str(len(mine)),
+                str(len(told)),
+                f"{covered} ({100 * covered / len(told):.0f} %)" if told else "-",
+                f"{100 * np.median(wide):.2g} %" if told else "-",
+                f"{100 * np.median(off_by):.2g} %" if told else "-",
+            ]
+        )
+    header = (
+        "unknown", "sought", "told", "truth within the 95 % interval", "half width (median)",
+        "off by (median)",
+    )  # fmt: skip
+    figure, axes = new_figure(1, len(names), 3.2 * len(names), 3.2)
+    for panel, name in zip(axes[0], names, strict=True):
+        told = [row for row in rows if row["name"] == name and row["told"]]
+        scale = {"friction": 1.0, "gear_play": 1e3}.get(name, 1e6)
+        unit = {"friction": "", "gear_play": " [mrad]"}.get(name, " [µm]")
+        for row in told:
+            colour = COLOURS[0] if row["covered"] else COLOURS[1]
+            panel.errorbar(
+                scale * row["truth"], scale * row["found"], scale * row["half_width"],
+                fmt="o", ms=3, lw=0.8, color=colour,
+            )  # fmt: skip
+        ends = [scale * row["truth"] for row in told] or [0.0, 1.0]
+        panel.plot([0.0, max(ends)], [0.0, max(ends)], color="0.5", lw=0.7)
+        panel.set_xlabel(f"true {name.replace('_', ' ')}{unit}")
+    axes[0][0].set_ylabel("identified, 95 % interval")
+    figure.supxlabel(
+        "full dynamic runs with noise; red: interval misses the truth; statistical", fontsize=6
+    )
+    benchmark.finish(header, table, every, figure)
+
+
+SERVO = """<robot name="stand"><link name="base"/>
+  <link name="lever"><inertial><origin xyz="0.05 0 0"/><mass value="0.03"/>
+    <inertia ixx="1e-5" iyy="4e-5" izz="4e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="servo" type="revolute"><parent link="base"/><child link="lever"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="3" velocity="5"/></joint>
+  <link name="tip"/><joint name="end" type="fixed"><parent link="lever"/><child link="tip"/>
+    <origin xyz="0.1 0 0"/></joint></robot>"""
+"""Lever of 0.1 m; its mass does not matter, for its axis is vertical."""
+
+
+def real() -> None:
+    """What measurements of real machines say."""
+    with temporary("identify") as folder:
+        path = Path(folder) / "stand.urdf"
+        path.write_text(SERVO)
+        for name in ("sts3215", "sts3250"):
+            gear = jp.Gear(play=10e-3, rotor_inertia=1e-3, stiffness=20.0)
+            stand = jp.Mechanism(path, gears={"servo": gear}, tool="tip")
+            data = DATA / f"backlash_{name}.csv"
+            print(f"\n{name}: dry friction of the output shaft neglected")
+            print(identify(stand, data))
+            print(f"\n{name}: dry friction of the output shaft sought")
+            print(identify(stand, data, also=["friction"]))
+        path.write_text(SERVO.replace("servo", "drum"))
+        for tension in (20, 35, 80):
+            print(f"\ndamper, band tension {tension} lb (radius 1 m: rad are m, N m are N)")
+            print(damper(path, tension))
+
+
+def damper(path: Path, tension: int) -> Identification:
+    """Gap, compliance and friction of the band-brake damper from displacement and force."""
+    gear = jp.Gear(play=2e-3, rotor_inertia=1e-3, stiffness=2e6)
+    machine = jp.Mechanism(path, gears={"drum": gear}, tool="tip")
+    data = DATA / f"backlash_damper_{tension}lb.csv"
+    friction = {"drum": jp.loads.JointFriction(4e3)}
+    return identify(machine, data, joint_friction=friction)

@@ -1,0 +1,305 @@
+"""Error per CPU second of every integrator, and its observed order. See docs/integrators.md.
+
+Impacts magnify small differences, so errors are measured where they mean something: in the first
+0.1 s, before trajectories part, against a reference of a far smaller step; over the whole cycle
+only the energy balance and the statistics of perturbed runs are compared. How far the reference is
+from one by the multi-rate method is said, for no method should judge alone.
+"""
+
+import time
+from dataclasses import asdict, replace
+from functools import cache, partial
+from itertools import product
+
+import numpy as np
+from common import (
+    COLOURS,
+    JOINT,
+    MARKERS,
+    QUANTITIES,
+    Benchmark,
+    Case,
+    ensembles,
+    measure,
+    millimetres,
+    new_figure,
+    runs_as_rows,
+    spread,
+)
+from matplotlib.ticker import NullFormatter
+from tqdm import tqdm
+
+import jointplay as jp
+from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
+
+CLEARANCES = (0.2e-3, 0.5e-3)
+STEPS = (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
+REFERENCE = ("rk4", 5e-7)
+WINDOW = 0.1
+"""Length of the run whose error is measured [s]; it holds eight to ten contacts."""
+REPEATS = 3
+CYCLE = (
+    {"energy_residual_J": "energy residual [J]"}
+    | {name: QUANTITIES[name] for name in ("peak_contact_N", "peak_force_N")}
+    | {"impacts": "impacts in 3 s"}
+)
+"""What is measured over the whole cycle."""
+CYCLE_EVALUATIONS = 3e6
+"""Evaluations of the acceleration that a run of the whole cycle may cost."""
+
+FREE, IMPACT, LASTING = "free flight", "one impact", "lasting contact"
+ORDER_STEPS = {
+    FREE: (2e-4, 1e-4, 5e-5, 2.5e-5),
+    IMPACT: (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6),
+    LASTING: (1e-5, 5e-6, 2.5e-6, 1.25e-6),
+}
+
+
+MACRO = 10
+"""Steps of a macro step where the multi-rate method judges, or its order is measured."""
+DURATION = {FREE: 0.02, IMPACT: 0.002, LASTING: 0.004}
+"""Until when the order is measured [s]."""
+ROOMY = {
+    JOINT: jp.RevoluteClearance(
+        radial_clearance=2e-3, axial_clearance=2e-3, stiffness=1e3, bearing_length=60e-3
+    )
+}
+"""For free flight: room, and contacts so soft that a coarse step is accepted."""
+
+
+def positions(case, **options):
+    """Positions of the journal and of the tool in the window [m]."""
+    result = window(case, **options).run()
+    return result["journal_centre"].values[:, 0], result["tool_position"].values
+
+
+def window(case, **options):
+    return case.simulation(0, duration=WINDOW, **options)
+
+
+def cpu_time(case):
+    """CPU seconds of the window's time loop."""
+    run = jp.Run(window(case))
+    started = time.process_time()
+    run.run_to_end()
+    return time.process_time() - started
+
+
+def accuracy(cases, references, repeats):
+    """Error in the window, and CPU per simulated second: the least of interleaved repeats."""
+    truth = {radial: positions(case) for radial, case in references.items()}
+    for radial, case in references.items():
+        other = positions(replace(case, integrator=DEFAULT), macro_step=MACRO * case.step)
+        apart = 1e6 * np.linalg.norm(other[0] - truth[radial][0], axis=1).max()
+        print(f"references by rk4 and multi-rate at {millimetres(radial)} mm: {apart:.2g} µm apart")
+    found = [{"cpu_s_per_s": np.inf} for _ in cases]
+    with tqdm(total=len(cases) * (repeats + 1), unit="window") as bar:
+        for case, figures in zip(cases, found, strict=True):
+            pairs = zip(positions(case), truth[case.radial], strict=True)
+            figures["journal_error_um"], figures["tool_error_um"] = (
+                1e6 * np.linalg.norm(position - true, axis=1).max() for position, true in pairs
+            )
+            bar.update()
+        for _, (case, figures) in product(range(repeats), zip(cases, found, strict=True)):
+            figures["cpu_s_per_s"] = min(figures["cpu_s_per_s"], cpu_time(case) / WINDOW)
+            bar.update()
+    return found
+
+
+def held(case, duration, bearing=None):
+    """Simulate with a reference that stands still: smooth but for what contact does."""
+    base = case.simulation()
+    stand = base.motion.positions[:1]
+    still = jp.Motion(base.motion.joints, (0.0, 1.0), np.vstack([stand, stand]))
+    mechanism = base.mechanism if bearing is None else base.mechanism.with_clearance(bearing)
+    return replace(base, mechanism=mechanism, motion=still, duration=duration)
+
+
+def order_run(situation, method, step):
+    """Journal's position [m] at the end of a short motion, and the contacts begun in it."""
+    case = Case(integrator=method, step=step, loaded=situation == LASTING)
+    simulation = held(case, DURATION[situation], ROOMY if situation == FREE else None)
+    if not INTEGRATORS[method].single_rate:
+        simulation = replace(simulation, macro_step=MACRO * step)
+    run = jp.Run(simulation)
+    q, v = run.workspace.q, run.workspace.v
+    first = run.mechanism.virtual_link(JOINT)
+    if situation == IMPACT:  # tilted, so that one end strikes
+        q[first + 4] = 5e-3
+        v[first : first + 2] = 0.1, 0.03
+    else:
+        v[run.mechanism.coordinate("joint_a")] = 0.2
+    if situation == LASTING:
+        q[:], run.workspace.contacts[:] = wedged()
+    before = onsets(run)
+    run.run_to_end()
+    return q[first : first + 3].copy(), onsets(run) - before
+
+
+def onsets(run):
+    return int(run.workspace.contact_statistics()["onsets"].sum())
+
+
+@cache
+def wedged():
+    """Configuration and memory of contacts of the loaded robot, its journal at rest, tilted."""
+    run = jp.Run(held(Case(loaded=True), 0.5))
+    run.run_to_end()
+    return run.workspace.q.copy(), run.workspace.contacts.copy()
+
+
+def orders(methods, count=None):
+    """Steps, errors [m], observed order and contacts begun, by situation and method."""
+    found = {}
+    for situation, method in product(ORDER_STEPS, methods):
+        steps = ORDER_STEPS[situation][:count]
+        truth, begun = order_run(situation, REFERENCE[0], steps[-1] / 16)
+        apart = np.linalg.norm(order_run(situation, DEFAULT, steps[-1] / 16)[0] - truth)
+        ends = [order_run(situation, method, step)[0] for step in steps]
+        errors = np.array([np.linalg.norm(end - truth) for end in ends])
+        slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+        found[situation, method] = steps, errors, slope, begun, apart
+    return found
+
+
+def draw(cases, window_found, cycles, ensemble, order):
+    figure, axes = new_figure(2, 3, 12.0, 7.2)
+    methods = list(INTEGRATORS)
+    cpu = {case: figures["cpu_s_per_s"] for case, figures in zip(cases, window_found, strict=True)}
+    for index, (method, radial) in enumerate(product(methods, CLEARANCES)):
+        style = {
+            "color": COLOURS[index // len(CLEARANCES)],
+            "marker": MARKERS[index % len(CLEARANCES)],
+            "ls": ("-", "--")[index % len(CLEARANCES)],
+            "label": f"{method}, {millimetres(radial)} mm",
+            "ms": 5,
+            "lw": 1.2,
+        }
+
+        def mine(case, method=method, radial=radial):
+            return (case.integrator, case.radial) == (method, radial)
+
+        short = [(case, f) for case, f in zip(cases, window_found, strict=True) if mine(case)]
+        for panel, name in zip(axes[0, :2], ("journal_error_um", "tool_error_um"), strict=True):
+            panel.loglog([cpu[case] for case, _ in short], [f[name] for _, f in short], **style)
+        long = [(case, runs) for case, runs in zip(cycles, ensemble, strict=True) if mine(case)]
+        for panel, name, x in (
+            (axes[1, 0], "energy_residual_J", [3.0 * cpu[case] for case, _ in long]),
+            (axes[1, 1], "peak_force_N", [1e6 * case.step for case, _ in long]),
+            (axes[1, 2], "impacts", [1e6 * case.step for case, _ in long]),
+        ):
+            groups = [runs[name] for _, runs in long]
+            panel.errorbar(
+                x,
+                [group.mean() for group in groups],
+                [group.std(ddof=1) for group in groups],
+                capsize=3,
+                **style,
+            )
+            panel.set_xscale("log")
+    for index, ((situation, method), (steps, errors, slope, *_)) in enumerate(order.items()):
+        axes[0, 2].loglog(
+            [1e6 * step for step in steps],
+            1e6 * errors,
+            color=COLOURS[methods.index(method)],
+            marker=MARKERS[index // len(methods)],
+            ls=("-", "--", ":")[index // len(methods)],
+            lw=1.2,
+            ms=5,
+            label=f"{situation}, {method}: order {slope:.1f}",
+        )
+    axes[1, 0].set_yscale("log")
+    for panel, x, y in zip(
+        axes.flat,
+        ("CPU time per simulated second [s]",) * 2
+        + ("step [µs]", "CPU time of the 3 s cycle [s]", "step [µs]", "step [µs]"),
+        (
+            "largest journal error in 0.1 s [µm]",
+            "largest tool error in 0.1 s [µm]",
+            "journal error at the end [µm]",
+            "largest energy residual [J]",
+            CYCLE["peak_force_N"],
+            CYCLE["impacts"],
+        ),
+        strict=True,
+    ):
+        panel.set_xlabel(x)
+        panel.set_ylabel(y)
+    axes[1, 0].xaxis.set_minor_formatter(NullFormatter())
+    axes[0, 2].set_ylim(bottom=1e-17)  # room for the legend
+    axes[0, 2].legend(fontsize=7, frameon=False, loc="lower left")
+    for panel in axes[1, 1:]:
+        panel.set_ylim(bottom=0)
+        panel.set_xticks([1e6 * step for step in STEPS], [f"{1e6 * step:g}" for step in STEPS])
+        panel.minorticks_off()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    return figure
+
+
+def report(benchmark, cases, found, cycles, ensemble, order):
+    errors = dict(zip(cases, found, strict=True))
+    runs = dict(zip(cycles, ensemble, strict=True))
+    rows = []
+    for case, figures in errors.items():
+        statistics = [spread(runs[case][name]) if case in runs else "" for name in CYCLE]
+        rows.append(
+            [
+                millimetres(case.radial),
+                case.integrator,
+                f"{1e6 * case.step:g}",
+                f"{figures['cpu_s_per_s']:.2f}",
+                f"{figures['journal_error_um']:.2g}",
+                f"{figures['tool_error_um']:.2g}",
+                *statistics,
+            ]
+        )
+    data = [
+        row | figures
+        for case, figures in errors.items()
+        for row in (runs_as_rows([case], [runs[case]]) if case in runs else [asdict(case)])
+    ]
+    benchmark.finish(
+        [
+            "clearance [mm]",
+            "integrator",
+            "step [µs]",
+            "CPU per simulated second [s]",
+            "journal error [µm]",
+            "tool error [µm]",
+            *CYCLE.values(),
+        ],
+        rows,
+        data,
+        draw(cases, found, cycles, ensemble, order),
+    )
+    for (situation, method), (_, errors, slope, begun, apart) in order.items():
+        print(
+            f"observed order in {situation} ({begun} contacts begun): {method} {slope:.2f}; "
+            f"smallest error {errors.min():.1e} m, references apart by {apart:.1e} m"
+        )
+
+
+def main():
+    benchmark = Benchmark("integrators", __doc__)
+    args = benchmark.parse()
+    steps, radii = (STEPS[:2], CLEARANCES[:1]) if args.quick else (STEPS, CLEARANCES)
+    methods = list(INTEGRATORS)
+    cases = [
+        Case(radial, radial, integrator=method, step=step)
+        for radial, method, step in product(radii, methods, steps)
+    ]
+    references = {
+        radial: Case(radial, radial, integrator=REFERENCE[0], step=REFERENCE[1]) for radial in radii
+    }
+    found = accuracy(cases, references, 1 if args.quick else REPEATS)
+    order = orders(methods, 3 if args.quick else None)
+    cycles = [
+        case
+        for case in cases
+        if 3.0 / case.step * INTEGRATORS[case.integrator].stages <= CYCLE_EVALUATIONS
+    ]
+    # The whole cycle, with the fall that all integrators must follow.
+    whole = partial(measure, judge_from=0.0)
+    runs = ensembles(cycles, args.runs, args.jobs, whole)
+    report(benchmark, cases, found, cycles, runs, order)

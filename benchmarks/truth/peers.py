@@ -1,0 +1,708 @@
+"""Other engines side by side: MuJoCo, Exudyn, Siconos and Drake on the same mechanisms, in one run.
+
+Writes docs/peers.md and its figures. Engines that are not installed are left out, and the page says
+so: pip install '.[peers]' for MuJoCo and Exudyn, pip install drake for Drake, apt-get install
+python3-siconos for Siconos.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import importlib
+import os
+import platform
+import re
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import DOCS, folder_of
+from truth.peer_engines import pinocchio_engine
+from truth.peer_engines.common import (
+    Problem,
+    missing,
+    read_links,
+    scara,
+    slider_crank,
+    undriven,
+)
+from truth.peer_engines.figures import draw_growth, draw_orbits, draw_work
+from truth.peer_engines.jointplay_engine import run_jointplay
+from truth.peer_engines.text import TEXT
+from truth.peer_engines.trace import Impact, Trace, impacts, offset
+
+from jointplay.contact.hertzian import effective_restitution
+from jointplay.core.errors import JointplayError
+from jointplay.loads.tables import REFERENCE_NODE_S
+from jointplay.result.stored import versions
+
+ENGINES = ("mujoco", "exudyn", "siconos", "drake")
+RIGID = ("Siconos", "Pinocchio, ADMM", "Pinocchio, PGS")
+"""Contacts that have no duration."""
+TIE = 1.1
+"""Costs within this ratio are equal: so much do they vary from run to run."""
+
+EULER = "jointplay, semi-implicit Euler"
+"""MuJoCo's scheme."""
+
+ONSET = "MuJoCo, law with Exudyn's d'_0"
+"""The applied law, but d'_0 the speed at the onset: what Exudyn's contact should be."""
+
+OWN = ("jointplay", "jointplay, error-controlled", "jointplay, rk4")
+
+ROUNDS = 8
+"""Times that a cost is measured."""
+ONCE_S = 0.5
+"""CPU time from which on a cost is measured once only."""
+STEPS = (1.6e-5, 8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7)
+"""Of the cost at equal error [s]."""
+BY_ERROR = (
+    (1e-1, None, 1.6e-5),
+    (3e-2, None, 1.6e-5),
+    (1e-2, None, 4e-6),
+    (1e-3, None, 4e-6),
+    (1e-4, 8e-6, 4e-6),
+    (1e-5, 4e-6, 4e-6),
+    (1e-6, 2e-6, 2e-6),
+)
+"""Tolerances of the error-controlled run, macro steps and times between records, there [s]."""
+ACCURACIES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+"""Of CENIC, there [rad or m]."""
+
+WANTED = (1e-1, 1e-2, 1e-3)
+"""Errors whose cost is compared [C_r]."""
+
+Table = tuple[list[str], list[list[str]]]
+
+
+class Engines:
+    """The engines that are installed; the others have a reason."""
+
+    def __init__(self, without: Sequence[str] = ()) -> None:
+        self.reasons = {name: missing(name) for name in ENGINES} | {
+            name: "left out by --without" for name in without
+        }
+        self.mujoco, self.exudyn, self.siconos, self.drake = (
+            None if self.reasons[name] else importlib.import_module(f"peer_engines.{name}_engine")
+            for name in ENGINES
+        )
+
+    def versions(self) -> str:
+        found = [f"MuJoCo {self.mujoco.VERSION}"] if self.mujoco else []
+        found += [f"Exudyn {self.exudyn.VERSION}"] if self.exudyn else []
+        if self.siconos:
+            found.append(f"Siconos {self.siconos.version()}")
+        if self.drake:
+            found.append(f"Drake {self.drake.VERSION}")
+        return ", ".join(found) or "none"
+
+
+# --- free flight --------------------------------------------------------------------------------
+
+
+def flying_scara() -> Problem:
+    """The SCARA, undriven and fast, its journal far from everything for 20 ms."""
+    task = undriven(scara(clearance=5e-3))
+    q, v = task.start[0].copy(), np.zeros(len(task.links))
+    q[3:7] += (1e-4, 0.3, 0.01, -0.005)
+    v[:] = (2.0, 0.02, -0.03, 0.05, 3.0, 0.5, -0.8, 0.5, 20.0)
+    return task.with_start(q, v)
+
+
+def flying_slider_crank() -> Problem:
+    """The slider-crank at 5000 rpm, its piston pin in a bore so wide that it is never reached."""
+    task = slider_crank(clearance=0.08, mu=0.0, bearing_radius=0.1)
+    v = task.start[1].copy()
+    v[2] = 1.0
+    return task.with_start(task.start[0], v)
+
+
+def difference(a: Trace, b: Trace, duration: float) -> float:
+    """Largest difference of any coordinate at 40 times [rad or m]."""
+    times = np.linspace(0.0, 0.99 * duration, 40)
+    return float(np.abs(a.at(times) - b.at(times)).max())
+
+
+def free_flight(engines: Engines) -> Table:
+    rows = []
+    for name, task, duration in (
+        ("SCARA", flying_scara(), 0.02),
+        ("slider-crank", flying_slider_crank(), 3e-3),
+    ):
+        step = 5e-6
+        ours = run_jointplay(task, step, duration, 4, "rk4")
+        finer = run_jointplay(task, step / 2.0, duration, 8, "rk4")
+        assert not ours.force.any(), "the journal touched"
+        own = difference(ours, finer, duration)
+        rows.append([name, "jointplay rk4, half the step", f"{own:.1e}"])
+        for label, engine in (("MuJoCo RK4", engines.mujoco), ("Exudyn RK44", engines.exudyn)):
+            if engine:
+                found = difference(ours, engine.run_free(task, step, duration, 4), duration)
+                rows.append([name, label, f"{found:.1e}"])
+        if engines.siconos and task.planar:
+            for h in (4e-6, 2e-6, 1e-6):
+                theirs = engines.siconos.run(task, h, duration, 1, 1.0)
+                rows.append(
+                    [name, f"Siconos, h = {h:.0e} s", f"{difference(ours, theirs, duration):.1e}"]
+                )
+    return ["mechanism", "against jointplay rk4", "largest difference [rad or m]"], rows
+
+
+def ideal_torques() -> float:
+    """Largest difference of MuJoCo's inverse dynamics and the SCARA's feed-forward torque [N m]."""
+    import mujoco
+    from truth.peer_engines.mujoco_engine import model
+
+    task = scara()
+    text = task.simulation.mechanism.description.text
+    ideal = dataclasses.replace(
+        task, links=tuple(read_links(text)), bearing=(0, (0, 0, 0)), journal=(1, (0, 0, 0))
+    )
+    made = model(ideal, 1e-5)
+    data = mujoco.MjData(made)
+    table = task.drive[0]
+    nodes = np.arange(0, len(table), 500)
+    motion = task.simulation.motion
+    places, speeds, accelerations = motion(nodes * REFERENCE_NODE_S)
+    worst = 0.0
+    for row, q, v, a in zip(table[nodes], places, speeds, accelerations, strict=True):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+        mujoco.mj_inverse(made, data)
+        worst = max(worst, float(np.abs(data.qfrc_inverse - row[2 * len(q) :]).max()))
+    return worst
+
+
+# --- the first impacts --------------------------------------------------------------------------
+
+
+def first_impacts(found: dict[str, list[Impact]], count: int) -> Table:
+    head = ["", *(f"{k + 1}" for k in range(count))]
+    rows = []
+    for name, list_ in found.items():
+        shown = list_[:count] + [None] * (count - len(list_))
+        rows.append(
+            [f"{name}: touch [µs]", *("" if i is None else f"{1e6 * i.time:.3f}" for i in shown)]
+        )
+        if name not in RIGID:  # where there is none
+            durations = ("" if i is None else f"{1e6 * i.duration:.2f}" for i in shown)
+            rows.append([f"{name}: duration [µs]", *durations])
+        rows.append(
+            [f"{name}: impulse [N s]", *("" if i is None else f"{i.impulse:.5f}" for i in shown)]
+        )
+    return head, rows
+
+
+def touch_speed(trace: Trace, task: Problem) -> float:
+    """Speed of the journal towards the bearing as the first contact begins [m/s]."""
+    begin = impacts(trace, task)[0].time
+    back = 1e-6
+    before, at = np.linalg.norm(offset(task, trace.at(np.array([begin - back, begin]))), axis=1)
+    return float((at - before) / back)
+
+
+# --- statistics ---------------------------------------------------------------------------------
+
+
+def figures(trace: Trace, task: Problem, rigid: bool) -> dict[str, float]:
+    """A run in a few numbers that do not depend on single impacts."""
+    away = np.linalg.norm(offset(task, trace.q)[:, :2], axis=1) / task.clearance
+    return {
+        "contacts per ms": len(impacts(trace, task, rigid)) / (1e3 * trace.time[-1]),
+        "time in contact [%]": 100.0 * float(np.mean(trace.force > 0.0)),
+        "mean force [N]": float(np.mean(trace.force)),
+        "mean eccentricity / C_r": float(np.mean(away)),
+        "largest eccentricity / C_r": float(np.max(away)),
+        "largest impulse of a contact [N s]": max(i.impulse for i in impacts(trace, task, rigid)),
+    }
+
+
+def ensemble(run: Callable[[Problem], Trace], task: Problem, count: int, rigid: bool = False):
+    """Means and standard deviations over starts displaced by up to 0.4 C_r, and the first trace."""
+    every, kept = [], None
+    for part in np.linspace(-0.4, 0.4, count):
+        q = task.start[0].copy()
+        q[2] += part * task.clearance
+        trace = run(task.with_start(q))
+        kept = trace if kept is None else kept
+        every.append(figures(trace, task, rigid))
+    numbers = {name: [one[name] for one in every] for name in every[0]}
+    return {n: (float(np.mean(x)), float(np.std(x, ddof=1))) for n, x in numbers.items()}, kept
+
+
+def statistics_table(found: dict[str, dict[str, tuple[float, float]]]) -> Table:
+    names = list(next(iter(found.values())))
+    return ["", *names], [
+        [engine, *(f"{mean:.4g} ± {spread:.2g}" for mean, spread in values.values())]
+        for engine, values in found.items()
+    ]
+
+
+# --- cost at equal error ------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Ladder:
+    """An engine with what sets its accuracy, from coarse to fine."""
+
+    run: Callable[[Problem, Any, float, int], Trace]
+    """Of the problem, a setting, a duration, and steps per record."""
+    settings: Sequence[Any]
+    labels: Sequence[str]
+    finest: Any
+    """Setting of the path that errors are measured from."""
+    steps: bool = True
+    """Whether the settings are steps, of equal cost."""
+
+
+def ladder(run: Callable[[Problem, float, float, int], Trace], finest: float) -> Ladder:
+    """Of an engine with constant steps."""
+    return Ladder(run, STEPS, [f"{1e6 * step:g}" for step in STEPS], finest)
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """What accuracy costs an engine."""
+
+    errors: np.ndarray
+    """By setting, from coarse to fine [C_r]."""
+    costs: np.ndarray
+    """CPU seconds per simulated second."""
+    labels: Sequence[str]
+    per_step: float
+    """CPU time of a step of 1 µs [s]; nan without constant steps."""
+    apart: float
+    """Distance of the engine's limit from jointplay's [C_r]."""
+
+    def cost(self, wanted: float) -> tuple[float, str]:
+        """The cheapest setting such that it and all finer ones have that error; nan if none."""
+        fine = len(self.errors)
+        while fine and self.errors[fine - 1] <= wanted:
+            fine -= 1
+        if fine == len(self.errors):
+            return np.nan, ""
+        best = fine + int(np.argmin(self.costs[fine:]))
+        return float(self.costs[best]), self.labels[best]
+
+
+def work_precision(
+    ladders: dict[str, Ladder], task: Problem, duration: float, cost_duration: float
+) -> dict[str, Work]:
+    """What accuracy costs each engine.
+
+    The error is the largest distance of the journal's centre from that of the same engine at its
+    finest setting, relative to C_r, at 60 times.
+    """
+    times = np.linspace(0.0, 0.98 * duration, 60)
+    failures = (JointplayError, RuntimeError, ValueError)  # of steps that are too large
+    # In turns, and the fastest of each: what else the machine does then hits all alike.
+    seconds = {name: np.full(len(one.settings), np.inf) for name, one in ladders.items()}
+    for turn in range(ROUNDS):
+        for name, one in ladders.items():
+            for i, setting in enumerate(one.settings):
+                if turn and not seconds[name][i] < ONCE_S:
+                    continue
+                with contextlib.suppress(*failures):
+                    spent = one.run(task, setting, cost_duration, 10).seconds
+                    seconds[name][i] = min(seconds[name][i], spent)
+
+    def path(one: Ladder, setting: Any) -> np.ndarray:
+        return offset(task, one.run(task, setting, duration, 1).at(times)) / task.clearance
+
+    found, limit = {}, None
+    for name, one in ladders.items():
+        best = path(one, one.finest)
+        limit = best if limit is None else limit
+        errors = np.full(len(one.settings), np.inf)
+        for i, setting in enumerate(one.settings):
+            with contextlib.suppress(*failures):
+                errors[i] = np.abs(path(one, setting) - best).max()
+        costs = seconds[name] / cost_duration
+        per_step = 1e-6 * costs[one.settings.index(1e-6)] if one.steps else np.nan
+        apart = float(np.abs(best - limit).max())
+        found[name] = Work(errors, costs, one.labels, per_step, apart)
+    return found
+
+
+# --- the page -----------------------------------------------------------------------------------
+
+
+def markdown(table: Table) -> str:
+    head, rows = table
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def machine() -> str:
+    model = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                model = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        pass
+    return f"{model}, {os.cpu_count()} cores, {platform.system()}"
+
+
+def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
+    """Run everything; numbers and tables for `page`."""
+    images.mkdir(parents=True, exist_ok=True)
+    out: dict[str, object] = {}
+    mj, ex, si, dr = engines.mujoco, engines.exudyn, engines.siconos, engines.drake
+
+    def say(text: str) -> None:
+        print(f"{text} ...", file=sys.stderr, flush=True)
+
+    say("free flight")
+    out["free"] = free_flight(engines)
+    if mj:
+        out["torques"] = ideal_torques()
+
+    say("first impacts, same law")
+    task, fine, short = slider_crank(), 1e-7, 1.0e-3
+    traces = {
+        "jointplay": run_jointplay(task, fine, short),
+        EULER: run_jointplay(task, fine, short, 1, "semi-implicit-euler"),
+        "jointplay, rk4": run_jointplay(task, fine, short, 1, "rk4"),
+    }
+    if mj:
+        traces["MuJoCo, same law"] = mj.run_law(task, fine, short)
+    if ex:
+        traces["Exudyn, own contact"] = ex.run_own(task, fine, short)
+    if mj and ex:
+        traces[ONSET] = mj.run_law(task.with_onset_speed(), fine, short)
+    met = {name: impacts(trace, task) for name, trace in traces.items()}
+    out["first"] = first_impacts(met, 5)
+    out["first_apart"] = {
+        (name, base): [
+            (abs(a.time - b.time), abs(b.impulse / a.impulse - 1.0))
+            for a, b in zip(met[base], met[name], strict=False)
+        ]
+        for name, base in (
+            ("MuJoCo, same law", EULER),
+            ("Exudyn, own contact", "jointplay, rk4"),
+            ("Exudyn, own contact", ONSET),
+        )
+        if name in met and base in met
+    }
+    if ex:
+        elastic = slider_crank(mu=0.0, restitution=1.0)
+        ours, theirs = (
+            impacts(run, elastic)
+            for run in (
+                run_jointplay(elastic, fine, short, 1, "rk4"),
+                ex.run_own(elastic, fine, short),
+            )
+        )
+        out["elastic"] = [
+            (abs(a.time - b.time), abs(a.impulse / b.impulse - 1.0))
+            for a, b in zip(ours, theirs, strict=False)
+        ]
+
+    say("contact models")
+    smooth = slider_crank(mu=0.0)
+    restitution = effective_restitution(float(smooth.law[1]))
+    out["restitution"] = restitution
+    first = impacts(run_jointplay(smooth, fine, 2.5e-4), smooth)[0]
+    limit = mj.matched_limit(first.duration, restitution) if mj else (0.0, 0.0)
+    out["limit"] = (first.duration, *limit)
+    models = {"jointplay": lambda t, h, T, n: run_jointplay(t, h, T, n)}
+    if ex:
+        models["Exudyn, own contact"] = lambda t, h, T, n: ex.run_own(t, h, T, n)
+    if mj:
+        for kind in mj.INTEGRATORS:
+            label = "MuJoCo, own limit" + ("" if kind == "Euler" else f", {kind}")
+            models[label] = lambda t, h, T, n, kind=kind: mj.run_own(t, h, T, n, limit, kind)
+    for kind in pinocchio_engine.SOLVERS:
+        models[f"Pinocchio, {kind}"] = lambda t, h, T, n, kind=kind: pinocchio_engine.run(
+            t, h, T, n, restitution, kind
+        )
+    if si:
+        models["Siconos"] = lambda t, h, T, n: si.run(t, h, T, n, restitution)
+    met = {
+        name: impacts(run(smooth, fine, short, 1), smooth, name in RIGID)
+        for name, run in models.items()
+    }
+    out["model_first"] = first_impacts(met, 5)
+
+    say("five turns, ensembles")
+    turns, count = (0.006, 2) if quick else (0.06, 8)
+    stats, orbits = {}, {}
+    for name, run in models.items():
+        stats[name], orbits[name] = ensemble(
+            lambda t, run=run: run(t, 1e-6, turns, 1), smooth, count, name in RIGID
+        )
+    if si:
+        for large in (1e-5, 2e-5):
+            stats[f"Siconos, {1e6 * large:g} µs"], _ = ensemble(
+                lambda t, h=large: si.run(t, h, turns, 1, restitution), smooth, count, True
+            )
+    out["stats"] = statistics_table(stats)
+    try:
+        run_jointplay(smooth, 2e-5, 1e-4)
+        out["refused"] = "jointplay accepts it"
+    except JointplayError:
+        out["refused"] = "jointplay refuses to start with it"
+    out["mean_force"] = {name: values["mean force [N]"] for name, values in stats.items()}
+    out["members"] = count
+    draw_orbits(orbits, smooth, images / "orbits.png")
+
+    say("cost at equal error")
+    finest = 2e-7 if quick else 2e-8
+    law = {
+        "jointplay": ladder(models["jointplay"], finest),
+        "jointplay, error-controlled": Ladder(
+            lambda t, how, T, n: run_jointplay(
+                t, how[2], T, n, tolerance=how[0], macro_step=how[1]
+            ),
+            BY_ERROR,
+            [f"{how:g}" + (f", {1e6 * m:g} µs" if m else "") for how, m, _ in BY_ERROR],
+            (1e-9, 5e-7, 5e-7),
+            steps=False,
+        ),
+        "jointplay, rk4": ladder(lambda t, h, T, n: run_jointplay(t, h, T, n, "rk4"), finest),
+    }
+    if mj:
+        law["MuJoCo, same law"] = ladder(lambda t, h, T, n: mj.run_law(t, h, T, n), finest)
+    law |= {name: ladder(run, finest) for name, run in models.items() if name != "jointplay"}
+    if dr:
+        speed = touch_speed(run_jointplay(smooth, fine, 2e-4), smooth)
+        finest = {"step": 1e-8 if quick else 2.5e-9}
+        for name, key, values, scale in (
+            ("Drake, constant steps", "step", STEPS, 1e6),
+            ("Drake, CENIC", "accuracy", ACCURACIES, 1.0),
+        ):
+            law[name] = Ladder(
+                lambda t, how, T, n: dr.run(t, T, speed, **how),
+                [{key: value} for value in values],
+                [f"{scale * value:g}" for value in values],
+                finest,
+                steps=False,
+            )
+    horizon = 6e-4
+    out["horizon"] = horizon
+    out["work"] = work_precision(law, smooth, horizon, 2e-3 if quick else 6e-3)
+    draw_work(out["work"], images / "work.png")
+
+    say("SCARA, same law")
+    robot, step, long = scara(), 1e-5, 0.1 if quick else 0.5
+    pairs, apart, rows = [], {}, []
+    base = {
+        kind: run_jointplay(robot, step, long, 1, kind) for kind in ("semi-implicit-euler", "rk4")
+    }
+    rows.append((EULER, base["semi-implicit-euler"]))
+    rows.append(("jointplay, rk4", base["rk4"]))
+    if mj:
+        pairs.append(("MuJoCo, same law", mj.run_law(robot, step, long), "semi-implicit-euler"))
+    if ex:
+        pairs.append(("Exudyn, same law", ex.run_law(robot, step, long), "rk4"))
+    for name, trace, kind in pairs:
+        rows.append((name, trace))
+        times = np.linspace(0.0, 0.99 * long, 400)
+        gone = np.abs(offset(robot, trace.at(times)) - offset(robot, base[kind].at(times)))
+        apart[f"{name} against jointplay {kind}"] = times, gone.max(axis=1) / robot.clearance
+    out["scara_long"] = long
+    out["scara_apart"] = {name: float(values.max()) for name, (_, values) in apart.items()}
+    out["scara"] = (
+        ["", "mean force [N]", "time in contact [%]", "CPU per step [µs]"],
+        [
+            [
+                name,
+                f"{trace.force.mean():.6f}",
+                f"{100 * np.mean(trace.force > 0):.3f}",
+                f"{1e6 * trace.seconds / trace.steps:.1f}",
+            ]
+            for name, trace in rows
+        ],
+    )
+    if apart:
+        draw_growth(apart, images / "scara.png")
+    return out
+
+
+def cost_table(out: dict) -> Table:
+    rows = []
+    for name, work in out["work"].items():
+        row = [name, "" if np.isnan(work.per_step) else f"{1e6 * work.per_step:.2f}"]
+        for wanted in WANTED:
+            cost, label = work.cost(wanted)
+            row.append("not reached" if np.isnan(cost) else f"{cost:.2f} ({label})")
+        rows.append([*row, f"{work.apart:.1e}"])
+    return [
+        "",
+        "CPU per step of 1 µs [µs]",
+        "error 0.1 C_r",
+        "0.01 C_r",
+        "0.001 C_r",
+        "its limit from jointplay's / C_r",
+    ], rows
+
+
+def costs_at(out: dict, wanted: float) -> dict[str, float]:
+    """CPU seconds per simulated second at an error, of the engines that reach it."""
+    costs = {name: work.cost(wanted)[0] for name, work in out["work"].items()}
+    return {name: cost for name, cost in costs.items() if np.isfinite(cost)}
+
+
+def ratio(out: dict, wanted: float) -> str:
+    """How much the cheapest peer costs, relative to the cheapest of jointplay's runs."""
+    costs = costs_at(out, wanted)
+    ours = min((name for name in costs if name in OWN), key=costs.__getitem__, default="")
+    peer = min((name for name in costs if name not in OWN), key=costs.__getitem__, default="")
+    if not ours or not peer:
+        return f"{ours or peer or 'none'} alone reaches it"
+    return f"{peer} costs {costs[peer] / costs[ours]:.1f} times as much as {ours}"
+
+
+def cheapest(out: dict, wanted: float) -> str:
+    """Which engine costs least at an error, in words."""
+    costs = costs_at(out, wanted)
+    if not costs:
+        return "no engine reaches it"
+    order = sorted(costs, key=costs.__getitem__)
+    return ", ".join(f"{name} {costs[name]:.2f} s/s" for name in order)
+
+
+def better(out: dict) -> list[str]:
+    """What the numbers say in favour of others."""
+    lines, cost = [], {name: work.per_step for name, work in out["work"].items()}
+    for name, per_step in cost.items():
+        if name not in OWN and per_step < TIE * cost["jointplay"]:
+            lines.append(
+                f"- **{name}** takes {1e6 * per_step:.2f} µs per step, jointplay's default "
+                f"{1e6 * cost['jointplay']:.2f} µs."
+            )
+    for wanted in WANTED:
+        costs = costs_at(out, wanted)
+        ours = min((costs[name] for name in OWN if name in costs), default=np.inf)
+        lines += [
+            f"- **{name}** has an error of {wanted:g} C_r for {spent:.2f} CPU seconds per "
+            f"simulated second, jointplay for {ours:.2f}."
+            for name, spent in costs.items()
+            if name not in OWN and spent < TIE * ours
+        ]
+    force = out["mean_force"]
+    if "Siconos, 20 µs" in force:
+        (fine, spread), (coarse, _) = force["Siconos"], force["Siconos, 20 µs"]
+        lines.append(
+            "- **Siconos** has no contact stiffness to resolve. At 20 µs, two or three steps per "
+            f"impact of the others ({out['refused']}), its mean force is "
+            f"{coarse:.4g} N, at 1 µs {fine:.4g} ± {spread:.2g} N. At that step it costs "
+            f"{out['work']['Siconos'].per_step / 2e-5:.2f} s per simulated second."
+        )
+    if not lines:
+        lines.append("- In none of the numbers of this run.")
+    return lines
+
+
+def page(engines: Engines, out: dict, images: str) -> str:
+    """docs/peers.md."""
+    here = ", ".join(f"{name} {text}" for name, text in versions().items())
+    lines = [
+        "# Other engines",
+        "",
+        f"Written by `python benchmarks peers`; do not edit. {machine()}; {here}; "
+        f"{engines.versions()}. Times are CPU times of the time loop alone. The engines take "
+        "turns where costs are compared, but other work on the machine does not slow them "
+        "equally: on a busy one compiled code (jointplay, Exudyn, MuJoCo's own limit) has cost 1.7 "
+        "times as much, with unchanged ratios, and Python code, such as the scheme around "
+        "Pinocchio's solvers, 2 to 4 times as much.",
+        "",
+    ]
+    lines += [
+        f"**Left out: {name}** ({reason})." for name, reason in engines.reasons.items() if reason
+    ]
+    lines += ["", *TEXT["setup"]]
+    lines += ["", "## Free flight", "", *TEXT["free"], "", markdown(out["free"])]
+    if "torques" in out:
+        lines += [
+            "",
+            "MuJoCo's inverse dynamics of the ideal SCARA along the motion and the feed-forward "
+            f"torques that jointplay's drive uses differ by at most {out['torques']:.1e} N m.",
+        ]
+    lines += ["", "## The same contact law: slider-crank", "", *TEXT["law"], ""]
+    lines += [markdown(out["first"]), ""]
+    for (name, base), apart in out["first_apart"].items():
+        (when, how), (later, worse) = apart[0], np.max(apart, axis=0)
+        lines.append(
+            f"- {name}, against {base}: first touch within "
+            f"{1e6 * when:.1e} µs, its impulse within {100 * how:.1e} %; all {len(apart)} contacts "
+            f"of this millisecond, taken in order, within {1e6 * later:.1e} µs and "
+            f"{100 * worse:.1e} %."
+        )
+    if "elastic" in out:
+        (when, how), *_ = out["elastic"]
+        later = max(how for _, how in out["elastic"])
+        lines += [
+            "- Exudyn again with restitution 1 and no friction, where both laws are purely "
+            f"Hertz's: first touch within {1e6 * when:.1e} µs, its impulse within {100 * how:.1e} "
+            f"%, all {len(out['elastic'])} impulses within {100 * later:.1e} %.",
+        ]
+    lines += ["", "## The same contact law: SCARA", "", *TEXT["scara"], "", markdown(out["scara"])]
+    lines += [
+        "",
+        f"Over {out['scara_long']:g} s the journal's centre differs by at most:",
+        "",
+        *(f"- {name}: {worst:.1e} C_r" for name, worst in out["scara_apart"].items()),
+    ]
+    if out["scara_apart"]:
+        lines += ["", f"![Growth of the difference on the SCARA]({images}/scara.png)"]
+    duration, stiffness, damping = out["limit"]
+    lines += ["", "## Contact models", "", *TEXT["models"], ""]
+    lines += [
+        f"All without friction; restitution {out['restitution']:.4f}, which is what "
+        "Lankarani-Nikravesh delivers for c_e = 0.9."
+    ]
+    if engines.mujoco:
+        lines += [
+            f"MuJoCo's limit has solref = (-{stiffness:.4g}, -{damping:.4g}): an impact of "
+            f"{1e6 * duration:.1f} µs, the duration of jointplay's first, with that restitution.",
+        ]
+    lines += ["", "The first contacts at a step of 0.1 µs:", "", markdown(out["model_first"]), ""]
+    lines += [
+        "Five turns at a step of 1 µs, "
+        f"mean ± standard deviation over {out['members']} starts displaced by up to 0.4 C_r:",
+        "",
+        markdown(out["stats"]),
+        "",
+        f"![Journal orbits in the first turn]({images}/orbits.png)",
+    ]
+    lines += ["", "## Cost at equal error", "", *TEXT["cost"], "", markdown(cost_table(out)), ""]
+    lines += [f"![Error and cost]({images}/work.png)", ""]
+    lines += [
+        f"- At {wanted:g} C_r, {ratio(out, wanted)}. Cheapest first: {cheapest(out, wanted)}."
+        for wanted in WANTED
+    ]
+    lines += ["", "## Drake's error-controlled integrator", "", *TEXT["cenic"]]
+    lines += ["", "## Where a peer is as good or better", "", *better(out), *TEXT["better"], ""]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="folder of peers.md and images/ (docs; --quick: results/benchmarks)",
+    )
+    parser.add_argument("--quick", action="store_true", help="shorter, coarser")
+    parser.add_argument("--without", nargs="*", choices=ENGINES, default=[], help="leave out")
+    options = parser.parse_args(arguments)
+    warnings.simplefilter("ignore", DeprecationWarning)
+    engines = Engines(options.without)
+    for name, reason in engines.reasons.items():
+        if reason:
+            print(f"{name}: skipped ({reason})", file=sys.stderr)
+    folder = folder_of(options, "peers", DOCS)
+    out = compare(engines, options.quick, folder / "images" / "peers")
+    text = page(engines, out, "images/peers")
+    (folder / "peers.md").write_text(text, encoding="utf-8")
+    print(text)
+    return 0

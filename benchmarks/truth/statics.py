@@ -1,0 +1,185 @@
+"""Journals at rest: peak forces, cost of the search, and whether budget and run agree.
+
+    python benchmarks statics
+    python benchmarks statics --robots ur5 --poses 5 --no-peaks
+
+UR5: play in the shoulder lift joint; UR5 and Panda: in every revolute joint; the shipped
+slider-crank at 5000 rpm, the shipped four-bar at 600 rpm, and the SCARA with its weight.
+
+Then random poses of UR5, Panda and SCARA, 0.1 mm of play in bearings of 60 x 50 mm, in one joint
+and in all: where `budget` says that they rest, where a run with start="rest" begins, and whether
+that lies where the budget says that friction can hold them; and where runs with friction end whose
+journals are released from random places. The last line has the largest disagreement.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+import jointplay as jp
+from jointplay.design import poses
+from jointplay.design.rest import AGREES_M
+from jointplay.design.static_budget import budget
+from jointplay.mechanism.robots import robot_urdf
+
+BEARING = {
+    "bearing_radius": 25e-3, "bearing_length": 50e-3,
+    "radial_clearance": 5e-5, "axial_clearance": 5e-5,
+}  # fmt: skip
+POSES = {
+    "ur5": [0.0, -1.2, 1.4, -0.2, 0.3, 0.0],
+    "panda": [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7, 0.02, 0.02],
+}
+TURN, LASTS = 0.3, 0.5
+"""Every revolute joint turns by so much [rad] in so long [s], from rest to rest."""
+
+
+def arm(name: str, *joints: str) -> jp.Simulation:
+    """A robot that moves all its joints, with play in some of them; none named: in all."""
+    robot = jp.Mechanism(robot_urdf(name))
+    turning = [j for j in robot.joints if robot.description.joints[j].kind != "prismatic"]
+    start = np.array(POSES[name])
+    end = start + TURN * np.array([joint in turning for joint in robot.joints])
+    motion = jp.Motion(list(robot.joints), [0.0, LASTS], np.array([start, end]))
+    play = {joint: jp.RevoluteClearance(**BEARING) for joint in joints or turning}
+    return jp.Simulation(robot.with_clearance(play), motion, step=1e-5 if joints else 2e-6)
+
+
+def simulations() -> dict[str, jp.Simulation]:
+    """By name."""
+    shipped = {
+        "slider-crank, 0.2 mm": ("slider_crank", "0.2 mm", {}),
+        "four-bar, 0.2 mm": ("four_bar", "0.2 mm", {}),
+        "SCARA with its weight, 0.2 mm": ("scara", "0.2 mm", {"robot": {"gravity": "loaded"}}),
+    }
+    found = {
+        "UR5, shoulder lift": arm("ur5", "shoulder_lift_joint"),
+        "UR5, all six": arm("ur5"),
+        "Panda, all seven": arm("panda"),
+    }
+    for name, (file, case, changes) in shipped.items():
+        found[name] = jp.Scenario.load(f"jointplay:{file}.toml").simulation(case, changes)
+    return found
+
+
+def peak(simulation: jp.Simulation, start: str, lasts: float) -> tuple[float, float, jp.Result]:
+    """Largest joint force in the first 50 ms and in the rest of the time [N]."""
+    simulation = replace(simulation, start=start, duration=lasts, judge_from=0.0)
+    result = simulation.run(progress=True)
+    force = np.linalg.norm(result["joint_force_peak"].values, axis=2).max(axis=1)
+    early = result.time < min(0.05, 0.5 * lasts)
+    return float(force[early].max()), float(force[~early].max()), result
+
+
+LOOSE = {
+    "bearing_radius": 30e-3, "bearing_length": 50e-3,
+    "radial_clearance": 1e-4, "axial_clearance": 1e-4,
+}  # fmt: skip
+JOINTS = {
+    "ur5": ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
+            "wrist_2_joint", "wrist_3_joint"],
+    "panda": [f"panda_joint{i}" for i in range(1, 8)],
+    "scara": ["joint_a", "joint_b"],
+}  # fmt: skip
+FRICTION = 0.1
+
+
+def standing(robot: jp.Mechanism, row: np.ndarray, **options: object) -> jp.Simulation:
+    """A machine that holds a configuration."""
+    at = row[[robot.coordinate(name) for name in robot.joints]]
+    motion = jp.Motion(list(robot.joints), [0.0, 1.0], np.array([at, at]))
+    return jp.Simulation(robot, motion, limits="ignore", step=2e-6, **options)
+
+
+def tool(robot: jp.Mechanism, q: np.ndarray) -> np.ndarray:
+    """Where the tool is [m]."""
+    pin.framesForwardKinematics(robot.model, robot.data, q)
+    return robot.data.oMf[robot.tool_frame].translation.copy()
+
+
+def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, int, int]:
+    """Largest disagreement [m]; starts, starts outside the interval, and ends of runs outside."""
+    path = jp.shipped("scara.urdf") if name == "scara" else robot_urdf(name)
+    frames = {"ur5": "tool0", "panda": "panda_hand_tcp"}
+    random = np.random.default_rng(seed)
+    worst, looked, outside, away = 0.0, 0, 0, 0
+    for k in range(count):
+        names = JOINTS[name] if k % 2 else [str(random.choice(JOINTS[name]))]
+        play = dict.fromkeys(names, jp.RevoluteClearance(**LOOSE))
+        options = {"tool": frames[name]} if name in frames else {}
+        robot = jp.Mechanism(path, play, gravity=(0.0, 0.0, -9.81), **options)
+        q = poses.over_workspace(robot, 1, seed=int(random.integers(2**31)))
+        places = [budget(robot, q, friction=mu) for mu in (0.0, FRICTION)]
+        run = jp.Run(standing(robot, q[0], duration=1e-3, start="rest"))
+        there = tool(robot, run.rest.q) - places[0].positions[0]
+        differ = max(np.linalg.norm(there - one.rest_tool[0, :3]) for one in places)
+        looked += 1
+        ends = places[1].rest_interval[0, :3]
+        out = np.maximum(ends[:, 0] - there, there - ends[:, 1]).max()
+        outside += out > AGREES_M
+        worst = max(worst, float(differ))
+        print(f"{name} {k} {len(names)} loose: differ {1e6 * differ:.3g} um", flush=True)
+        if len(names) == 1 and released > 0:
+            released -= 1
+            fall = standing(robot, q[0], duration=0.3, start="centred", seed=k).run()
+            last = fall["q"].values[fall.time > 0.28].mean(axis=0)
+            end = tool(robot, last) - places[0].positions[0]
+            out = np.maximum(ends[:, 0] - end, end - ends[:, 1]).max()
+            away += out > AGREES_M
+            print(f"{name} {k}: released, ends {1e6 * out:.3g} um beyond the interval "
+                  f"(negative: inside)", flush=True)  # fmt: skip
+    return worst, looked, outside, away
+
+
+def main() -> None:
+    """Print a table in Markdown, then how well budget and run agree."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--lasts", type=float, default=0.3, help="simulated time [s]")
+    parser.add_argument("--no-peaks", action="store_true", help="leave the table out")
+    parser.add_argument("--poses", type=int, default=30, help="random poses of each robot")
+    parser.add_argument("--released", type=int, default=3, help="runs of each robot that end")
+    parser.add_argument("--robots", default=",".join(JOINTS), help="which, with commas between")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--quick", action="store_true", help="two poses and a run of the SCARA")
+    options = parser.parse_args()
+    if options.quick:
+        options.no_peaks, options.robots = True, "scara"
+        options.poses, options.released = 2, 1
+    if not options.no_peaks:
+        peaks(options.lasts)
+    worst, looked, outside, away = 0.0, 0, 0, 0
+    for name in options.robots.split(","):
+        one = agree(name, options.poses, options.seed, options.released)
+        worst, looked = max(worst, one[0]), looked + one[1]
+        outside, away = outside + one[2], away + one[3]
+    print(f"seed {options.seed}: worst disagreement of budget and start=\"rest\" {1e6 * worst:.3g} "
+          f"um at {looked} poses, stated {1e6 * AGREES_M:g} um; {outside} starts, {away} ends of "
+          f"runs with friction outside the interval")  # fmt: skip
+
+
+def peaks(lasts: float) -> None:
+    """Print a table in Markdown."""
+    head = [
+        "run", "centred: first 50 ms, then [N]", "at rest: first 50 ms, then [N]",
+        "pressed at rest [N]", "unbalanced [N]", "states tried", "time of the search [s]",
+    ]  # fmt: skip
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for name, simulation in simulations().items():
+        duration = min(lasts, simulation.duration or lasts)
+        jp.Run(replace(simulation, duration=duration))
+        spent = {}
+        for start in ("centred", "rest"):
+            began = time.process_time()
+            run = jp.Run(replace(simulation, duration=duration, start=start, judge_from=0.0))
+            spent[start] = time.process_time() - began
+        rest = run.rest
+        before, after = (peak(simulation, start, duration) for start in ("centred", "rest"))
+        row = [name, f"{before[0]:.4g}, {before[1]:.4g}", f"{after[0]:.4g}, {after[1]:.4g}",
+               f"{rest.load:.4g}", f"{rest.residual:.1g}", f"{rest.trials}",
+               f"{spent['rest'] - spent['centred']:.2f}"]  # fmt: skip
+        print("| " + " | ".join(row) + " |", flush=True)
