@@ -5,10 +5,10 @@ import pytest
 from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
-from jointplay.analysis.runs import dynamic_error, fitting_step
 from jointplay.cli import main
 from jointplay.design.allocation import allocate
 from jointplay.design.static_budget import budget
+from jointplay.study.courses import dynamic_error, fitting_step
 
 
 @pytest.fixture

@@ -291,9 +291,9 @@ def test_reduced_bearings_have_their_own_friction_and_stiffness(robot, name):
 
 
 def test_bearings_neither_wear_nor_are_identified(robot):
-    from jointplay.design.maintenance import maintenance
-    from jointplay.design.wear import wear
     from jointplay.identification import plan_measurement
+    from jointplay.study.maintenance import maintenance
+    from jointplay.study.wear import wear
 
     mechanism = jp.Mechanism(robot, {"balls": BALLS}, tool="tip")
     simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")
@@ -306,7 +306,7 @@ def test_bearings_neither_wear_nor_are_identified(robot):
 
 
 def test_sensitivity_varies_no_preloaded_bearing(robot):
-    from jointplay.design.shares import _inputs
+    from jointplay.study.shares import _inputs
 
     mechanism = jp.Mechanism(robot, {"balls": BALLS, "pair": PAIR}, tool="tip")
     simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")

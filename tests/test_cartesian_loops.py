@@ -7,12 +7,12 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.design.iso9283 import cube_motion
 from jointplay.mechanism.closed_loops import ClosedLoops, followed_mimics
 from jointplay.mechanism.loop import Loop, assemble, closing_rows, openings
 from jointplay.motion.cartesian import Arm, cartesian_motion, cartesian_path, reachable
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.ideal import driven_map
+from jointplay.study.iso9283 import cube_motion
 
 ARMS = ("arm_1", "arm_2", "arm_3")
 MOTORS = ("motor_1", "motor_2", "motor_3")

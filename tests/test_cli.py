@@ -28,7 +28,8 @@ from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import Free
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.urdf import shipped
-from jointplay.paper import CONDITIONS, output_names, scara, study
+from jointplay.paper import CONDITIONS, output_names, scara
+from jointplay.paper import run as paper_run
 
 START = str(Path(sys.executable).parent / "jointplay")
 """The command as a new process."""
@@ -464,7 +465,7 @@ def test_nothing_stands_before_an_error(quiet, tmp_path):
 import sys, warnings
 import numpy as np
 from jointplay import cli
-from jointplay.design import iso9283
+from jointplay.study import iso9283
 def check(*_):
     warnings.warn("mine", RuntimeWarning)
     np.array([1.0]) / np.array([0.0])
@@ -527,13 +528,13 @@ def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
         signal.raise_signal(signal.SIGTERM)
         return work(*given)
 
-    place, name = (plots, "save") if moment == "plots" else (study, moment)
+    place, name = (plots, "save") if moment == "plots" else (paper_run, moment)
     work = getattr(place, name)
     monkeypatch.setattr(place, name, told)
-    monkeypatch.setattr(study, "CASES", {"ideal": None})
+    monkeypatch.setattr(paper_run, "CASES", {"ideal": None})
     monkeypatch.setattr("jointplay.paper.ensembles.CASES", {"ideal": None})
     short = replace(scara(None), duration=0.002)
-    monkeypatch.setattr(study, "run_case", lambda *_: short.run())
+    monkeypatch.setattr(paper_run, "run_case", lambda *_: short.run())
     monkeypatch.setattr("jointplay.paper.ensembles.METHODS", {})
     assert main(["scara", "--runs", "0", "--out", str(tmp_path / "o"), "--quiet"]) == 0
     assert (

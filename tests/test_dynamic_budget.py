@@ -6,8 +6,8 @@ from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.cli import main
-from jointplay.design.shares import sensitivity, shares
 from jointplay.loads import ComputedTorque
+from jointplay.study.shares import sensitivity, shares
 
 
 @pytest.fixture

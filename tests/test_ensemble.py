@@ -14,7 +14,7 @@ from sweep_scenario import ARM
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import jointplay as jp
-import jointplay.simulation.ensemble as module
+import jointplay.study.ensemble as module
 from jointplay.core import processes, signals
 from jointplay.core.processes import Pool, cores, number_of
 
@@ -155,9 +155,8 @@ def test_numerical_libraries_have_one_thread_in_each_process():
     with threadpool_limits(2):
         assert set(threads(None)) == {2}
         for jobs in (1, 2):
-            with module.run_parallel(threads, range(2), jobs) as outcomes:
-                for _, found in outcomes:
-                    assert set(found) == {1}
+            for found in jp.Study(range(2), threads).run(jobs):
+                assert set(found) == {1}
 
 
 @pytest.mark.parametrize(
@@ -197,7 +196,7 @@ def test_a_process_that_dies_of_an_item_again_and_again_is_replaced():
         return 10 * item
 
     with closing(Pool(bite, 2, lost=lambda item: -item, small=True)) as pool:
-        assert sorted(pool.run(range(5))) == [(0, 0), (1, 10), (2, -2), (3, 30), (4, 40)]
+        assert sorted(pool.run(enumerate(range(5)))) == [(0, 0), (1, 10), (2, -2), (3, 30), (4, 40)]
 
 
 def test_a_process_told_to_end_before_it_is_set_up_says_nothing(capfd):
@@ -210,5 +209,5 @@ def test_a_process_told_to_end_before_it_is_set_up_says_nothing(capfd):
         signals.listening(),
         closing(Pool(abs, 1, begin=slowly, lost=lambda item: -item)) as pool,
     ):
-        assert list(pool.run([5])) == [(0, -5)]
+        assert list(pool.run([(0, 5)])) == [(0, -5)]
     assert "Traceback" not in capfd.readouterr().err

@@ -363,7 +363,7 @@ WRITERS = {
 """Calls that can write, or delete, a file."""
 
 ELSEWHERE = {
-    "analysis/runs.py": {"np.savez_compressed(content, **vars(trace))"},  # in memory
+    "study/courses.py": {"np.savez_compressed(content, **vars(value))"},  # in memory
     "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
     "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
     "exports/table.py": {"table.iloc[block].to_csv("},  # in memory

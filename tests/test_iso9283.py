@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
-from jointplay.analysis import runs as traces_module
-from jointplay.analysis.runs import Trace, traces
 from jointplay.cli import main
-from jointplay.design.iso9283 import (
+from jointplay.study import courses as traces_module
+from jointplay.study.courses import Trace, traces
+from jointplay.study.iso9283 import (
     Cycles,
     accuracy,
     bootstrap,
@@ -431,7 +431,7 @@ def test_a_bore_that_wears_lets_the_pose_drift(arm):
 def test_runs_that_are_kept_are_not_done_again(arm, tmp_path, monkeypatch):
     simulation = pendulum(arm, duration=0.02)
     first = traces([simulation], keep=tmp_path)
-    monkeypatch.setattr(traces_module, "_run", lambda _: pytest.fail("run again"))
+    monkeypatch.setattr(traces_module, "_course", lambda _: pytest.fail("run again"))
     again = traces([simulation], keep=tmp_path)
     assert np.array_equal(first[0].position, again[0].position)
 

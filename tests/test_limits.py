@@ -18,13 +18,12 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError, player
-from jointplay.analysis import runs, uncertainty
+from jointplay.analysis import uncertainty
 from jointplay.commands import listed
 from jointplay.commands.run_scenario import file_names
 from jointplay.core import compiler, schema
 from jointplay.core.files import MOST_TEXT, csv_rows
 from jointplay.core.units import convert
-from jointplay.design import shares
 from jointplay.mechanism import impact
 from jointplay.mechanism.loop import closing_rows, misfit
 from jointplay.mechanism.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
@@ -32,7 +31,7 @@ from jointplay.nonlinear import lyapunov, observables, poincare
 from jointplay.paper import run_study, scara
 from jointplay.player import movie
 from jointplay.reports.sections import claim_rows
-from jointplay.study import axes
+from jointplay.study import axes, courses, shares
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
@@ -238,7 +237,7 @@ def test_nothing_but_numbers_passes_for_a_number_of_a_function(wrong):
         lambda: player.Server(b"", port=wrong),
         lambda: shares.sensitivity(scara(2e-4), spread=wrong),
         lambda: shares.sensitivity(scara(2e-4), samples=wrong),
-        lambda: runs.traces([], jobs=wrong),
+        lambda: courses.traces([], jobs=wrong),
         lambda: jp.oil("ISO VG 32").viscosity(wrong),
     ]
     for number, call in enumerate(calls):

@@ -6,7 +6,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay.cli import main
-from jointplay.design.maintenance import maintenance
+from jointplay.study.maintenance import maintenance
 
 PLAY = 1e-4
 

@@ -23,7 +23,6 @@ from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError, player, reports
-from jointplay.analysis.runs import traces
 from jointplay.cli import main
 from jointplay.contact import CustomNormalForce, NormalForceLaw
 from jointplay.contact.trust import trusting
@@ -32,6 +31,7 @@ from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.visuals import find_mesh, mesh_folders
 from jointplay.player.server import Server
 from jointplay.result import netcdf
+from jointplay.study.courses import traces
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 

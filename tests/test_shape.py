@@ -116,7 +116,7 @@ WIDE = {
     "core/processes.py:_serve": "sent to the other process, which raises it",
     "core/files.py:arrays": "zipfile and numpy on damaged bytes: said",
     "core/hdf5.py:_main": "HDF5 on damaged bytes: said",
-    "simulation/ensemble.py:_run_serially": "raised again, with the name of the item",
+    "core/processes.py:run": "raised again, with the name of the item",
     "commands/run_scenario.py:_run_parallel": "raised again after cleaning up",
     "commands/run_scenario.py:_stop_workers": "another error came first, and is raised",
     "loads/controller.py:sampler": "a user's controller raises anything: said",

@@ -9,7 +9,7 @@ import pytest
 
 import jointplay
 from jointplay.geometry import Form, Mode
-from jointplay.paper import METHODS, Found, Study, early_peak, errors_table, scara
+from jointplay.paper import METHODS, Findings, Found, early_peak, errors_table, scara
 from jointplay.paper.cases import EARLY, EARLY_S
 from jointplay.paper.page import (
     EQUATIONS,
@@ -88,7 +88,7 @@ def test_the_explicit_method_is_too_high_in_the_first_strokes_and_every_cell_say
     assert all(row[-1] for row in rest)
     (early,) = (row for row in rest if row[:2] == ("0.2 mm", EARLY))
     assert re.search(r"\(\+4\d\.\d %\)", early[-1])
-    study = Study(cases, rows, [f"0.2 mm, {found.warnings[0]}"], [])
+    study = Findings(cases, rows, [f"0.2 mm, {found.warnings[0]}"], [])
     text = page(study, "Balanced, consistent, multi-rate")
     for figure in range(9, 16):
         assert f"](fig{figure:02d}.png)" in text

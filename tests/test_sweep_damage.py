@@ -22,7 +22,7 @@ import jointplay as jp
 from jointplay import JointplayError
 from jointplay.study import plan_of, sealed
 from jointplay.study import run as run_module
-from jointplay.study.case import run_cases
+from jointplay.study.case import run_case
 from jointplay.study.journal import Journal
 from jointplay.study.store import Store
 
@@ -43,10 +43,9 @@ class Here:
         self.job = job
 
     def run(self, cases):
-        for place, case in enumerate(cases):
-            Here.ran.append(case[0])
-            (outcome,) = run_cases(self.job, [case])
-            yield place, outcome
+        for key, case in cases:
+            Here.ran.append(key)
+            yield key, run_case(self.job, case)
 
     def close(self):
         pass

@@ -12,7 +12,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import geometry
-from jointplay.design.wear import wear, worn_depth
+from jointplay.study.wear import wear, worn_depth
 
 RI, RJ, HALF = 10e-3, 9.8e-3, 15e-3
 N = 72

@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 import time
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, Outcome, job
-from jointplay.study.run import local_workers
+from jointplay.study.run import workers_for
 from jointplay.study.store import Store
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
@@ -102,9 +103,9 @@ def start():
 def messages(number):
     """CPU seconds of the driver for messages to and from workers, by case."""
     made = planned(SHORT_S, number)
-    workers = local_workers(job(made), 1)
+    workers = workers_for(made, 1)
     try:
-        cases = ((index, made.changes(index)) for index in made.indices())
+        cases = ((case[0], case) for case in made.cases())
         began = time.process_time()
         for _ in workers.run(cases):
             pass
@@ -116,15 +117,15 @@ def messages(number):
 def gain(number, rounds):
     """How much faster two workers are than one, and the wall seconds of a case with two."""
     made = planned(LONG_S, number)
-    crews = {1: local_workers(job(made), 1), 2: local_workers(job(made), 2)}
+    crews = {1: workers_for(made, 1), 2: workers_for(made, 2)}
     times = {1: [], 2: []}
     try:
         for crew in crews.values():
-            list(crew.run((index, made.changes(index)) for index in list(made.indices())[:4]))
+            list(crew.run((case[0], case) for case in islice(made.cases(), 4)))
         for _ in range(rounds):
             for workers, crew in crews.items():
                 began = time.perf_counter()
-                for _, outcome in crew.run((i, made.changes(i)) for i in made.indices()):
+                for _, outcome in crew.run((case[0], case) for case in made.cases()):
                     if outcome.state != 1:
                         raise SystemExit(outcome.error)
                 times[workers].append(time.perf_counter() - began)

@@ -87,7 +87,7 @@ def measures(work: tuple[jp.Simulation, tuple[str, ...]]) -> dict[str, np.ndarra
     for name in joints:
         force = result["joint_force_peak"].sel(joint=name).values[counts]
         found[f"{name} force"] = np.array(np.nanmax(force))
-        found[f"{name} depth"] = jp.design.worn_depth(result, name)[0] / 2.0
+        found[f"{name} depth"] = jp.study.worn_depth(result, name)[0] / 2.0
     return found
 
 

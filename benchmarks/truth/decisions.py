@@ -21,13 +21,13 @@ import numpy as np
 from common import folder_of, require
 
 import jointplay as jp
-from jointplay.analysis.runs import dynamic_error
 from jointplay.core.files import temporary
 from jointplay.design.poses import along_motion, over_workspace
 from jointplay.design.reduced_files import follow, to_mjcf
 from jointplay.design.reduction import reduce
 from jointplay.design.static_budget import budget
 from jointplay.mechanism.robots import robot_urdf
+from jointplay.study.courses import dynamic_error
 
 UR5 = (
     "shoulder_pan_joint",

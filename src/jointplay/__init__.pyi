@@ -6,20 +6,17 @@ from . import identification as identification
 from . import loads as loads
 from . import nonlinear as nonlinear
 from . import paper as paper
+from . import study as study
 from .analysis.certification import certify as certify
 from .analysis.comparison import compare as compare
 from .core.errors import JointplayError as JointplayError
 from .design.allocation import allocate as allocate
 from .design.cause_allocation import allocate_causes as allocate_causes
 from .design.error_budget import error_budget as error_budget
-from .design.iso9283 import iso9283 as iso9283
-from .design.maintenance import maintenance as maintenance
 from .design.reduction import reduce as reduce
 from .design.robot_errors import JointErrors as JointErrors
 from .design.robot_errors import RobotErrors as RobotErrors
-from .design.shares import shares as shares
 from .design.static_budget import budget as budget
-from .design.wear import wear as wear
 from .exports import export as export
 from .identification import Measurement as Measurement
 from .identification import Recording as Recording
@@ -68,10 +65,15 @@ from .scenario.schema import schema as schema
 from .simulation import Run as Run
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
-from .simulation.ensemble import EnsembleInterrupted as EnsembleInterrupted
-from .simulation.ensemble import ensemble as ensemble
+from .study import Study as Study
 from .study import open_sweep as open_sweep
 from .study import sweep as sweep
+from .study.ensemble import EnsembleInterrupted as EnsembleInterrupted
+from .study.ensemble import ensemble as ensemble
+from .study.iso9283 import iso9283 as iso9283
+from .study.maintenance import maintenance as maintenance
+from .study.shares import shares as shares
 from .study.table import uncertainty as uncertainty
+from .study.wear import wear as wear
 
 __version__: str

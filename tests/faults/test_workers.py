@@ -14,7 +14,7 @@ from jointplay.core import processes
 @needs_proc
 def test_a_pool_that_is_closed_leaves_no_process():
     pool = processes.Pool(time.sleep, 2)
-    pool.start([1e6] * 4)
+    pool.start(enumerate([1e6] * 4))
     left = [process.pid for process in pool.processes.values()]
     pool.close()
     gone(left)
@@ -28,7 +28,7 @@ if sys.argv[1] == "watch":
 if __name__ == "__main__":
     pool = processes.Pool(time.sleep, 1)
     print(*(process.pid for process in pool.processes.values()), flush=True)
-    for _ in pool.run([0.0, 1e6]):
+    for _ in pool.run(enumerate([0.0, 1e6])):
         print("begun", flush=True)
 """
 

@@ -131,7 +131,7 @@ def archard(quick: bool = False, wrong: bool = False) -> Outcome:
     result = jp.simulate(
         robot, _spin(speed, lasts), step=2e-6, integrator="rk4", record_every=50, **TURNING
     )
-    depth = jp.design.worn_depth(result, "pin")[0]
+    depth = jp.study.worn_depth(result, "pin")[0]
     volume = float(depth.sum() * bearing.ri * 2 * math.pi / len(depth) * bearing.lj)
     # Pressed down by its weight in the mean, also while it bounces: the impulse is weight x time,
     # but for the momentum that is left.

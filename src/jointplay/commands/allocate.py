@@ -129,7 +129,7 @@ def run(options: argparse.Namespace) -> int:
     notes = [note for note in work.notes if not note.startswith("play:")]
     print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
     if options.verify is not None:
-        from jointplay.analysis.runs import dynamic_error
+        from jointplay.study.courses import dynamic_error
 
         assert work.motion is not None
         error = dynamic_error(

@@ -10,7 +10,7 @@ from jointplay.commands import add_option, add_repeatable, add_shared, given
 from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
-    from jointplay.nonlinear.rows import Study
+    from jointplay.nonlinear.rows import Observation
 
 
 KINDS = {
@@ -105,10 +105,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _study(options: argparse.Namespace) -> Study:
+def _study(options: argparse.Namespace) -> Observation:
     """Checks all before anything runs."""
     from jointplay.nonlinear import observables, steady_motion
-    from jointplay.nonlinear.rows import Study, Varied
+    from jointplay.nonlinear.rows import Observation, Varied
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import parse
 
@@ -119,7 +119,7 @@ def _study(options: argparse.Namespace) -> Study:
     if options.vary and options.kind not in ("bifurcation", "waterfall", "lyapunov", "runup"):
         raise JointplayError(f"{options.kind} takes no --vary: it analyses a single motion")
     varied = Varied.parse(options.vary) if options.vary else None
-    study = Study(
+    study = Observation(
         str(scenario.path), scenario.text, tuple(scenario.trust), settings, options.case,
         0, 1, options.records, options.phase, (), varied, options.orders, options.joint or "",
     )  # fmt: skip

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from jointplay.core.errors import JointplayError
 from jointplay.nonlinear import lyapunov, poincare
 from jointplay.nonlinear.observables import label
-from jointplay.nonlinear.rows import Study, Table, Varied
+from jointplay.nonlinear.rows import Observation, Table, Varied
 from jointplay.nonlinear.steady_motion import room, turn
 from jointplay.plots import nonlinear as plots
 
@@ -28,7 +28,7 @@ MOST_PLOTTED = 1500
 class FigureJob:
     """What the makers of figures need."""
 
-    study: Study
+    study: Observation
     options: argparse.Namespace
     out: Path
 

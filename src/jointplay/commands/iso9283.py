@@ -73,8 +73,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the cycles, print, draw."""
     names = {percent: _names(percent) for percent in dict.fromkeys(options.speed or [100.0])}
     out = Outputs(options.out, [name for several in names.values() for name in several])
-    from jointplay.analysis.runs import check_numbers
-    from jointplay.design.iso9283 import check, iso9283
+    from jointplay.study.courses import check_numbers
+    from jointplay.study.iso9283 import check, iso9283
 
     counts = _cycles(options)
     check_numbers(counts.most, options.jobs)
@@ -125,7 +125,7 @@ def _names(percent: float) -> list[str]:
 
 def _cycles(options: argparse.Namespace) -> Any:
     """How many cycles are asked for; what is not given is the standard's, or fewer."""
-    from jointplay.design.iso9283 import Cycles
+    from jointplay.study.iso9283 import Cycles
 
     most = Cycles.pose if options.cycles is None else options.cycles
     own = given(options, *(f"{kind}_cycles" for kind in KINDS))
@@ -140,7 +140,7 @@ def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:
         raise JointplayError("--cube LENGTH and --cube-centre X,Y,Z go together")
     if options.cube is None:
         return simulation, "poses: the stops of the motion"
-    from jointplay.design.iso9283 import cube_motion
+    from jointplay.study.iso9283 import cube_motion
 
     centre = [quantity(part, "m", "--cube-centre") for part in options.cube_centre.split(",")]
     motion = cube_motion(simulation.mechanism, centre, options.cube)

@@ -29,8 +29,8 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, draw."""
     out = Outputs(options.out, ["maintenance.csv", "maintenance.png"])
-    from jointplay.design.maintenance import maintenance
     from jointplay.scenario import Scenario
+    from jointplay.study.maintenance import maintenance
 
     scenario = Scenario.load(options.file, options.trust)
     simulation = scenario.simulation(options.case)

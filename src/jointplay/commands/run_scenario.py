@@ -361,7 +361,7 @@ def _run_parallel(
     try:
         with closing(pool):
             try:
-                pool.start(list(enumerate(items)))
+                pool.start(enumerate(enumerate(items)))
                 while pool.busy:
                     for place, _ in pool.outcomes(_LOOK_S):
                         left.remove(items[place].case)

@@ -47,8 +47,8 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run, print, draw."""
     out = Outputs(options.out, ["shares.csv", "shares.png"])
-    from jointplay.analysis.runs import check_numbers
-    from jointplay.design.shares import check, sensitivity, shares
+    from jointplay.study.courses import check_numbers
+    from jointplay.study.shares import check, sensitivity, shares
 
     payload = options.payload or 0.0
     check_numbers(options.runs, options.jobs)

@@ -46,8 +46,8 @@ def cycles(options: argparse.Namespace) -> dict[str, Any]:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
-    from jointplay.design.wear import wear
     from jointplay.scenario import Scenario
+    from jointplay.study.wear import wear
 
     if options.out:
         files.check_new(options.out)

@@ -156,10 +156,10 @@ class Pool(Generic[Item, Value]):
         self._target = partial(_serve, work, begin)
         self._number, self._lost, self._small = number, lost, small
         self.processes: dict[Connection[Any, Any], BaseProcess] = {}  # by their connections
-        self._queues: dict[Connection[Any, Any], deque[tuple[int, Item]]] = {}
-        self._items: Iterator[tuple[int, Item]] = iter(())
-        self._again: deque[tuple[int, Item]] = deque()
-        self._deaths: Counter[int] = Counter()
+        self._queues: dict[Connection[Any, Any], deque[tuple[Any, Item]]] = {}
+        self._items: Iterator[tuple[Any, Item]] = iter(())
+        self._again: deque[tuple[Any, Item]] = deque()
+        self._deaths: Counter[Any] = Counter()
         self._done = 0
         self._closed = False
         for _ in range(number):
@@ -182,9 +182,9 @@ class Pool(Generic[Item, Value]):
         if self._closed:  # by another thread
             process.kill()
 
-    def start(self, items: Iterable[Item]) -> None:
-        """Have the work done for these items, which are taken as they are needed."""
-        self._items = enumerate(items)
+    def start(self, items: Iterable[tuple[Any, Item]]) -> None:
+        """Have the work done for these items, by key, which are taken as they are needed."""
+        self._items = iter(items)
         self._deaths.clear()
         for connection in self._queues:
             self._feed(connection)
@@ -194,8 +194,8 @@ class Pool(Generic[Item, Value]):
         """Whether outcomes are to come."""
         return not self._closed and any(self._queues.values())
 
-    def run(self, items: Iterable[Item]) -> Iterator[tuple[int, Value]]:
-        """Do the work for these items; gives the place of each and what came of it, as they come.
+    def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
+        """Do the work for these items; gives the key of each and what came of it, as they come.
 
         Raises:
             JointplayError: a process was ended from outside; what cannot be sent.
@@ -205,7 +205,7 @@ class Pool(Generic[Item, Value]):
         while self.busy:
             yield from self.outcomes()
 
-    def outcomes(self, timeout: float | None = None) -> Iterator[tuple[int, Value]]:
+    def outcomes(self, timeout: float | None = None) -> Iterator[tuple[Any, Value]]:
         """What comes next, as in `run`; nothing if nothing does within the time [s]."""
         for ready in wait([one for one, queue in self._queues.items() if queue], timeout):
             connection = cast("Connection[Any, Any]", ready)
@@ -216,11 +216,11 @@ class Pool(Generic[Item, Value]):
                     return
                 yield from self._died(connection)
                 continue
-            place, _ = self._queues[connection].popleft()
+            key, _ = self._queues[connection].popleft()
             self._done += 1
             if error is not None:
-                raise with_item(error, self._name, place)
-            yield place, value  # before anything else can fail
+                raise with_item(error, self._name, key)
+            yield key, value  # before anything else can fail
             self._feed(connection)
 
     def _feed(self, connection: Connection[Any, Any]) -> None:
@@ -230,33 +230,32 @@ class Pool(Generic[Item, Value]):
             next_one = self._again.popleft() if self._again else next(self._items, None)
             if next_one is None:
                 return
-            place, item = next_one
             queue.append(next_one)
             try:
-                connection.send(item)
+                connection.send(next_one[1])
             except OSError:  # it is dead, which `outcomes` finds
                 return
             except (pickle.PicklingError, TypeError, AttributeError) as error:
                 text = f"it cannot be sent to another process ({error}); jobs=1 needs none"
-                raise with_item(JointplayError(text), self._name, place) from error
+                raise with_item(JointplayError(text), self._name, next_one[0]) from error
 
-    def _died(self, connection: Connection[Any, Any]) -> Iterator[tuple[int, Value]]:
+    def _died(self, connection: Connection[Any, Any]) -> Iterator[tuple[Any, Value]]:
         """Replace a dead process; the item that it died of is tried again, or lost."""
         queue = self._queues.pop(connection)
         self.processes.pop(connection).join()
         connection.close()
-        place, item = queue.popleft()
-        self._deaths[place] += 1
+        key, item = queue.popleft()
+        self._deaths[key] += 1
         self._again.extend(queue)
         if self._lost is None:
             text = f"a process was ended from outside (too little memory?); {self._kept}"
-            raise with_item(JointplayError(text), self._name, place)
+            raise with_item(JointplayError(text), self._name, key)
         if self._done == 0 and len(self._deaths) > 2 * self._number:
             raise JointplayError("the worker processes end before they have done any work")
-        if self._deaths[place] >= MOST_DEATHS:
-            yield place, self._lost(item)
+        if self._deaths[key] >= MOST_DEATHS:
+            yield key, self._lost(item)
         else:
-            self._again.append((place, item))
+            self._again.append((key, item))
         self._start()
         for other, waiting in self._queues.items():
             if not waiting:
@@ -272,13 +271,39 @@ class Pool(Generic[Item, Value]):
             process.join()
 
 
-def with_item(error: BaseException, name: str, place: int) -> BaseException:
+class Serial(Generic[Item, Value]):
+    """This process, where one is enough: does what a `Pool` does.
+
+    Args:
+        work, name: see `Pool`.
+    """
+
+    def __init__(self, work: Callable[[Item], Value], *, name: str = "") -> None:
+        """Do nothing yet."""
+        self._work, self._name = work, name
+
+    def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
+        """Do the work for these items, one after the other; see `Pool.run`."""
+        for key, item in items:
+            try:
+                with one_thread():
+                    value = self._work(item)
+            except Exception as error:
+                with_item(error, self._name, key)
+                raise
+            yield key, value
+
+    def close(self) -> None:
+        """Nothing is left to be ended."""
+
+
+def with_item(error: BaseException, name: str, key: Any) -> BaseException:
     """The error, which says of which item it is if items have a name."""
     if name and isinstance(error, JointplayError):
-        error.args = (f"{name}[{place}]: {error}",)
-        error.where = (name, place, *error.where)
+        error.args = (f"{name}[{key}]: {error}",)
+        error.where = (name, key, *error.where)
     elif name:
-        error.add_note(f"{name}[{place}]")
+        error.add_note(f"{name}[{key}]")
     return error
 
 
@@ -322,5 +347,5 @@ def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
         yield work
         return
     with closing(Pool[None, Value](lambda _: work(), 1)) as pool:
-        pool.start([None])
+        pool.start([(None, None)])
         yield lambda: next(pool.outcomes())[1]

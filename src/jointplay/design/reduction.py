@@ -29,7 +29,6 @@ import pinocchio as pin
 from scipy.optimize import nnls
 
 from jointplay.analysis.bearings import element_loads
-from jointplay.analysis.runs import fitting_step
 from jointplay.core.errors import JointplayError, MissingName, require_a, require_positive
 from jointplay.core.progress import ProgressBar
 from jointplay.core.schema import plain
@@ -38,7 +37,7 @@ from jointplay.design.poses import moving
 from jointplay.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.gear import Gear, Gearing
-from jointplay.mechanism.impact import elastic_energy
+from jointplay.mechanism.impact import elastic_energy, fitting_step
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result

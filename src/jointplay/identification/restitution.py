@@ -21,8 +21,8 @@ from jointplay.identification.parameters import friction_of, with_clearance
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.result import Result
-from jointplay.simulation.ensemble import run_in_order, run_to_the_end
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import Study, run_to_the_end
 
 # An accelerometer shows an impact as a spike of few records, a force between bearing and journal
 # as a pulse out of nothing. Neither needs to be calibrated: only times and ratios count.
@@ -742,7 +742,7 @@ class _Comparison:
     def run(self, values: np.ndarray, jobs: int | None, bar: ProgressBar) -> np.ndarray:
         """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
         todo = [self._with(row) for row in values]
-        rows = run_in_order(self._instruments.statistics_of_run, todo, jobs, bar)
+        rows = Study(todo, self._instruments.statistics_of_run).run(jobs, bar)
         return np.array([[row[name] for name in self._names] for row in rows])
 
     def _with(self, row: np.ndarray) -> Simulation:

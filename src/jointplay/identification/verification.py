@@ -22,8 +22,8 @@ from jointplay.identification.parameters import known_gears
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.joints import SlidingClearance
 from jointplay.result.result import AXES, Result
-from jointplay.simulation.ensemble import run_in_order
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import Study
 
 RUNS = 6
 """Runs with which a measurement is compared."""
@@ -155,7 +155,7 @@ def verify(
         own = instruments.settings(simulation)
     drawn = [_perturbed(own, identification, number) for number in range(runs)]
     with ProgressBar(total=runs, desc="verify", disable=not progress, unit="run") as bar:
-        found = run_in_order(partial(_look, identification, instruments), drawn, jobs, bar)
+        found = Study(drawn, partial(_look, identification, instruments)).run(jobs, bar)
     means, rows = zip(*found, strict=True)
     statistics = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(statistics)

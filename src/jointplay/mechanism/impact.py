@@ -15,6 +15,7 @@ from jointplay.contact.compiled import MAX_PARAMETERS, address, compiled_law
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.core.compiler import njit, pointer
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
+from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.mechanism.mechanism import Mechanism
 
 REFERENCE_SPEED = 0.1
@@ -163,3 +164,13 @@ def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     return min(
         impact_duration(law, law.parameters(contact), mass, REFERENCE_SPEED) for contact in contacts
     )
+
+
+LONGEST_STEP_S = 1e-5
+"""Longest time step of a run with impacts [s]."""
+
+
+def fitting_step(mechanism: Mechanism, q: np.ndarray) -> float:
+    """A time step that resolves the impacts of all joints [s]."""
+    shortest = min(contact_duration(mechanism, name, q) for name in mechanism.clearance)
+    return min(LONGEST_STEP_S, shortest / WELL_RESOLVED_STEPS)

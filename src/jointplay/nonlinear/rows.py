@@ -18,15 +18,14 @@ import numpy as np
 from jointplay.analysis import ideal_simulation
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
-from jointplay.core.progress import ProgressBar
 from jointplay.nonlinear import lyapunov, steady_motion
 from jointplay.nonlinear.poincare import once_per_turn
 from jointplay.nonlinear.run_up import RunUp
 from jointplay.nonlinear.steady_motion import Place
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, divided, parse, tree
-from jointplay.simulation.ensemble import run_parallel
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import Study
 
 PIECES = 20
 """Intervals in a turn after which neighbours are put back to each other."""
@@ -85,7 +84,7 @@ class Varied:
 
 
 @dataclass(frozen=True)
-class Study:
+class Observation:
     """What is simulated, and for how long; makes the rows."""
 
     path: str
@@ -220,6 +219,7 @@ class Table:
         self.columns = list(columns)
         self.rows: dict[tuple[float, ...], np.ndarray] = {}
         self.failures: dict[tuple[float, ...], str] = {}
+        self.kept = f"finished values are in {str(path)!r}; the same command continues"
         self._head = _BEGIN + json.dumps(dict(asked), sort_keys=True)
         if path.exists():
             self._read()
@@ -265,6 +265,18 @@ class Table:
         files.append(self.path, text.getvalue())
         self._take(key, message, np.array([float(x or "nan") for x in cells]))
 
+    def __contains__(self, key: object) -> bool:
+        """Whether there is a row of a value."""
+        return key in self.rows
+
+    def __getitem__(self, key: tuple[float, ...]) -> tuple[np.ndarray | None, str]:
+        """The row of a value, and why it failed."""
+        return self.rows[key], self.failures.get(key, "")
+
+    def keep(self, key: tuple[float, ...], value: tuple[np.ndarray | None, str]) -> None:
+        """See `add`."""
+        self.add(key, *value)
+
     def fill(
         self,
         work: Callable[[tuple[float, ...]], np.ndarray],
@@ -276,16 +288,9 @@ class Table:
 
         A value that fails with a `JointplayError` is kept with its message; the others go on.
         """
-        missing = [key for key in keys if key not in self.rows]
-        if not missing:
-            return 0
-        bar = ProgressBar(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
-        kept = f"finished values are in {str(self.path)!r}; the same command continues"
-        with bar, run_parallel(partial(_found, work), missing, jobs, kept=kept) as outcomes:
-            for place, found in outcomes:
-                self.add(missing[place], *found)
-                bar.update()
-        return len(missing)
+        before = len(self.rows)
+        Study({key: key for key in keys}, partial(_found, work), self).run(jobs, progress)
+        return len(self.rows) - before
 
     def values(self, keys: Sequence[tuple[float, ...]]) -> np.ndarray:
         """Numbers of `keys`, not a number for those that failed, shape (keys, columns)."""

@@ -17,8 +17,8 @@ from jointplay.motion.reference import Motion
 from jointplay.nonlinear.observables import observe
 from jointplay.nonlinear.steady_motion import check_turns, orders
 from jointplay.result.result import Result
-from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import run_to_the_end
 
 
 @dataclass(frozen=True)

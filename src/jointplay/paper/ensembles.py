@@ -33,6 +33,7 @@ from jointplay.paper.cases import (
 from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
+from jointplay.study.study import Study, Workers
 
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
@@ -50,7 +51,7 @@ class Ensembles:
 
     Attributes:
         measures: results so far, by condition, case and seed.
-        others: what other methods found so far, by case and method.
+        kept: see `Store`, which it is one.
     """
 
     def __init__(
@@ -67,7 +68,8 @@ class Ensembles:
         self.table = table
         self.jobs = number_of(jobs)
         self.measures: dict[tuple[Condition, str, int], Measures] = {}
-        self.others: dict[tuple[str, str], Found] = {}
+        self._found: dict[tuple[str, str], Found] = {}
+        self.kept = f"the runs so far are in {str(table)!r}"
         self._methods = [
             (label, method)
             for label in CASES
@@ -89,43 +91,48 @@ class Ensembles:
         Whatever the block is doing, each run is kept and written to the table when it is done.
         Yields what `wait` waits for.
         """
-        kept = f"the runs so far are in {str(self.table)!r}"
-        pool: Pool[Callable[[], Any], Any] = Pool(call, self.jobs, kept=kept)
+        plan: dict[Any, Callable[[], Any]]
+        plan = {key: partial(by_method, *key, self.condition) for key in self._methods}
+        plan |= {key: partial(perturbed, *key, self.integrator) for key in self.plan}
+        study: Study[Callable[[], Any], Any] = Study(plan, call, self)
+        pool = Pool(study.measure, self.jobs, kept=self.kept)
         with ThreadPoolExecutor(1) as thread, closing(pool):
-            yield thread.submit(self._collect, pool)
+            yield thread.submit(self._collect, study, pool)
 
-    def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:
+    def _collect(self, study: Study[Any, Any], pool: Workers[Any, Any]) -> None:
         """Keep what the processes find, as it comes."""
-        work: list[Callable[[], Any]]
-        work = [partial(by_method, *key, self.condition) for key in self._methods]
-        work += [partial(perturbed, *key, self.integrator) for key in self.plan]
-        found: dict[tuple[str, str], Found] = {}
-        for place, answer in pool.run(work):
-            if place < len(self._methods):
-                found[self._methods[place]] = answer
-                self.others = {key: found[key] for key in self._methods if key in found}
-                self._simulated()
-            else:
-                self._keep(self.plan[place - len(self._methods)], answer)
+        for _ in study.outcomes(pool):
+            if (bar := current()) is not None:
+                bar.add(length())
 
-    def _keep(self, key: tuple[Condition, str, int], measures: Measures) -> None:
+    def __contains__(self, key: object) -> bool:
+        """Whether it has been run."""
+        return key in self.measures or key in self._found
+
+    def __getitem__(self, key: Any) -> Measures | Found:
+        """What was found."""
+        return self.measures[key] if key in self.measures else self._found[key]
+
+    def keep(self, key: Any, value: Any) -> None:
+        """Keep a run; one behind the claims is written to the table at once."""
+        if isinstance(value, Found):
+            self._found[key] = value
+            return
         condition, label, seed = key
         row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
-        row |= {"clearance": label, "seed": seed, **measures}
+        row |= {"clearance": label, "seed": seed, **value}
         text = io.StringIO(newline="")
         writer = csv.DictWriter(text, list(row))
         if not self.measures:
             writer.writeheader()
         writer.writerow(row)
-        self.measures[key] = measures
+        self.measures[key] = value
         files.append(self.table, text.getvalue())
 
-        self._simulated()
-
-    def _simulated(self) -> None:
-        """Say that a run is done."""
-        if (bar := current()) is not None:
-            bar.add(length())
+    @property
+    def others(self) -> dict[tuple[str, str], Found]:
+        """What other methods found so far, by case and method, in the order of the cases."""
+        return {key: self._found[key] for key in self._methods if key in self._found}
 
     @property
     def to_simulate(self) -> float:

@@ -23,7 +23,7 @@ from jointplay.result.result import AXES, Result
 from jointplay.result.settings import START_UP
 
 if TYPE_CHECKING:
-    from jointplay.paper.study import Study
+    from jointplay.paper.run import Findings
 
 PRINTED_PEAKS = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the force peaks in the paper, along world axes (Section 5, Figures 13-15) [s]."""
@@ -204,7 +204,7 @@ def _simulation_table() -> list[tuple[str, ...]]:
     ]
 
 
-def _found(study: Study, claims: Sequence[int], axis: str) -> list[str]:
+def _found(study: Findings, claims: Sequence[int], axis: str) -> list[str]:
     """What the ensembles say of some claims, a line each; of forces, those along the axis."""
     lines = []
     for verdict in study.verdicts:
@@ -228,7 +228,7 @@ _CLAIMS = {
 """Claims that a figure shows, and the force in it."""
 
 
-def page(study: Study, setting: str, pictures: str = "") -> str:
+def page(study: Findings, setting: str, pictures: str = "") -> str:
     """The text of the page.
 
     Args:
@@ -329,7 +329,7 @@ def page(study: Study, setting: str, pictures: str = "") -> str:
     return "\n".join(lines)
 
 
-def write_page(study: Study, setting: str, out: Path) -> None:
+def write_page(study: Findings, setting: str, out: Path) -> None:
     """Write ``paper.md`` and its drawings."""
     from jointplay.plots import drawings
     from jointplay.plots.names import MARK

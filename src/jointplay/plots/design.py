@@ -16,16 +16,16 @@ from matplotlib.figure import Figure
 from jointplay.design.allocation import Allocation
 from jointplay.design.cause_allocation import CauseAllocation
 from jointplay.design.error_budget import ErrorBudget
-from jointplay.design.iso9283 import Iso9283
 from jointplay.design.levers import GEAR
-from jointplay.design.maintenance import Maintenance
 from jointplay.design.reduction import Reduction
-from jointplay.design.shares import DynamicBudget
 from jointplay.design.static_budget import Budget
 from jointplay.identification import Calibration, Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
 from jointplay.plots.style import COLOURS, footnote, listed, panels
+from jointplay.study.iso9283 import Iso9283
+from jointplay.study.maintenance import Maintenance
+from jointplay.study.shares import DynamicBudget
 
 # Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
 

@@ -9,7 +9,7 @@ import threading
 import time
 import warnings
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -264,8 +264,8 @@ _benches: list[Bench] = []
 _one = threading.Lock()
 
 
-def run_cases(work: Job, cases: Sequence[Case]) -> list[Outcome]:
-    """Run some cases in this process, which remembers the sweep until it gets another.
+def run_case(work: Job, case: Case) -> Outcome:
+    """Run a case in this process, which remembers the sweep until it gets another.
 
     Raises:
         JointplayError: the sweep cannot be run here; see `Bench`.
@@ -273,4 +273,4 @@ def run_cases(work: Job, cases: Sequence[Case]) -> list[Outcome]:
     with _one:  # threads of a cluster's worker take turns
         if not _benches or _benches[0].job != work:
             _benches[:] = [Bench(work)]
-        return [_benches[0].run(index, changes) for index, changes in cases]
+        return _benches[0].run(*case)

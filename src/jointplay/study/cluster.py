@@ -1,19 +1,19 @@
-"""Workers of a Dask cluster that run the cases of a sweep."""
+"""Workers of a Dask cluster that run the cases of a study."""
 
 from __future__ import annotations
 
 import logging
 import queue
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
-from typing import Any
+from typing import Any, Generic
 
 from jointplay.core.errors import JointplayError, one_line
 from jointplay.core.imports import extra
 from jointplay.result.stored import versions
-from jointplay.study.case import COST, FAILED, Case, Job, Outcome, run_cases
+from jointplay.study.study import Item, Value
 
 BATCH_S = 2.0
 """Work of one task: the scheduler's own milliseconds are then nothing [s]."""
@@ -41,25 +41,40 @@ def version() -> str:
     return versions()["jointplay"]
 
 
-class ClusterWorkers:
-    """Workers of a Dask cluster.
+def _timed(
+    work: Callable[[Item], Value], items: Sequence[tuple[Any, Item]]
+) -> list[tuple[float, Any, Value]]:
+    """Do the work for some items: processor time [s], key and what came of each."""
+    done = []
+    for key, item in items:
+        began = time.process_time()
+        value = work(item)
+        done.append((time.process_time() - began, key, value))
+    return done
+
+
+class ClusterWorkers(Generic[Item, Value]):
+    """Workers of a Dask cluster; otherwise as a `Pool`.
 
     Args:
-        job: what they work on, files and all: they need not share a file system.
+        work: done for each item; what it needs travels with it: they need not share a file system.
         address: of the scheduler, such as ``tcp://10.0.0.1:8786``.
+        lost: what came of an item that ends the workers that it is given to.
 
     Raises:
         JointplayError: dask.distributed is not installed, no scheduler answers, it has no workers,
             or one of them has another version of jointplay.
     """
 
-    def __init__(self, job: Job, address: str) -> None:
+    def __init__(
+        self, work: Callable[[Item], Value], address: str, lost: Callable[[Item], Value]
+    ) -> None:
         """Connect, and ask every worker for its version."""
         with extra("cluster", "dask.distributed"):
             from distributed import Client
         for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-        self.job, self.address = job, address
+        self.work, self.address, self.lost = work, address, lost
         self.client: Any = self._connect(Client)
         try:
             self._check()
@@ -99,29 +114,31 @@ class ClusterWorkers:
             raise JointplayError(
                 f"the workers of {self.address!r} do not answer: {error}"
             ) from None
+        mine = version()
         for worker, said in answers.items():
             if isinstance(said, BaseException):
                 words = " ".join(str(said).split())
                 raise JointplayError(f"worker {worker} cannot use jointplay: {words}")
-            if said != self.job.version:
+            if said != mine:
                 raise JointplayError(
-                    f"worker {worker} has jointplay {said}, here is {self.job.version}; install "
-                    "the same version everywhere"
+                    f"worker {worker} has jointplay {said}, here is {mine}; install the same "
+                    "version everywhere"
                 )
 
-    def run(self, cases: Iterator[Case]) -> Iterator[tuple[object, Outcome]]:
-        """Cases and their outcomes, as they come.
+    def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
+        """Keys of items and what came of them, as they come.
 
-        A worker that dies is of no consequence: the scheduler gives its cases to others.
+        A worker that dies is of no consequence: the scheduler gives its items to others.
 
         Raises:
             JointplayError: the scheduler was lost.
         """
-        pending: dict[Any, list[Case]] = {}
+        waiting = iter(items)
+        pending: dict[Any, list[tuple[Any, Item]]] = {}
         ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-        def submit(batch: Sequence[Case]) -> None:
-            future = self.client.submit(run_cases, self.job, list(batch), pure=False)
+        def submit(batch: Sequence[tuple[Any, Item]]) -> None:
+            future = self.client.submit(_timed, self.work, list(batch), pure=False)
             pending[future.key] = list(batch)
             kept[future.key] = future
             future.add_done_callback(lambda one: ended.put(one.key))
@@ -130,7 +147,7 @@ class ClusterWorkers:
 
         def feed() -> None:
             while len(pending) < AHEAD * max(self.number, 1):
-                batch = list(islice(cases, self._batch()))
+                batch = list(islice(waiting, self._batch()))
                 if not batch:
                     return
                 submit(batch)
@@ -152,8 +169,8 @@ class ClusterWorkers:
         return JointplayError(f"the scheduler at {self.address!r} was lost{reason}")
 
     def _outcomes(
-        self, future: Any, batch: list[Case], submit: Any
-    ) -> Iterator[tuple[object, Outcome]]:
+        self, future: Any, batch: list[tuple[Any, Item]], submit: Any
+    ) -> Iterator[tuple[Any, Value]]:
         """What a task gave; one that took its workers with it is taken apart."""
         if future.status == "finished":
             try:
@@ -161,22 +178,22 @@ class ClusterWorkers:
             except Exception as error:
                 raise self._lost(error) from error
             future.release()
-            for outcome in outcomes:
+            for seconds, key, value in outcomes:
                 self._done += 1
-                self._seconds += outcome.values.get(COST, 0.0)
-                yield outcome.index, outcome
+                self._seconds += seconds
+                yield key, value
             return
         cause = self._error(future)
-        if isinstance(cause, JointplayError):  # not of a case: of the sweep
+        if isinstance(cause, JointplayError):  # what no item can do about
             raise cause
         if type(cause).__name__ != "KilledWorker":
             raise self._lost(cause) from cause
         if len(batch) > 1:
-            for case in batch:
-                submit([case])
+            for one in batch:
+                submit([one])
             return
-        text = "several workers ended while running this case (killed, out of memory, or crashed)"
-        yield batch[0][0], Outcome(batch[0][0], FAILED, {}, text)
+        key, item = batch[0]
+        yield key, self.lost(item)
 
     def _error(self, future: Any) -> BaseException | None:
         """What ended a task; None if nothing tells."""
@@ -187,13 +204,13 @@ class ClusterWorkers:
         return None
 
     def _batch(self) -> int:
-        """Cases of the next task."""
+        """Items of the next task."""
         if not self._done:
             return 1
         mean = max(self._seconds / self._done, 1e-3)
         return int(min(max(BATCH_S / mean, 1.0), MOST_BATCH))
 
     def close(self) -> None:
-        """Leave the cluster; what it was doing for this sweep is given up."""
+        """Leave the cluster; what it was doing for this study is given up."""
         with suppress(Exception):
             self.client.close(timeout=5)

@@ -156,6 +156,10 @@ class Plan:
         """All cases in order."""
         return iter(np.ndindex(*self.shape))
 
+    def cases(self) -> Iterator[tuple[Index, dict[str, Any]]]:
+        """All cases in order, and what is changed for each."""
+        return ((index, self.changes(index)) for index in self.indices())
+
     def with_samples(self, samples: int) -> Plan:
         """The same sweep with more samples, of which the first stay what they are."""
         return replace(self, samples=samples, given={**self.given, "samples": samples})

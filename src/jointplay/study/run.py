@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,15 +24,13 @@ from jointplay.core.units import toml_text
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.study.axes import Axis
-from jointplay.study.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
+from jointplay.study.case import FAILED, Bench, Case, Outcome, job, joints, run_case
 from jointplay.study.dataset import open_sweep
 from jointplay.study.measures import shipped
 from jointplay.study.plan import REPEAT, SAMPLE, Index, Plan, plan_of
 from jointplay.study.sealed import METADATA, ROOT, metadata
 from jointplay.study.store import Store, of_sweep, sweep_of_states
-
-if TYPE_CHECKING:
-    from jointplay.study.cluster import ClusterWorkers
+from jointplay.study.study import Workers
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
@@ -86,22 +84,6 @@ def _amount(value: float, units: Sequence[tuple[float, str]], least: float) -> s
             return f"{part:.2g} {name}" if part < 100.0 else f"{part:.0f} {name}"
     size, name = units[-1]
     return f"{value / size:.0f} {name}"
-
-
-Workers: TypeAlias = "Pool[Case, Outcome] | ClusterWorkers"
-"""Who runs cases."""
-
-
-def local_workers(work: Job, number: int) -> Pool[Case, Outcome]:
-    """Processes of this machine."""
-    kernel.compiled()  # which they then have
-    return Pool(partial(_case, work), number, lost=_lost, small=True)
-
-
-def _case(work: Job, case: Case) -> Outcome:
-    """Run one case in a process of this machine."""
-    (outcome,) = run_cases(work, [case])
-    return outcome
 
 
 def _lost(case: Case) -> Outcome:
@@ -222,7 +204,7 @@ def _run_rounds(
     begin: Callable[[], None] | None,
 ) -> None:
     """Run all cases, and more samples of them until there are enough."""
-    workers: Workers | None = None
+    workers: Workers[Case, Outcome] | None = None
     try:
         while True:
             left = int(np.count_nonzero(store.state == 0))
@@ -242,7 +224,7 @@ def _run_rounds(
             workers.close()
 
 
-def _begun(store: Store, number: int, scheduler: str | None) -> Workers:
+def _begun(store: Store, number: int, scheduler: str | None) -> Workers[Case, Outcome]:
     """Workers of the sweep; if there are none to be had, a store made for them is removed.
 
     Raises:
@@ -256,19 +238,19 @@ def _begun(store: Store, number: int, scheduler: str | None) -> Workers:
         raise
 
 
-def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
+def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Workers[Case, Outcome]:
     """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
         from jointplay.study.cluster import ClusterWorkers
 
-        return ClusterWorkers(job(made, send_files=True), scheduler)
-    return local_workers(job(made), number)
+        return ClusterWorkers(partial(run_case, job(made, send_files=True)), scheduler, _lost)
+    kernel.compiled()  # which they then have
+    return Pool(partial(run_case, job(made)), number, lost=_lost, small=True)
 
 
-def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
+def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
     """Run the cases that have not been run."""
     made = store.plan
-    cases = ((index, made.changes(index)) for index in made.indices() if store.state[index] == 0)
     layout = (
         "{percentage:3.0f}%|{bar}| {n}/{total} cases{postfix}, {elapsed} gone, {remaining} left"
     )
@@ -277,11 +259,12 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
         total=made.count, initial=made.count - left, disable=not progress, bar_format=layout,
         mininterval=0.2, smoothing=0.05,
     )  # fmt: skip
+    cases = (case for case in made.cases() if store.state[case[0]] == 0)
     with bar:
         bar.refresh()
-        for _, outcome in workers.run(cases):
+        for index, outcome in workers.run((case[0], case) for case in cases):
             store.keep(outcome)
-            failed += int(store.state[outcome.index]) == FAILED
+            failed += int(store.state[index]) == FAILED
             if failed:
                 bar.set_postfix_str(f", {failed} failed", refresh=False)
             bar.update()

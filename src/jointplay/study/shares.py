@@ -25,15 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.runs import (
-    MOST_RUNS,
-    at_speed,
-    check_numbers,
-    errors,
-    loaded,
-    seeded,
-    traces,
-)
 from jointplay.analysis.twins import ideal_simulation, state_without_play
 from jointplay.analysis.uncertainty import SobolIndices, salib, sobol_indices, standard_error
 from jointplay.core.errors import (
@@ -48,6 +39,15 @@ from jointplay.core.tables import Column, Table
 from jointplay.design.levers import GEAR
 from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.courses import (
+    MOST_RUNS,
+    at_speed,
+    check_numbers,
+    errors,
+    loaded,
+    seeded,
+    traces,
+)
 
 RECORD_S = 1e-3
 """Interval of the records that shares are reckoned from [s]."""

@@ -134,7 +134,7 @@ def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -
 
 
 @dataclass(frozen=True)
-class Study:
+class Findings:
     """What `run_study` found."""
 
     cases: dict[str, Result]
@@ -156,7 +156,7 @@ def run_study(
     *,
     condition: Condition = CONDITIONS[0],
     integrator: str = DEFAULT,
-) -> Study:
+) -> Findings:
     """Run the whole study into the folder `out`.
 
     Args:
@@ -200,7 +200,7 @@ def run_study(
                 ensembles.wait(collecting)
     finally:  # whatever happens, what was found is written
         with signals.keeping(f"the tables in {out}"):
-            found = Study(
+            found = Findings(
                 cases,
                 errors_table(cases, ensembles.others),
                 method_warnings(ensembles.others),

@@ -7,7 +7,7 @@ import hashlib
 import io
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -15,20 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from jointplay import kernel
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.contact.trust import files_of
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.core.processes import number_of
-from jointplay.core.progress import ProgressBar
-from jointplay.mechanism.impact import contact_duration
+from jointplay.mechanism.impact import fitting_step
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.settings import START_UP
-from jointplay.simulation.ensemble import run_parallel, run_to_the_end
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import Memory, Study, run_to_the_end
 
 
 @dataclass(frozen=True)
@@ -116,31 +114,45 @@ def traces(
     """
     check_numbers(max(len(simulations), 1), jobs)
     keys = [_key(one) for one in simulations]
-    runs: dict[str, Trace] = {}
-    if keep is not None:
+    plan = dict(zip(keys, simulations, strict=True))
+    store = Memory[Trace]() if keep is None else Folder(keep, plan)
+    Study(plan, _course, store).run(jobs, progress, desc=what)
+    return [store[key] for key in keys]
+
+
+class Folder(Memory[Trace]):
+    """Courses that are kept in a folder, a file each.
+
+    Args:
+        path: the folder, which is made.
+        keys: of courses that are read where they are there.
+
+    Raises:
+        JointplayError: it cannot be made.
+    """
+
+    def __init__(self, path: Path, keys: Iterable[str]) -> None:
+        """Read what is there."""
+        self.path = path
+        self.kept = f"the runs so far are in {str(path)!r}"
         try:
-            keep.mkdir(parents=True, exist_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise JointplayError(
-                f"cannot keep runs in {str(keep)!r}: {error.strerror or error}"
+                f"cannot keep runs in {str(path)!r}: {error.strerror or error}"
             ) from None
-        there = {key: _read(keep / f"{key}.npz") for key in dict.fromkeys(keys)}
-        runs = {key: trace for key, trace in there.items() if trace is not None}
-    todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
-    count = len(todo) + len(runs)
-    bar = ProgressBar(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
-    kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
-    names = list(todo)
-    with bar, run_parallel(_run, todo.values(), jobs, kept=kept) as outcomes:
-        for place, trace in outcomes:
-            runs[names[place]] = trace
-            if keep is not None:
-                _write(keep / f"{names[place]}.npz", trace)
-            bar.update()
-    return [runs[key] for key in keys]
+        found = {key: _read(path / f"{key}.npz") for key in keys}
+        super().__init__({key: trace for key, trace in found.items() if trace is not None})
+
+    def keep(self, key: str, value: Trace) -> None:
+        """Keep a course, in memory and on disk at once."""
+        super().keep(key, value)
+        content = io.BytesIO()
+        np.savez_compressed(content, **vars(value))
+        files.write(self.path / f"{key}.npz", content.getvalue(), overwrite=True, announced=False)
 
 
-def _run(simulation: Simulation) -> Trace:
+def _course(simulation: Simulation) -> Trace:
     seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
     result = run_to_the_end(simulation, f"a run{seed}")
     return Trace(
@@ -178,16 +190,9 @@ def _read(path: Path) -> Trace | None:
         return None
 
 
-def _write(path: Path, trace: Trace) -> None:
-    content = io.BytesIO()
-    np.savez_compressed(content, **vars(trace))
-    files.write(path, content.getvalue(), overwrite=True, announced=False)
-
-
 # What a static error is worth: the tool's error in dynamic runs of the same mechanism.
 
 
-LONGEST_STEP_S = 1e-5
 _FINER = (1.0, 0.2)
 """Steps that are tried, relative: a jammed journal may break out with the first."""
 
@@ -212,12 +217,6 @@ class DynamicError:
             f"{1e6 * self.step:.3g} us, from {self.since:g} s on: peak error "
             f"{1e6 * self.peak.max():.4g} um, RMS {1e6 * self.rms.mean():.4g} um"
         )
-
-
-def fitting_step(mechanism: Mechanism, q: np.ndarray) -> float:
-    """A time step that resolves the impacts of all joints [s]."""
-    shortest = min(contact_duration(mechanism, name, q) for name in mechanism.clearance)
-    return min(LONGEST_STEP_S, shortest / kernel.WELL_RESOLVED_STEPS)
 
 
 def dynamic_error(

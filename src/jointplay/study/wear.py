@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from jointplay.analysis.runs import MOST_RUNS, check_numbers
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import (
     JointplayError,
@@ -38,7 +37,8 @@ from jointplay.core.tables import Table
 from jointplay.joints import RollingBearing
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
-from jointplay.simulation.ensemble import run_in_order
+from jointplay.study.courses import MOST_RUNS, check_numbers
+from jointplay.study.study import Study
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -153,7 +153,7 @@ def wear_blocks(
         for block in range(blocks):
             machine = with_worn(simulation, worn)
             drawn = [replace(machine, seed=seed) for seed in seeds]
-            depths = run_in_order(_run, drawn, jobs, bar)
+            depths = Study(drawn, _run).run(jobs, bar)
             rates = [{name: one[name] / cycles_per_run for name in worn} for one in depths]
             mean = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
             count = cycles_until((block + 1) / blocks, worn, mean)

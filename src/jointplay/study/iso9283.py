@@ -47,19 +47,19 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from jointplay.analysis.runs import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces
 from jointplay.analysis.tool_error import Stop, rotations, stops
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.analysis.uncertainty import IntervalEstimate
 from jointplay.core.errors import JointplayError, require_a, require_positive
 from jointplay.core.tables import Table
-from jointplay.design.wear import all_wearing, first_profile, with_worn, worn_depths
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import cartesian_path
 from jointplay.motion.reference import GOES_ON, Motion
-from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces
+from jointplay.study.study import run_to_the_end
+from jointplay.study.wear import all_wearing, first_profile, with_worn, worn_depths
 
 TITLES = {
     "AP": ("7.2.1", "pose accuracy"),

@@ -21,7 +21,9 @@ from jointplay.core.errors import JointplayError, require_a, require_finite, req
 from jointplay.core.tables import Column, Table
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
-from jointplay.design.wear import (
+from jointplay.joints import RollingBearing
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.wear import (
     Depths,
     all_wearing,
     check_blocks,
@@ -29,8 +31,6 @@ from jointplay.design.wear import (
     wear_blocks,
     with_worn,
 )
-from jointplay.joints import RollingBearing
-from jointplay.simulation.simulation import Simulation
 
 _DEEPEST = 0.09
 """Part of its journal's radius beyond which a bore is none any more."""

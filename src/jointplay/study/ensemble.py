@@ -1,0 +1,98 @@
+"""Many runs: perturbed starts, other values, whatever simulations there are, on all cores."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from jointplay.core.errors import require_a
+from jointplay.kernel import Status
+from jointplay.study.study import Memory, Study
+
+if TYPE_CHECKING:
+    from jointplay.result.result import Result
+    from jointplay.simulation.simulation import Simulation
+
+BAR_AFTER_S = 2.0
+"""What takes no longer shows no bar [s]."""
+
+
+class EnsembleInterrupted(KeyboardInterrupt):
+    """An ensemble was told to stop.
+
+    Attributes:
+        finished: what was kept of the simulations that were finished, by their place.
+    """
+
+    def __init__(self, finished: Mapping[int, Any]) -> None:
+        """Hold what was finished."""
+        super().__init__(f"{len(finished)} simulations were finished; they are in .finished")
+        self.finished = dict(finished)
+
+
+def ensemble(
+    simulations: Iterable[Simulation],
+    *,
+    jobs: int | None = None,
+    keep: Callable[[Result], Any] | None = None,
+    progress: bool = False,
+    check_step: bool = True,
+) -> list[Any]:
+    """Run many simulations, on all cores: `[keep(one.run()) for one in simulations]`.
+
+    The same bit for bit, whatever `jobs`: each run has one core to itself.
+
+        seeds = [dataclasses.replace(simulation, seed=seed) for seed in range(100)]
+        peaks = jp.ensemble(seeds, keep=peak_force)
+
+    Args:
+        simulations: any number; a generator is asked for the next one when a process is free.
+        jobs: processes; None takes one for each core, 1 runs here.
+        keep: what is wanted of a result. It runs where the simulation ran, so that memory does not
+            grow with the number of runs; it, and what it returns, must be such as `pickle` takes: a
+            function of a module, no lambda. None: the results themselves.
+        progress: show a bar with the time left, if it takes more than `BAR_AFTER_S`.
+        check_step: see `Run.finish`.
+
+    Returns:
+        What `keep` returned, in the order of the simulations. As from `Simulation.run`, a result
+        may be of a run that stopped early, with a warning; `Result.completed` makes that an error.
+
+    Raises:
+        JointplayError: one of them cannot be run, or its process was killed; `where` is
+            ``("simulations", 3)``.
+        EnsembleInterrupted: Ctrl-C; a KeyboardInterrupt that has what was finished.
+    """
+    require_a("simulations", simulations, "Iterable")
+    kept = _Warned()
+    study = Study(simulations, partial(_run, keep, check_step), kept, name="simulations")
+    try:
+        return [value for value, _ in study.run(jobs, progress, delay=BAR_AFTER_S)]
+    except KeyboardInterrupt:
+        raise EnsembleInterrupted({place: value for place, (value, _) in kept.items()}) from None
+
+
+class _Warned(Memory[tuple[Any, list[tuple[type[Warning], str]]]]):
+    """What was kept of runs; their warnings are given here as they come."""
+
+    def keep(self, key: Any, value: tuple[Any, list[tuple[type[Warning], str]]]) -> None:
+        """Keep it, and warn."""
+        for category, text in value[1]:
+            warnings.warn(f"simulations[{key}]: {text}", category, stacklevel=6)
+        super().keep(key, value)
+
+
+def _run(
+    keep: Callable[[Result], Any] | None, check_step: bool, simulation: Simulation
+) -> tuple[Any, list[tuple[type[Warning], str]]]:
+    """What is kept of a run, and the warnings that it gave."""
+    require_a("simulation", simulation, "Simulation")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        result = simulation.run(check_step=check_step, estimate=False)
+        if result.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        value = result if keep is None else keep(result)
+    return value, [(one.category, str(one.message)) for one in warned]
