@@ -6,18 +6,15 @@ import argparse
 import csv
 import functools
 import importlib.util
-import multiprocessing
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.core.processes import cores
@@ -135,31 +132,18 @@ Measure = Callable[[Any, int | None], dict[str, Any]]
 """What runs a case once, with a seed; at module level, for other processes to find it."""
 
 
-def _measure(job: tuple[int, Measure, Any, int | None]) -> tuple[int, dict[str, Any]]:
-    index, how, case, seed = job
-    return index, how(case, seed) | {"seed": -1 if seed is None else seed}
+def _measure(how: Measure, run: tuple[Any, int | None]) -> dict[str, Any]:
+    case, seed = run
+    return how(case, seed) | {"seed": -1 if seed is None else seed}
 
 
 def ensembles(cases: Sequence[Any], runs: int, jobs: int, how: Measure = measure) -> list[Ensemble]:
     """Measure every case in `runs` runs of slightly displaced journals (an ideal robot in one)."""
-    work = [
-        (index, how, case, seed)
-        for index, case in enumerate(cases)
-        for seed in ([None] if case.ideal else range(runs))
-    ]
-    found: list[list[dict[str, Any]]] = [[] for _ in cases]
-    bar = functools.partial(tqdm, total=len(work), unit="run", smoothing=0.05)
-    if jobs == 1:
-        for index, figures in bar(map(_measure, work)):
-            found[index].append(figures)
-    else:
-        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-            for done in bar(as_completed([pool.submit(_measure, job) for job in work])):
-                index, figures = done.result()
-                found[index].append(figures)
-    for group in found:
-        group.sort(key=lambda figures: figures["seed"])
-    return [{name: np.array([run[name] for run in group]) for name in group[0]} for group in found]
+    seeds = [[None] if case.ideal else list(range(runs)) for case in cases]
+    plan = [(case, seed) for case, own in zip(cases, seeds, strict=True) for seed in own]
+    found = iter(jp.Study(plan, functools.partial(_measure, how)).run(jobs, progress=True))
+    groups = [[next(found) for _ in own] for own in seeds]
+    return [{name: np.array([run[name] for run in group]) for name in group[0]} for group in groups]
 
 
 def require(quick: bool, **packages: str) -> None:

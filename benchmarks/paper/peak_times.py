@@ -10,16 +10,15 @@ and so are the paper's claims with the best of them.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from itertools import product
 
 import numpy as np
 from common import Benchmark, new_figure
-from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.analysis.claims import Verdict, judge, measure
+from jointplay.core.progress import ProgressBar
 from jointplay.paper.cases import CASES, scara
 
 PRINTED = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
@@ -100,9 +99,9 @@ def moved(motion: jp.Motion | None, label: str, seed: int | None) -> jp.Result:
     return simulation.run(estimate=False)
 
 
-def peaks(motion: jp.Motion | None, label: str, seed: int) -> np.ndarray:
+def peaks(case: tuple[jp.Motion | None, str, int]) -> np.ndarray:
     """Times of the six peaks of one run, in the order of `PRINTED` [s]; None: shipped motion."""
-    result = moved(motion, label, seed)
+    result = moved(*case)
     judged = int(np.searchsorted(result.time, result.judge_from))
     force = result["joint_force_peak"].values[judged:, 0]
     found = [largest_peaks(result.time[judged:], force[:, k]) for k in range(3)]
@@ -112,20 +111,9 @@ def peaks(motion: jp.Motion | None, label: str, seed: int) -> np.ndarray:
 LABELS = [label for label, clearance in CASES.items() if clearance is not None]
 
 
-def misses(
-    pool: ProcessPoolExecutor, motions: list[jp.Motion | None], seeds, bar: tqdm
-) -> np.ndarray:
+def misses(jobs: int, motions: list[jp.Motion | None], seeds, bar: ProgressBar) -> np.ndarray:
     """Differences of peak times from the printed ones, (motions, clearances, seeds, 6) [s]."""
-    jobs = [
-        pool.submit(peaks, motion, label, seed)
-        for motion in motions
-        for label in LABELS
-        for seed in seeds
-    ]
-    found = []
-    for job in jobs:
-        found.append(job.result())
-        bar.update()
+    found = jp.Study(list(product(motions, LABELS, seeds)), peaks).run(jobs, bar)
     shape = (len(motions), len(LABELS), len(seeds), 6)
     return np.reshape(found, shape) - np.concatenate(list(PRINTED.values()))
 
@@ -153,13 +141,10 @@ def main() -> None:
     total = each * (drawn + generations * children)
     total += len(LABELS) * len(judged_by) * (finalists + 1)
     known: list[tuple[float, Timings]] = []
-    with (
-        ProcessPoolExecutor(args.jobs, get_context("spawn")) as pool,
-        tqdm(total=total, unit="run", smoothing=0.05) as bar,
-    ):
+    with ProgressBar(total=total, unit="run", smoothing=0.05) as bar:
 
         def judge(candidates: list[Timings]) -> None:
-            found = misses(pool, [one.motion() for one in candidates], SEARCHED, bar)
+            found = misses(args.jobs, [one.motion() for one in candidates], SEARCHED, bar)
             known.extend(zip(map(rms, found), candidates, strict=True))
             known.sort(key=lambda item: item[0])
 
@@ -170,7 +155,7 @@ def main() -> None:
             size = 0.15 * 0.7**generation
             judge([best[random.integers(len(best))].varied(random, size) for _ in range(children)])
         chosen = [one for _, one in known[:finalists]]
-        found = misses(pool, [None, *(one.motion() for one in chosen)], judged_by, bar)
+        found = misses(args.jobs, [None, *(one.motion() for one in chosen)], judged_by, bar)
     names = ["shipped", *(f"found {k + 1}" for k in range(len(chosen)))]
     header = ["motion", "searched RMS [s]", "judged RMS [s]", "largest [s]"]
     header += [f"{axis} near {at:g} s" for axis, times in PRINTED.items() for at in times]

@@ -10,7 +10,6 @@ import csv
 import io
 import re
 import warnings
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from common import DOCS
@@ -162,10 +161,10 @@ def main() -> None:
         with kept.open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):
                 rows.setdefault(row["mechanism"], []).append(row)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for name, found in zip(chosen, pool.map(numbers, chosen), strict=True):
-            rows[name] = found
-            print(table(found).splitlines()[2:], flush=True)
+    study = jp.Study({name: name for name in chosen}, numbers)
+    for name, found in study.outcomes(options.jobs):
+        rows[name] = found
+        print(table(found).splitlines()[2:], flush=True)
     every = [row for name in names() for row in rows.get(name, [])]
     with kept.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, FIELDS)

@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from common import DOCS, folder_of, require
-from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.analysis.uncertainty import salib, sobol_indices, standard_error
@@ -95,8 +93,7 @@ def gather(
     work: Sequence[tuple[jp.Simulation, tuple[str, ...]]], jobs: int, words: str
 ) -> list[dict[str, np.ndarray]]:
     """`measures` of all, in order."""
-    with ProcessPoolExecutor(jobs) as pool:
-        return list(tqdm(pool.map(measures, work), total=len(work), unit="run", desc=words))
+    return jp.Study(work, measures).run(jobs, progress=True, desc=words)
 
 
 def arc(depth: np.ndarray, part: float) -> float:

@@ -10,9 +10,6 @@ below it, joints without play that are told to have some.
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -21,7 +18,6 @@ import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, new_figure
 from scipy.spatial.transform import Rotation
-from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.core.files import temporary
@@ -161,14 +157,8 @@ def main() -> None:
     add("--seed", type=int, default=0, metavar="N", help="number of the first of them")
     add("--jobs", type=int, default=1, metavar="N", help="processes")
     args = benchmark.parse()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # for the processes that are started
     numbers = range(args.seed, args.seed + (2 if args.quick else args.robots))
-    if args.jobs == 1:
-        found = [case(number) for number in tqdm(numbers, unit="robot")]
-    else:
-        with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
-            found = list(tqdm(pool.map(case, numbers), total=len(numbers), unit="robot"))
+    found = jp.Study(numbers, case).run(args.jobs, progress=True, unit="robot")
     every = [row for one in found for row in one]
     table = []
     for kind in dict.fromkeys(row["kind"] for row in every):

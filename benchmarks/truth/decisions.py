@@ -13,7 +13,6 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -228,9 +227,7 @@ def main() -> None:
     if "reductions" in parts:
         (out / "reductions.txt").write_text("\n".join([*HEAD, *reductions(quick)]) + "\n")
     if "poses" in parts:
-        with ProcessPoolExecutor(options.jobs) as pool:
-            rows = []
-            for row in pool.map(one, range(poses)):
-                rows.append(row)
-                print({key: float(f"{value:.4g}") for key, value in row.items()}, flush=True)
-                write_poses(rows, out)
+        study = jp.Study(range(poses), one)
+        for _, row in study.outcomes(options.jobs):
+            print({key: float(f"{value:.4g}") for key, value in row.items()}, flush=True)
+            write_poses([study.store[key] for key in study.keys if key in study.store], out)

@@ -19,18 +19,15 @@ from __future__ import annotations
 
 import argparse
 import math
-import multiprocessing
-import os
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from common import COLOURS, Benchmark, new_figure
-from tqdm import tqdm
 from truth import elastic
 
 import jointplay as jp
@@ -220,12 +217,12 @@ def machine(seed: int) -> Machine:
 PLAIN = "as measured"
 
 
-def case(seed: int, worsen: bool, keep: Path | None) -> list[dict]:
-    """What is found of one machine, by its measurement and, to `worsen`, by hostile ones."""
+def case(seed: int, worsened: range, keep: Path | None) -> list[dict]:
+    """What is found of one machine, by its measurement and, if `worsened`, by hostile ones."""
     one = machine(seed)
     measured = looked(one, keep)
     rows = compare(one, identify(one.believed, measured, stiffness=one.stiffness, drift=0), PLAIN)
-    for name, worse in hostile(one, measured).items() if worsen else ():
+    for name, worse in hostile(one, measured).items() if seed in worsened else ():
         try:
             rows += compare(
                 one, identify(one.believed, worse, stiffness=one.stiffness, drift=0), name
@@ -556,8 +553,6 @@ def main() -> None:
     add("--hostile", type=int, default=8, metavar="N", help="machines that are measured badly, too")
     add("--keep", type=Path, metavar="DIR", help="folder in which measurements are kept")
     args = benchmark.parse()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # for the processes that are started
     if args.cases:
         benchmark.name = "identify_dynamic"
         dynamic(benchmark, args)
@@ -571,12 +566,7 @@ def main() -> None:
 
 def elastic_machines(benchmark: Benchmark, numbers: range, jobs: int) -> None:
     """How many intervals miss, and where nothing can be told, by kind of machine and of pushes."""
-    if jobs == 1:
-        found = [elastic_case(number) for number in tqdm(numbers, unit="machine")]
-    else:
-        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-            work = pool.map(elastic_case, numbers)
-            found = list(tqdm(work, total=len(numbers), unit="machine"))
+    found = jp.Study(numbers, elastic_case).run(jobs, progress=True, unit="machine")
     every = [row for one in found for row in one]
     groups: dict[str, list[list[dict]]] = {}
     for rows in found:
@@ -642,16 +632,8 @@ def _cannot_tell(rows: list[dict]) -> bool:
 def dynamic(benchmark: Benchmark, args: argparse.Namespace) -> None:
     """Machines that are run by the full dynamic model; rigid but for contacts and known gears."""
     numbers = range(args.first, args.first + min(args.cases, 4 if args.quick else args.cases))
-    worsen = [number < args.first + args.hostile for number in numbers]
-    if args.jobs == 1:
-        found = [
-            case(number, worsen[number - args.first], args.keep)
-            for number in tqdm(numbers, unit="machine")
-        ]
-    else:
-        with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
-            work = pool.map(case, numbers, worsen, [args.keep] * len(numbers))
-            found = list(tqdm(work, total=len(numbers), unit="machine"))
+    measure = partial(case, worsened=range(args.first, args.first + args.hostile), keep=args.keep)
+    found = jp.Study(numbers, measure).run(args.jobs, progress=True, unit="machine")
     every = [row for one in found for row in one]
     rows = [row for row in every if row["measurement"] == PLAIN]
     names = list(dict.fromkeys(row["name"] for row in rows))

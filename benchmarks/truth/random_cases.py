@@ -23,9 +23,8 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -789,15 +788,15 @@ def judge_all(
     seed: int, numbers: Sequence[int], jobs: int, tell: Callable[[Outcome], None], *options
 ) -> list[Outcome]:
     """Judge these cases in several processes; `tell` hears of each as it is done."""
-    found: dict[int, Outcome] = {}
     warnings.simplefilter("ignore", RuntimeWarning)
-    drawn(seed, numbers[0]).simulation.run()  # has the kernels compiled
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = {pool.submit(judge, seed, number, *options): number for number in numbers}
-        for future in tqdm(as_completed(futures), total=len(numbers), unit="case"):
-            found[futures[future]] = future.result()
-            tell(future.result())
-    return [found[number] for number in numbers]
+    study = jp.Study({number: number for number in numbers}, partial(_judge, seed, options))
+    for _, outcome in study.outcomes(jobs, progress=True, unit="case"):
+        tell(outcome)
+    return [study.store[number] for number in numbers]
+
+
+def _judge(seed: int, options: tuple, number: int) -> Outcome:
+    return judge(seed, number, *options)
 
 
 def named(row: dict) -> str:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 import time
 import warnings
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -26,12 +24,6 @@ METHODS = ("multi-rate", "semi-implicit-euler", "rk4")
 MACRO = 4
 """Steps of a macro step where the order of the multi-rate method is measured."""
 WRONG_GRAVITY = 9.80665
-
-
-def both(function: Callable, work: Sequence) -> list:
-    """Map over `work` on all cores."""
-    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
-        return list(pool.map(function, work))
 
 
 def plain_ticks(panel, values) -> None:
@@ -462,7 +454,7 @@ def energy(quick: bool = False, wrong: bool = False) -> Outcome:
     ]
     if not quick:
         jobs.insert(0, ("SCARA, 0.2 mm", duration, wrong))
-    runs = [swing(job) for job in jobs] if quick else both(swing, jobs)
+    runs = jp.Study(jobs, swing).run(jobs=1 if quick else None)
     rows = [["mechanism", "duration [s]", "largest error [J]", "largest kinetic energy [J]"]]
     rows[0] += ["relative", "drift [J/s]"]
     errors = []
@@ -538,7 +530,10 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
         figure, axes = new_figure(1, 2, 9.0, 3.4)
         plays = (0.2e-3, 0.5e-3)
         for play, growths, colour in zip(
-            plays, both(scara_stretching, [(play, cycles) for play in plays]), COLOURS, strict=False
+            plays,
+            jp.Study([(play, cycles) for play in plays], scara_stretching).run(),
+            COLOURS,
+            strict=False,
         ):
             found_here = exponent(growths[1:].sum(axis=1), 3.0)
             half = found_here.high - found_here.value
@@ -619,7 +614,7 @@ def ensembles(quick: bool = False, wrong: bool = False) -> Outcome:
     for play in plays:
         other = (0.2e-3 if play > 0.3e-3 else 0.5e-3) if wrong else play
         jobs += [(seed, play if seed < runs else other, duration) for seed in range(2 * runs)]
-    found = np.array([figures_of(job) for job in jobs] if quick else both(figures_of, jobs))
+    found = np.array(jp.Study(jobs, figures_of).run(jobs=1 if quick else None))
     worst = []
     for play, pair in zip(plays, found.reshape(len(plays), 2, runs, -1), strict=True):
         for k, name in enumerate(FIGURES):

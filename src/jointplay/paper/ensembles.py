@@ -101,7 +101,7 @@ class Ensembles:
 
     def _collect(self, study: Study[Any, Any], pool: Workers[Any, Any]) -> None:
         """Keep what the processes find, as it comes."""
-        for _ in study.outcomes(pool):
+        for _ in study.outcomes(workers=pool):
             if (bar := current()) is not None:
                 bar.add(length())
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core.errors import require_a
 from jointplay.kernel import Status
-from jointplay.study.study import Memory, Study
+from jointplay.study.study import Study
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -66,22 +67,17 @@ def ensemble(
         EnsembleInterrupted: Ctrl-C; a KeyboardInterrupt that has what was finished.
     """
     require_a("simulations", simulations, "Iterable")
-    kept = _Warned()
-    study = Study(simulations, partial(_run, keep, check_step), kept, name="simulations")
+    kept: dict[int, Any] = {}
+    study = Study(simulations, partial(_run, keep, check_step), name="simulations")
     try:
-        return [value for value, _ in study.run(jobs, progress, delay=BAR_AFTER_S)]
+        with closing(study.outcomes(jobs, progress, delay=BAR_AFTER_S)) as outcomes:
+            for place, (value, warned) in outcomes:
+                kept[place] = value
+                for category, text in warned:
+                    warnings.warn(f"simulations[{place}]: {text}", category, stacklevel=2)
     except KeyboardInterrupt:
-        raise EnsembleInterrupted({place: value for place, (value, _) in kept.items()}) from None
-
-
-class _Warned(Memory[tuple[Any, list[tuple[type[Warning], str]]]]):
-    """What was kept of runs; their warnings are given here as they come."""
-
-    def keep(self, key: Any, value: tuple[Any, list[tuple[type[Warning], str]]]) -> None:
-        """Keep it, and warn."""
-        for category, text in value[1]:
-            warnings.warn(f"simulations[{key}]: {text}", category, stacklevel=6)
-        super().keep(key, value)
+        raise EnsembleInterrupted(kept) from None
+    return [kept[place] for place in range(len(kept))]
 
 
 def _run(

@@ -8,8 +8,8 @@ the store has are not run again, so a study that was interrupted goes on.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from jointplay.core.processes import Pool, Serial, number_of
@@ -92,75 +92,70 @@ class Study(Generic[Item, Value]):
         self.store: Store[Value] = Memory() if store is None else store
         self.keys: list[Any] = []
 
-    def left(self) -> Iterator[tuple[Any, Item]]:
+    def outcomes(
+        self,
+        jobs: int | None = None,
+        progress: bool | ProgressBar = False,
+        *,
+        workers: Workers[Item, Value] | None = None,
+        **shown: Any,
+    ) -> Generator[tuple[Any, Value]]:
+        """Run what is left; gives each case's key and what was found, once that has been kept.
+
+        Args:
+            jobs: processes; None takes one for each core, 1 runs here.
+            progress: show a bar on standard error; or a bar, which each case moves by one.
+            workers: that run the cases instead; they are not closed.
+            shown: of the bar, as `ProgressBar` takes it.
+
+        Raises:
+            JointplayError: `jobs` that make no sense, a process that was ended from outside; it
+                cannot be kept.
+            BaseException: what the measure raised; what was finished is in the store.
+        """
+        done: Sized = range(0)
+        if isinstance(self._cases, Sized):
+            done = [key for key, _ in self._cases if key in self.store]
+        with ExitStack() as stack:
+            if workers is None:
+                left = None if self.count is None else range(self.count - len(done))
+                workers = stack.enter_context(closing(self._workers(number_of(jobs, left))))
+            bar = progress if isinstance(progress, ProgressBar) else None
+            if bar is None:
+                about = {"unit": "run", **shown, "total": self.count, "initial": len(done)}
+                bar = stack.enter_context(ProgressBar(disable=not progress, **about))
+            for key, value in workers.run(self._left()):
+                self.store.keep(key, value)
+                yield key, value
+                bar.update()
+
+    def run(
+        self, jobs: int | None = None, progress: bool | ProgressBar = False, **shown: Any
+    ) -> list[Value]:
+        """Run what is left, and return what was found of all cases, in the order of the plan.
+
+        Args:
+            jobs, progress, shown: see `outcomes`, which says as well what is raised.
+        """
+        for _ in self.outcomes(jobs, progress, **shown):
+            pass
+        return [self.store[key] for key in self.keys]
+
+    def _left(self) -> Iterator[tuple[Any, Item]]:
         """Cases that the store has not, by key, as they are taken."""
         for key, item in self._cases:
             self.keys.append(key)
             if key not in self.store:
                 yield key, item
 
-    def workers(self, jobs: int | None) -> Workers[Item, Value]:
-        """Processes of this machine, as many as wanted or one for each core; this one, if one.
-
-        Raises:
-            JointplayError: `jobs` that make no sense.
-        """
-        items: Sized | None = None
-        if isinstance(self._cases, Sized):
-            items = [key for key, _ in self._cases if key not in self.store]
-        elif self.count is not None:
-            items = range(self.count)
-        number = number_of(jobs, items)
+    def _workers(self, number: int) -> Workers[Item, Value]:
+        """So many processes of this machine; one is this one."""
         if number == 1:
             return Serial(self.measure, name=self.name)
         from jointplay import kernel
 
         kernel.compiled()  # once, for all of them
         return Pool(self.measure, number, kept=self.store.kept, name=self.name)
-
-    def outcomes(self, workers: Workers[Item, Value]) -> Iterator[tuple[Any, Value]]:
-        """Run what is left; gives each case's key and what was found, when it has been kept.
-
-        Raises:
-            JointplayError: a process was ended from outside; it cannot be kept.
-            BaseException: what the measure raised.
-        """
-        for key, value in workers.run(self.left()):
-            self.store.keep(key, value)
-            yield key, value
-
-    def run(
-        self, jobs: int | None = None, progress: bool | ProgressBar = False, **shown: Any
-    ) -> list[Value]:
-        """Run what is left, on all cores.
-
-        Args:
-            jobs: processes; None takes one for each core, 1 runs here.
-            progress: show a bar on standard error; or a bar, which each case moves by one.
-            shown: of the bar, as `ProgressBar` takes it.
-
-        Returns:
-            What was found of all cases, in the order of the plan.
-
-        Raises:
-            JointplayError, BaseException: see `outcomes`; what was finished is in the store.
-        """
-        with closing(self.workers(jobs)) as workers:
-            if isinstance(progress, ProgressBar):
-                self._move(progress, workers)
-            else:
-                done = 0
-                if isinstance(self._cases, Sized):
-                    done = sum(key in self.store for key, _ in self._cases)
-                with ProgressBar(
-                    total=self.count, initial=done, disable=not progress, unit="run", **shown
-                ) as bar:
-                    self._move(bar, workers)
-        return [self.store[key] for key in self.keys]
-
-    def _move(self, bar: ProgressBar, workers: Workers[Item, Value]) -> None:
-        for _ in self.outcomes(workers):
-            bar.update()
 
 
 def run_to_the_end(simulation: Simulation, words: str) -> Result:
