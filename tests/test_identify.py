@@ -28,10 +28,10 @@ from jointplay import (
 from jointplay.cli import main
 from jointplay.contact import Ambrosio
 from jointplay.identification import Measurement, measurement, plan_measurement
-from jointplay.identification.fit import information
 from jointplay.identification.identification import reason
+from jointplay.identification.least_squares import information
 from jointplay.identification.measurement import resolution, scatter, turns
-from jointplay.identification.parameters import Parameter
+from jointplay.identification.unknowns import Unknown
 from jointplay.identification.verification import verify
 from jointplay.loads import JointFriction
 
@@ -48,6 +48,11 @@ def arm(urdf):
         joint("j", "base", "arm", axis="0 1 0"),
         tip("arm"),
     )
+
+
+def about(one):
+    """Value and half width of an estimate."""
+    return one.value, one.half_width
 
 
 def planar(play=CLEARANCE, friction=FRICTION):
@@ -102,14 +107,13 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     found = identify(mechanism, seen())
     for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
-        value, half = found[label]
+        value, half = about(found[label])
         assert half < 0.25 * wanted  # a bush that may be there takes a part: see below
         assert abs(value - wanted) < 2.0 * half
-    assert found.identified[:2].all()
     # A bush that gives way aside may be there, unless it is said that there is none.
     known = identify(mechanism, seen(), stiffness={"j bush": math.inf})
-    assert known["j friction"][1] < found["j friction"][1]
-    assert found.mechanism.clearance["j"].cr == pytest.approx(found["j radial clearance"][0])
+    assert known["j friction"].half_width < found["j friction"].half_width
+    assert found.mechanism.clearance["j"].cr == pytest.approx(found["j radial clearance"].value)
     assert found.misfit < 1.5
 
 
@@ -120,9 +124,10 @@ def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     for seed in range(10):
         # With 20 um and a bush that may be there, friction cannot be told in some of them.
         found = identify(mechanism, seen(seed=seed, noise=1e-5, rate=50.0))
-        assert found.identified[:2].all()  # an interval without end covers everything
-        off[seed] = np.abs(found.value[:2] - wanted)
-        half[seed] = found.half_width[:2]
+        told = found.estimates[:2]
+        assert all(one.identified for one in told)  # an interval without end covers everything
+        off[seed] = np.abs([one.value for one in told] - wanted)
+        half[seed] = [one.half_width for one in told]
     assert (half < 0.5 * wanted).all()
     assert np.mean(off <= half) >= 0.85  # 17 of 20 at 95 %: fewer happen once in 60 times
     assert np.mean(off <= half / 10.0) < 0.85  # intervals a tenth as wide would be found out
@@ -131,14 +136,14 @@ def test_intervals_cover_the_truth_as_often_as_they_say(arm):
 def test_passing_alone_tells_the_product_and_says_so(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     found = identify(mechanism, seen(stops=False))
-    assert not found.identified.any()
+    assert not any(one.identified for one in found.estimates)
     text = str(found)
     assert "this measurement cannot tell" in text
     assert "j radial clearance: it acts only together with j friction" in text
     assert "would determine it" in text
     assert "N on the tool" in text or "push the tool" in text
     known = identify(mechanism, seen(stops=False), known=["friction"])
-    value, half = known["j radial clearance"]
+    value, half = about(known["j radial clearance"])
     assert abs(value - CLEARANCE) < 2.0 * half < 0.3 * CLEARANCE
 
 
@@ -151,8 +156,8 @@ def test_a_calibrated_robot_needs_no_reversal(arm):
     }
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     found = identify(mechanism, Measurement(measured.time, signals), reference="ideal")
-    assert found["j radial clearance"][0] == pytest.approx(CLEARANCE, rel=0.01)
-    assert found["j friction"][0] == pytest.approx(FRICTION, rel=0.05)
+    assert found["j radial clearance"].value == pytest.approx(CLEARANCE, rel=0.01)
+    assert found["j friction"].value == pytest.approx(FRICTION, rel=0.05)
 
 
 def test_a_motion_that_never_reverses_is_refused(arm):
@@ -164,7 +169,7 @@ def test_a_motion_that_never_reverses_is_refused(arm):
 def test_too_much_noise_cannot_tell(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     found = identify(mechanism, seen(noise=5e-3))
-    assert not found.identified[:2].any()
+    assert not any(one.identified for one in found.estimates[:2])
     assert "95 % interval would be" in str(found) or "noise" in str(found)
 
 
@@ -178,9 +183,8 @@ def test_a_joint_that_does_not_move_the_tool_cannot_be_told(urdf):
     )
     mechanism = Mechanism(path, {"j": planar(), "k": planar()}, tool="tool")
     found = identify(mechanism, seen())
-    told = dict(zip((one.label for one in found.unknowns), found.identified, strict=True))
-    assert told["j radial clearance"]
-    assert not told["k radial clearance"]
+    assert found["j radial clearance"].identified
+    assert not found["k radial clearance"].identified
     assert "k radial clearance: not observable: the joint does not move the tool" in str(found)
     assert found.mechanism.clearance["k"] == planar()
 
@@ -215,9 +219,9 @@ def lagging(play=2e-3, dry=0.5, stiffness=1e3, noise=2e-5, seed=0):
 def test_play_compliance_and_friction_of_a_gear_are_recovered(geared):
     measured = lagging()
     found = identify(geared, measured, known=["gear_compliance"])
-    value, half = found["j gear play"]
+    value, half = about(found["j gear play"])
     assert abs(value - 2e-3) < 2.0 * half < 2e-4
-    value, half = found["j dry friction"]
+    value, half = about(found["j dry friction"])
     assert abs(value - 0.5) < 2.0 * half < 0.1
 
 
@@ -225,9 +229,9 @@ def test_the_motors_torque_alone_tells_play_and_friction(geared):
     measured = lagging(play=20e-3, dry=2.0)
     signals = {key: v for key, v in measured.signals.items() if key[0] != "link"}
     found = identify(geared, Measurement(measured.time, signals), stiffness={"j": 1e3})
-    value, half = found["j gear play"]
+    value, half = about(found["j gear play"])
     assert abs(value - 20e-3) < 2.0 * half < 4e-3
-    assert found["j dry friction"][0] == pytest.approx(2.0, rel=0.05)
+    assert found["j dry friction"].value == pytest.approx(2.0, rel=0.05)
 
 
 def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
@@ -235,10 +239,11 @@ def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
     measured = Measurement(lagging().time, signals)
     friction = {"j": JointFriction(0.5)}
     found = identify(geared, measured, joint_friction=friction)
-    assert not found.identified[[one.sought for one in found.unknowns]].any()
-    assert "acts only together with" in found.reasons[0]
+    assert not any(one.identified for one in found.sought)
+    assert "acts only together with" in found.estimates[0].reason
     known = ["gear_compliance", "dry_friction"]
-    assert identify(geared, measured, joint_friction=friction, known=known).identified[0]
+    found = identify(geared, measured, joint_friction=friction, known=known)
+    assert found.estimates[0].identified
 
 
 def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(urdf):
@@ -272,7 +277,7 @@ def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     nominal = replace(bearing, radial_clearance=2e-4, journal_radius=None)
     machine = replace(simulation, mechanism=Mechanism(arm, {"j": nominal}))
     found = identify(machine, measured, stiffness={"all": math.inf}, drift=0)
-    value, half = found["j radial clearance"]
+    value, half = about(found["j radial clearance"])
     assert abs(value - 8e-5) < max(half, 0.03 * 8e-5)
     assert half < 0.3 * 8e-5
     checked = verify(replace(simulation, mechanism=found.mechanism), found)
@@ -407,7 +412,7 @@ def test_what_a_plan_expects_is_what_identification_states(arm):
     measured = seen(noise=2e-5)
     found = identify(mechanism, measured, noise={"tool": 2e-5})
     expected = plan_measurement(mechanism, noise={"tool": 2e-5}, push=PUSH, count=12)
-    ratio = found["j radial clearance"][1] / expected.half_width[-1][0]
+    ratio = found["j radial clearance"].half_width / expected.half_width[-1][0]
     assert 0.05 < ratio < 20.0  # so many records, so many visits: the same order
 
 
@@ -463,8 +468,8 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
     """Friction that may be anything holds a journal in wide play as still as no play does."""
     problem = SimpleNamespace(
         unknowns=(
-            Parameter("j", "radial_clearance", "m", 5e-5, 1e-5, 1e-3),
-            Parameter("j", "friction", "", 0.1, 0.1, 2.0),
+            Unknown("j", "radial_clearance", "m", 5e-5, 1e-5, 1e-3),
+            Unknown("j", "friction", "", 0.1, 0.1, 2.0),
         )
     )
     fit = SimpleNamespace(

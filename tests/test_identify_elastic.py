@@ -15,8 +15,9 @@ from jointplay.cli import main
 from jointplay.contact import Ambrosio
 from jointplay.identification import Measurement
 from jointplay.identification.identification import apply
+from jointplay.identification.machine import compliances
 from jointplay.identification.measurement import visits
-from jointplay.identification.parameters import Parameter, compliances
+from jointplay.identification.unknowns import Estimate, Unknown
 from jointplay.loads import JointFriction
 
 LENGTHS, MASSES = (0.5, 0.4), (6.0, 3.0)
@@ -89,9 +90,13 @@ def expected(arm, play):
 
 def honest(found, label, truth):
     """Whether an unknown is not told, or its interval holds the truth."""
-    i = [one.label for one in found.unknowns].index(label)
-    low, high = found.interval(i)
-    return bool(found.reasons[i]) or low <= truth <= high
+    one = found[label]
+    return bool(one.reason) or one.low <= truth <= one.high
+
+
+def about(one):
+    """Value and half width of an estimate."""
+    return one.value, one.half_width
 
 
 CASES = {
@@ -110,9 +115,9 @@ def test_elasticity_is_not_taken_for_play(arm, case):
     label = "shoulder radial clearance"
     assert honest(identify(believed, seen(machine, TWO)), label, play)
     found = identify(believed, seen(machine, THREE))
-    assert not found.reasons[0]
+    assert not found[label].reason
     assert honest(found, label, play)
-    assert found[label][1] < 8e-6
+    assert found[label].half_width < 8e-6
     assert found.excess < 3.0
     # Who believes the machine to be rigid is misled, and by the elasticity.
     rigid = identify(believed, seen(machine, TWO), stiffness={"all": math.inf})
@@ -122,11 +127,11 @@ def test_elasticity_is_not_taken_for_play(arm, case):
 def test_pushes_of_one_size_cannot_tell_and_the_message_names_more(arm):
     machine = elastic.Arm(links(clearance=60e-6, torsional=1e-5), False)
     found = identify(expected(arm, 60e-6), seen(machine, (-80.0, 80.0)))
-    assert found.reasons[0].startswith("elasticity (")
-    assert "pushes of 1 size are not enough" in found.reasons[0]
-    assert "--stiffness" in found.reasons[0]
-    assert "would determine it" in found.advice[0]
-    assert "N and" in found.advice[0]  # two sizes, or a third besides
+    assert found.estimates[0].reason.startswith("elasticity (")
+    assert "pushes of 1 size are not enough" in found.estimates[0].reason
+    assert "--stiffness" in found.estimates[0].reason
+    assert "would determine it" in found.estimates[0].advice
+    assert "N and" in found.estimates[0].advice  # two sizes, or a third besides
 
 
 def test_a_stiffness_that_is_given_is_used_and_printed(arm):
@@ -134,13 +139,13 @@ def test_a_stiffness_that_is_given_is_used_and_printed(arm):
     measured = seen(machine, (-80.0, 80.0))
     rigid = {"all": math.inf, "shoulder torsional": 1e5}
     found = identify(expected(arm, 30e-6), measured, stiffness=rigid)
-    value, half = found["shoulder radial clearance"]
+    value, half = about(found["shoulder radial clearance"])
     assert abs(value - 60e-6) < half < 6e-6
     assert "shoulder torsional 1e+05 N*m/rad" in str(found)
     roughly = identify(
         expected(arm, 30e-6), measured, stiffness=rigid | {"shoulder torsional": (0.8e5, 0.3)}
     )
-    assert roughly["shoulder radial clearance"][1] > half
+    assert roughly["shoulder radial clearance"].half_width > half
     assert honest(roughly, "shoulder radial clearance", 60e-6)
     assert "+- 30 %" in str(roughly)
 
@@ -162,20 +167,20 @@ def test_backlash_is_found_whatever_stiffness_the_gear_is_said_to_have(arm):
         believed = Mechanism(arm, gears={"shoulder": Gear(1e-3, 0.1, stiffness)})
         friction = {"shoulder": JointFriction(coulomb=0.3)}
         found = identify(believed, measured, joint_friction=friction)
-        value, half = found["shoulder gear play"]
+        value, half = about(found["shoulder gear play"])
         assert abs(value - 2e-3) < half < 1e-4
 
 
 def test_friction_is_asked_of_joints_that_have_some(arm):
     machine = elastic.Arm(links(clearance=60e-6, torsional=1e-6), False)
     measured = seen(machine, THREE)
-    labels = [one.label for one in identify(expected(arm, 60e-6), measured).unknowns]
+    labels = [one.label for one in identify(expected(arm, 60e-6), measured).estimates]
     assert "shoulder friction" not in labels
     rubs = Mechanism(
         arm, {"shoulder": RevoluteClearance.planar(radial_clearance=1e-4, friction=Ambrosio(0.1))}
     )
     found = identify(rubs, measured, joint_friction={"elbow": JointFriction(coulomb=0.2)})
-    labels = [one.label for one in found.unknowns]
+    labels = [one.label for one in found.estimates]
     assert {"shoulder friction", "elbow dry friction", "elbow torsional compliance"} <= set(labels)
 
 
@@ -194,7 +199,7 @@ def test_drift_of_the_readings_is_no_play(arm):
     warm = 100e-6 * measured.time / measured.time[-1]
     drifting = {k: v + warm if k[0] == "tool" else v for k, v in measured.signals.items()}
     found = identify(expected(arm, 60e-6), Measurement(measured.time, drifting))
-    value, half = found["shoulder radial clearance"]
+    value, half = about(found["shoulder radial clearance"])
     assert abs(value - 60e-6) < half < 8e-6
     with pytest.raises(JointplayError, match="must not be negative"):
         identify(expected(arm, 60e-6), measured, drift=-1)
@@ -302,5 +307,5 @@ def test_soft_bearings_are_not_taken_for_friction_or_play(monkeypatch, case):
 def test_what_holds_at_rest_is_no_value_of_the_mechanism(arm):
     """Stiction is fitted because others depend on it; a gear's joint has no bearing to change."""
     gear = Mechanism(arm, gears={"shoulder": Gear(1e-3, 0.1, 1e5)})
-    at_rest = Parameter("shoulder", "stiction", "", 1.0, 1.0, 3.0, sought=False)
-    assert apply(gear, [at_rest], np.ones(1), [""]).gears == gear.gears
+    at_rest = Unknown("shoulder", "stiction", "", 1.0, 1.0, 3.0, sought=False)
+    assert apply(gear, [Estimate(at_rest, 1.0, 0.1)]).gears == gear.gears

@@ -9,7 +9,7 @@ import pytest
 from pyarrow import parquet
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
-from test_identify import CLEARANCE, FRICTION, arm, planar, seen
+from test_identify import CLEARANCE, FRICTION, about, arm, planar, seen
 
 from jointplay import JointplayError, Mechanism, Recording, identify
 from jointplay.cli import main
@@ -127,9 +127,9 @@ def test_a_bag_of_topics_with_times_of_their_own_is_identified(arm, recorded):
     source = Recording(recorded, SOURCES, world=["base_link"])
     found = identify(mechanism, source, stiffness={"all": math.inf})
     for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
-        value, half = found[label]
+        value, half = about(found[label])
         assert abs(value - wanted) < half < 0.4 * wanted
-    assert found.identified[:2].all()
+    assert all(one.identified for one in found.estimates[:2])
 
 
 def test_a_tracker_that_is_late_does_not_pass_for_play(arm, tmp_path):
@@ -147,11 +147,11 @@ def test_a_tracker_that_is_late_does_not_pass_for_play(arm, tmp_path):
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     for lag in (None, 5e-3):
         found = identify(mechanism, recording, lag=lag)
-        value, half = found["j radial clearance"]
+        value, half = about(found["j radial clearance"])
         assert abs(value - CLEARANCE) < half < 0.4 * CLEARANCE
         words = "an unknown time" if lag is None else "some 5 ms"
         assert f"readings of tool and links are late by {words}" in str(found)
-    value, half = identify(mechanism, recording, lag=0.0)["j radial clearance"]
+    value, half = about(identify(mechanism, recording, lag=0.0)["j radial clearance"])
     assert value - CLEARANCE > 3.0 * half
     with pytest.raises(JointplayError, match="the lag must not be negative"):
         identify(mechanism, recording, lag=-1e-3)
@@ -162,7 +162,7 @@ def test_an_unknown_lag_widens_the_interval(arm):
     known = ["friction"]
     measured = seen(stops=False)
     half = [
-        identify(mechanism, measured, known=known, lag=lag)["j radial clearance"][1]
+        identify(mechanism, measured, known=known, lag=lag)["j radial clearance"].half_width
         for lag in (0.0, 1e-4, 1e-2, np.inf)
     ]
     assert half == sorted(half)
@@ -359,7 +359,7 @@ def test_a_dataset_is_identified(arm, tmp_path, version, names):
     maps = {"j": "0"} if names == "none" else {}
     source = Recording(path, FEATURES, maps, episode=1)
     found = identify(mechanism, source, stiffness={"all": math.inf})
-    value, half = found["j radial clearance"]
+    value, half = about(found["j radial clearance"])
     assert abs(value - CLEARANCE) < half < 0.4 * CLEARANCE
     assert "100 a second" in str(found)
     assert "episode 1" in str(found)

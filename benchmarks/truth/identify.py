@@ -282,7 +282,8 @@ def compare(made: Machine, found: Identification, measurement: str) -> list[dict
     """A row for each unknown: truth, what was found, and whether the interval holds it."""
     true, gears = made.true, made.gears
     rows = []
-    for i, one in enumerate(found.unknowns):
+    for told in found.estimates:
+        one = told.unknown
         if not one.sought:
             continue
         truth = {
@@ -301,13 +302,13 @@ def compare(made: Machine, found: Identification, measurement: str) -> list[dict
                 "name": one.name,
                 "truth": truth,
                 "expected": one.nominal,
-                "found": found.value[i],
-                "half_width": found.half_width[i],
-                "told": found.identified[i],
-                "covered": abs(found.value[i] - truth) <= found.half_width[i],
+                "found": told.value,
+                "half_width": told.half_width,
+                "told": told.identified,
+                "covered": abs(told.value - truth) <= told.half_width,
                 "noise_m": made.noise["tool"],
                 "misfit": found.misfit,
-                "why_not": found.reasons[i],
+                "why_not": told.reason,
             }
         )
     return rows
@@ -513,11 +514,11 @@ def elastic_case(seed: int) -> list[dict]:
     found = identify(one.believed, one.measured, joint_friction=one.friction, **one.options)
     seconds = perf_counter() - begin
     rows = []
-    for i, unknown in enumerate(found.unknowns):
+    for told in found.estimates:
+        unknown = told.unknown
         if not unknown.sought:
             continue
         truth = one.truth[unknown.label]
-        low, high = found.interval(i)
         rows.append(
             {
                 "case": seed,
@@ -527,13 +528,13 @@ def elastic_case(seed: int) -> list[dict]:
                 "play": unknown.name in ("radial_clearance", "gear_play"),
                 "truth": truth,
                 "expected": unknown.nominal,
-                "found": found.value[i],
-                "half_width": found.half_width[i],
-                "told": found.identified[i],
-                "wrong": bool(found.identified[i] and not low <= truth <= high),
+                "found": told.value,
+                "half_width": told.half_width,
+                "told": told.identified,
+                "wrong": told.identified and not told.low <= truth <= told.high,
                 "excess": found.excess,
                 "seconds": seconds,
-                "why_not": found.reasons[i],
+                "why_not": told.reason,
             }
         )
     return rows

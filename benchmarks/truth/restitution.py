@@ -142,7 +142,7 @@ def row(one: Machine, measured: Measurement, kind: str, true: float, runs: int, 
         "half_width": found.half_width,
         "told": not found.reason,
         "covered": abs(found.value - true) <= found.half_width,
-        "evidence": found.evidence,
+        "evidence": found.note,
         "why_not": found.reason,
     }
 

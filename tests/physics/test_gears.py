@@ -299,7 +299,7 @@ def test_reduce_takes_every_kind(pendulum):
 
 
 def test_identification_says_which_gears_it_knows(pendulum):
-    from jointplay.identification.parameters import compliances
+    from jointplay.identification.machine import compliances
 
     with pytest.raises(jp.JointplayError, match=r"strain-wave.*backlash"):
         compliances(pendulum(WAVE), {})

@@ -5,9 +5,13 @@ from .encoders import encoder_differences as encoder_differences
 from .identification import Identification as Identification
 from .identification import identify as identify
 from .kinematic_model import Term as Term
+from .least_squares import LeastSquares as LeastSquares
+from .least_squares import estimate as estimate
 from .measurement import Measurement as Measurement
 from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan
 from .planning import plan_measurement as plan_measurement
 from .recordings import Recording as Recording
 from .static_poses import StaticPoses as StaticPoses
+from .unknowns import Estimate as Estimate
+from .unknowns import Unknown as Unknown

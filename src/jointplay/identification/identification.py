@@ -14,24 +14,32 @@ from jointplay.core.tables import Table
 from jointplay.core.units import displayed
 from jointplay.design.poses import moving
 from jointplay.identification import planning
-from jointplay.identification.fit import (
-    DRIFT,
+from jointplay.identification.least_squares import (
     FAINT,
     MODEL_ELSE,
     NULL,
-    REFERENCES,
     SAFETY,
     Fit,
     LeastSquares,
     basis,
-    drifts,
+    estimates,
     information,
-    offsets,
     search,
+    why_not,
+)
+from jointplay.identification.machine import (
+    TOOL,
+    WOUND,
+    Given,
+    Machine,
+    compliances,
+    friction_of,
+    known_gears,
+    with_clearance,
 )
 from jointplay.identification.measurement import (
-    NOISE_SHOWN,
     READINGS,
+    SHOWN,
     Measurement,
     Observed,
     TooLittle,
@@ -42,25 +50,23 @@ from jointplay.identification.measurement import (
     visits,
 )
 from jointplay.identification.model import StaticModel
-from jointplay.identification.parameters import (
-    LARGEST_SHARE,
-    TOOL,
-    WOUND,
-    Given,
-    Machine,
-    Parameter,
-    compliances,
-    friction_of,
-    known_gears,
-    with_clearance,
-)
+from jointplay.identification.nuisances import DRIFT, REFERENCES, drifts, lags, offsets
 from jointplay.identification.recordings import Recording, is_recording
 from jointplay.identification.restitution import (
     IMPACT_KINDS,
-    Restitution,
     by_flights,
     by_simulation,
     channels,
+    nominal_of,
+)
+from jointplay.identification.unknowns import (
+    LARGEST_SHARE,
+    NORMAL,
+    Estimate,
+    Unknown,
+    by_label,
+    data,
+    listed,
 )
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.mechanism import Mechanism
@@ -73,74 +79,45 @@ _SIZE = 8.0
 """Parts of the strongest push by which sizes of pushes are told apart."""
 LARGE = 3.0
 """Times the records' scatter from which on residuals are said to be large."""
-NORMAL = 1.96
-"""Half of a 95 % interval in standard deviations."""
+_DARK = 1e-12
+"""Square of the part of a compliance's effect below which there is none of its own."""
+_VAGUE = "its interval is wider than half of its value"
 
 # Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
 
 
-@dataclass(frozen=True)
-class Elasticity:
-    """A compliance, as far as a measurement identifies it."""
-
-    label: str
-    unit: str
-    value: float
-    half_width: float
-    """Of the 95 % interval."""
-
-    @property
-    def identified(self) -> bool:
-        """Whether half of the interval is less than half of the value."""
-        return self.half_width <= LARGEST_SHARE * abs(self.value)
-
-    def __str__(self) -> str:
-        """One line."""
-        factor, unit = displayed(self.unit, fine=True)
-        low, high = self.value - self.half_width, self.value + self.half_width
-        return (
-            f"{self.label + ' compliance':<34} {'':>12} {f'{factor * self.value:.4g} {unit}':>12}  "
-            f"{factor * low:.4g} {unit} to {factor * high:.4g} {unit}"
-        )
-
-
-def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Elasticity, ...]:
+def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
     """Each joint's compliances with what was found; the structure's at the tool is not a number."""
-    effect = problem.sensitivity(fit.theta, raw=True) / problem.error[:, None]
-    left = (problem.measured - problem.predict(fit.theta)) / problem.error
-    nuisance = problem.nuisance / problem.error[:, None]
-    found = []
+    effect, left = problem.effects(fit.theta), -problem.off(fit.theta)
+    nuisance, found = problem.nuisance, []
+    assert nuisance is not None
     for one in model.elastic:
         if one.label == TOOL or one.label.endswith(" bush") or not one.effect.any():
             continue
-        k = int(problem.elastic[one.label][0])
-        span = basis(np.column_stack([np.delete(nuisance, k, axis=1), effect]))
-        own = nuisance[:, k] - span @ (span.T @ nuisance[:, k])
-        size = float(own @ own)
-        value, half = one.known.value, np.inf
-        if size > 1e-12 * float(nuisance[:, k] @ nuisance[:, k]):
-            value += float(own @ left) / size
+        others, k = problem.without([one.label]), int(problem.elastic[one.label][0])
+        # Beside the unknowns it is one more, with what was known of it before.
+        whole = problem.rows(nuisance[:, k])
+        column = np.append(others.project(whole), 1.0 / one.unknown.spread)
+        span = basis(np.vstack([others.project(effect), np.zeros(effect.shape[1])]))
+        own = column - span @ (span.T @ column)
+        size, value, half = float(own @ own), one.unknown.nominal, np.inf
+        if size > _DARK * float(whole @ whole):
+            value += float(own[: len(left)] @ left) / size
             half = fit.quantile * max(fit.misfit, 1.0) / np.sqrt(size)
             half = SAFETY * float(np.hypot(half, MODEL_ELSE * value))
-        found.append(Elasticity(one.label, one.unit, value, half))
+        dark = half > LARGEST_SHARE * abs(value)
+        found.append(Estimate(one.unknown, value, half, _VAGUE if dark else ""))
     return tuple(found)
 
 
 def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
     """Why an unknown cannot be identified; empty if it can."""
     one = problem.unknowns[i]
-    half = fit.half_width[i]
-    if half <= one.widest(fit.theta[i]):
+    if fit.half_width[i] <= one.widest(fit.theta[i]):
         return _held_by_friction(i, fit, problem)
     if soft := _explained(i, fit, problem, model.visits):
         return soft
-    if fit.effect[i] < FAINT:
-        return _without_effect(one, model)
-    if others := fit.partners(i):
-        return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
-    if np.isfinite(half):
-        return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"
-    return "it hardly shows above the noise"
+    return _without_effect(one, model) if fit.effect[i] < FAINT else why_not(i, fit, problem)
 
 
 def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
@@ -168,13 +145,13 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
     if one.name in WOUND:
         return ""
     labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
-    effect = problem.sensitivity(fit.theta, raw=True)
+    effect = problem.effects(fit.theta)
 
     def identified(rigid: Collection[str]) -> bool:
         """Whether it would be, if the machine were rigid in these ways."""
         kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
-        stiff = problem.rigid([label for label in rigid if label in problem.elastic])
-        covariance, null, _ = information(stiff.whiten(effect[:, kept]))
+        stiff = problem.without([label for label in rigid if label in problem.elastic])
+        covariance, null, _ = information(stiff.project(effect[:, kept]))
         k = kept.index(i)
         half = fit.quantile * SAFETY * max(fit.misfit, 1.0) * np.sqrt(covariance[k, k]) * one.scale
         return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
@@ -193,7 +170,7 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
     )
 
 
-def _without_effect(one: Parameter, model: StaticModel) -> str:
+def _without_effect(one: Unknown, model: StaticModel) -> str:
     """Why nothing moves with an unknown."""
     made = model.visits
     if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
@@ -208,20 +185,20 @@ def _without_effect(one: Parameter, model: StaticModel) -> str:
 
 
 def advice(
-    fit: Fit, problem: LeastSquares, observed: Observed, model: StaticModel, reasons: Sequence[str]
+    fit: Fit,
+    problem: LeastSquares,
+    observed: Observed,
+    use: np.ndarray,
+    model: StaticModel,
+    reasons: Sequence[str],
 ) -> tuple[str, ...]:
     """Which further experiment or signal would identify what cannot be identified."""
     unknowns = problem.unknowns
     if not any(why and one.sought for why, one in zip(reasons, unknowns, strict=True)):
         return ("",) * len(unknowns)
-    rigid = problem.rigid(problem.elastic)
-    gives = [
-        planning.SOFT[one.unit] * problem.nuisance[:, problem.elastic[one.label]]
-        for one in model.elastic
-    ]
-    effect = np.column_stack(
-        [rigid.sensitivity(fit.theta), *(rigid.whiten(columns) for columns in gives)]
-    )
+    gives = [one.unknown.scale * problem.rows(one.effect[use]) for one in model.elastic]
+    rigid = problem.without(problem.elastic)
+    effect = rigid.project(np.column_stack([problem.effects(fit.theta), *gives]))
     before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
     noise = dict(planning.NOISE)
     for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
@@ -245,22 +222,12 @@ def advice(
     return tuple(lines)
 
 
-# What an identification found, as a table, CSV and plain data.
-
-
 @dataclass(frozen=True)
 class Identification:
-    """What a measurement says of p unknowns; SI units."""
+    """What a measurement says of its unknowns; SI units."""
 
-    unknowns: tuple[Parameter, ...]
-    value: np.ndarray
-    """Shape (p,)."""
-    half_width: np.ndarray
-    """Of the 95 % intervals; infinite where nothing is known, shape (p,)."""
-    reasons: tuple[str, ...]
-    """Why an unknown cannot be identified, empty where it can."""
-    advice: tuple[str, ...]
-    """Which measurement would identify it, empty where none is needed or known."""
+    estimates: tuple[Estimate, ...]
+    """Of all unknowns but restitution and compliances, those that are not sought too."""
     mechanism: Mechanism
     """With what was found; unknowns that cannot be identified as in the scenario."""
     visits: Visits
@@ -276,56 +243,32 @@ class Identification:
     reference: str
     notes: tuple[str, ...]
     measured: Measurement
-    restitutions: tuple[Restitution, ...] = ()
+    restitutions: tuple[Estimate, ...] = ()
     """Of the joints' impacts, where there is a signal that shows them."""
     excess: float = np.nan
     """RMS of the residuals, by the scatter of the records alone."""
-    elasticity: tuple[Elasticity, ...] = ()
+    elasticity: tuple[Estimate, ...] = ()
     """Compliances of the joints that were accounted for."""
 
     @property
-    def identified(self) -> np.ndarray:
-        """Which unknowns can be identified, shape (p,)."""
-        return np.array([not reason for reason in self.reasons])
+    def sought(self) -> tuple[Estimate, ...]:
+        """Of the unknowns that are sought, and of restitution."""
+        own = tuple(one for one in self.estimates if one.unknown.sought)
+        return own + self.restitutions
 
-    def __getitem__(self, label: str) -> tuple[float, float]:
-        """Value and half width by label, such as ``"elbow radial clearance"``."""
-        for i, one in enumerate(self.unknowns):
-            if one.label == label:
-                return float(self.value[i]), float(self.half_width[i])
-        raise MissingName("unknown", label, [one.label for one in self.unknowns])
-
-    def interval(self, i: int) -> tuple[float, float]:
-        """95 % interval of the i-th unknown within what can be."""
-        value, half = self.value[i], self.half_width[i]
-        return max(value - half, 0.0), min(value + half, self.unknowns[i].most)
+    def __getitem__(self, label: str) -> Estimate:
+        """What is said of an unknown, by its label such as ``"elbow radial clearance"``."""
+        return by_label((*self.estimates, *self.restitutions), label)
 
     def __str__(self) -> str:
         """The table, and why what cannot be told cannot."""
-        lines = [f"{'unknown':<34} {'scenario':>12} {'found':>12}  95 % interval"]
-        for i, one in enumerate(self.unknowns):
-            if not one.sought:
-                continue
-            head = f"{one.label:<34} {one.shown(one.nominal):>12}"
-            if self.reasons[i]:
-                lines.append(f"{head} {'-':>12}  this measurement cannot tell")
-            else:
-                low, high = self.interval(i)
-                interval = f"{one.shown(low)} to {one.shown(high)}"
-                lines.append(f"{head} {one.shown(self.value[i]):>12}  {interval}")
-        lines += [str(one) for one in self.elasticity if one.identified]
-        lines += [str(one) for one in self.restitutions]
-        for i, one in enumerate(self.unknowns):
-            if one.sought and self.reasons[i]:
-                lines.append(f"{one.label}: {self.reasons[i]}")
-                if self.advice[i]:
-                    lines.append(f"  {self.advice[i]}")
-        lines += [f"{r.joint} restitution: {r.reason}" for r in self.restitutions if r.reason]
-        if not self.unknowns:
-            return "\n".join([*self.notes, *lines])
+        soft = [one for one in self.elasticity if one.identified]
+        lines = [*self.notes, listed([*self.sought, *soft], scenario=True)]
+        if not self.estimates:
+            return "\n".join(lines)
         vague = [one.label for one in self.elasticity if not one.identified]
         if vague:
-            lines.append(f"compliances accounted for, but not determined: {', '.join(vague)}, tool")
+            lines.append(f"accounted for, but not determined: {', '.join(vague)}, tool compliance")
         used = np.isfinite(self.error)
         at = used.any(axis=1)
         lines.append(
@@ -339,47 +282,18 @@ class Identification:
                 "the model does not explain all of it: errors and intervals were enlarged "
                 "accordingly"
             )
-        return "\n".join([*self.notes, *lines])
-
-    def _rows(self) -> list[dict[str, Any]]:
-        """What is said of each unknown and each restitution, for files [SI]."""
-        rows: list[dict[str, Any]] = []
-        for i, one in enumerate(self.unknowns):
-            if one.sought:
-                row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
-                row |= {"scenario": one.nominal, "why_not": self.reasons[i]}
-                low, high = map(float, self.interval(i))
-                found = {"found": float(self.value[i]), "low": low, "high": high}
-                rows.append(row | ({} if self.reasons[i] else found))
-        for other in self.restitutions:
-            row = {"joint": other.joint, "unknown": "restitution", "unit": ""}
-            row |= {"why_not": other.reason, "evidence": other.evidence}
-            low, high = other.interval
-            found = {"found": other.value, "low": low, "high": high}
-            found |= {} if np.isnan(other.nominal) else {"nominal": other.nominal}
-            rows.append(row | ({} if other.reason else found))
-        return rows
+        return "\n".join(lines)
 
     @property
     def data(self) -> Table:
         """A row for each unknown [SI]."""
-        heads = ("joint", "unknown", "unit", "scenario", "found", "low", "high", "why_not")
-        rows = [[row.get(head) for head in heads] for row in self._rows()]
-        return Table.of([(head, "") for head in heads], rows)
+        return data(self.sought)
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
-        compliances = [
-            {
-                **vars(one),
-                "half_width": one.half_width if np.isfinite(one.half_width) else None,
-                "identified": one.identified,
-            }
-            for one in self.elasticity
-        ]
         return {
-            "unknowns": self._rows(),
-            "compliances": compliances,
+            "unknowns": [one.describe() for one in self.sought],
+            "compliances": [one.describe() for one in self.elasticity],
             "misfit": None if np.isnan(self.misfit) else float(self.misfit),
             "excess": None if np.isnan(self.excess) else float(self.excess),
             "notes": list(self.notes),
@@ -502,29 +416,22 @@ def _by_means(
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    start = np.array([one.nominal or 0.5 * one.scale for one in unknowns])
-    count = int(use.sum())
-    numbers = np.full(len(problem.measured), -1)
-    numbers[:count] = np.broadcast_to([kinds.index(kind) for kind in kinds], use.shape)[use]
-    problem, fit = search(problem, start, numbers)
+    problem, fit = search(problem, np.array([one.nominal or 0.5 * one.scale for one in unknowns]))
     if fit.freedom < 1:
         raise TooLittle(
-            f"{measured.source}: {count} means at {len(made)} visits are too few for "
-            f"{len(start)} unknowns and {problem.projected.shape[1]} offsets, drifts, lags and "
+            f"{measured.source}: {use.sum()} means at {len(made)} visits are too few for "
+            f"{len(unknowns)} unknowns and {problem.projected.shape[1]} offsets, drifts, lags and "
             "compliances; visit places more often, from both sides"
         )
     error = records.copy()
-    error[use] = problem.error[:count]
-    reasons = tuple(reason(i, fit, problem, model) for i in range(len(unknowns)))
+    error[use] = problem.error
+    reasons = [reason(i, fit, problem, model) for i in range(len(unknowns))]
+    found = estimates(problem, fit, reasons, advice(fit, problem, observed, use, model, reasons))
     predicted = model.predict(fit.theta) + _offsets(problem, fit.theta, use)
     left = (observed.mean - predicted)[use] / records[use]
     return Identification(
-        unknowns,
-        fit.theta,
-        fit.half_width,
-        reasons,
-        advice(fit, problem, observed, model, reasons),
-        apply(mechanism, unknowns, fit.theta, reasons),
+        found,
+        apply(mechanism, found),
         made,
         observed,
         error,
@@ -542,18 +449,19 @@ def _by_means(
 def spreads(found: Identification) -> dict[str, dict[str, float]]:
     """Standard deviations of identified clearances and friction, by joint and name."""
     known: dict[str, dict[str, float]] = {}
-    for i, one in enumerate(found.unknowns):
-        if one.joint in found.mechanism.clearance and not found.reasons[i]:
-            known.setdefault(one.joint, {})[one.name] = float(found.half_width[i]) / NORMAL
+    for one in found.estimates:
+        if one.joint in found.mechanism.clearance and one.identified:
+            known.setdefault(one.joint, {})[one.unknown.name] = one.half_width / NORMAL
     return known
 
 
-def with_restitution(found: Identification, bounced: Sequence[Restitution]) -> Mechanism:
+def with_restitution(found: Identification, bounced: Sequence[Estimate]) -> Mechanism:
     """The mechanism with the restitutions that are identified and that its laws can deliver."""
     joints = dict(found.mechanism.clearance)
     for one in bounced:
-        if not one.reason and np.isfinite(one.nominal):
-            joints[one.joint] = joints[one.joint].with_restitution(one.nominal)
+        joint = joints[one.joint]
+        if one.identified and np.isfinite(nominal := nominal_of(joint, one.value)):
+            joints[one.joint] = joint.with_restitution(nominal)
     return found.mechanism.with_clearance(joints) if joints else found.mechanism
 
 
@@ -580,10 +488,10 @@ def _impacts_only(
 ) -> Identification:
     """Where means say nothing."""
     made, observed = no_visits()
-    none, nothing = np.zeros((0, 0)), np.zeros(0)
+    none = np.zeros((0, 0))
     return Identification(
-        (), nothing, nothing, (), (), mechanism, made, observed, none, none, none[..., None],
-        np.nan, reference, (*measured.notes, note), measured,
+        (), mechanism, made, observed, none, none, none[..., None], np.nan, reference,
+        (*measured.notes, note), measured,
     )  # fmt: skip
 
 
@@ -647,20 +555,6 @@ def nuisances(
     return np.concatenate(parts, axis=2), labels
 
 
-def lags(observed: Observed) -> np.ndarray:
-    """What readings of the tool and of links show that are late by a second, (n, keys, columns).
-
-    A column for each kind of reading: its instrument has a clock of its own. The speed is that of
-    the readings, not the ideal mechanism's: errors of its geometry would count as play.
-    """
-    columns = []
-    for kind in READINGS:
-        of_kind = np.array([one == kind for one, _ in observed.keys])
-        if of_kind.any():
-            columns.append(np.where(of_kind, -observed.rate, 0.0))
-    return stacked(columns, len(observed.rate), observed.keys)
-
-
 def _problem(
     model: StaticModel,
     mean: np.ndarray,
@@ -670,45 +564,30 @@ def _problem(
     lag: float,
 ) -> LeastSquares:
     """Least squares of the means that have an error, and of what was known before."""
-    made, unknowns = model.visits, model.unknowns
-    use = np.isfinite(error)
-    free = nuisance[use]
-    first = free.shape[1] - len(labels)
-    columns = {
-        label: first + np.flatnonzero([one == label for one in labels])
-        for label in dict.fromkeys(labels)
-    }
-    # What was known before counts like means: of unknowns, then of compliances.
-    stated = [i for i, one in enumerate(unknowns) if np.isfinite(one.spread)]
-    soft = [one for one in model.elastic if np.isfinite(one.known.spread)]
-    rows = [(k, one.known.spread) for one in soft for k in columns[one.label]]
-    if 0.0 < lag < np.inf:
-        late = len({kind for kind, _ in model.keys if kind in READINGS})
-        rows += [(k, lag) for k in range(late)]
-    more = np.zeros((len(stated) + len(rows), free.shape[1]))
-    for row, (k, _) in enumerate(rows, len(stated)):
-        more[row, k] = 1.0
-    rigid = np.zeros(len(rows))
-    every = np.arange(len(model.keys))
+    made, use = model.visits, np.isfinite(error)
+    known = np.full(nuisance.shape[2], np.inf)
+    known[len(known) - len(labels) :] = [
+        one.unknown.spread for one in model.elastic for _ in range(one.effect.shape[2])
+    ]
+    if lag:
+        known[: len({kind for kind, _ in model.keys if kind in READINGS})] = lag
+    kinds = [kind for kind, _ in model.keys]
     strength = max(float(np.abs(made.force).max()), 1e-12)
     loads = np.column_stack([made.direction, made.stopped, np.round(4.0 * made.force / strength)])
     _, load = np.unique(loads, axis=0, return_inverse=True)
-    alone = -1 - np.arange(len(more))
-    groups = [number[:, None] * len(every) + every for number in (made.cell, np.ravel(load))]
+    groups = [n[:, None] * len(kinds) + np.arange(len(kinds)) for n in (made.cell, np.ravel(load))]
     return LeastSquares(
-        unknowns,
-        lambda theta: np.concatenate([model.predict(theta)[use], theta[stated], rigid]),
-        np.concatenate([mean[use], [unknowns[i].nominal for i in stated], rigid]),
-        np.concatenate(
-            [error[use], [unknowns[i].spread for i in stated], [spread for _, spread in rows]]
-        ),
-        np.concatenate([free, more]),
-        tuple(np.concatenate([group[use], alone]) for group in groups),
-        columns,
-        {
-            name: np.concatenate(
-                [np.broadcast_to(factor[:, None], use.shape)[use], np.zeros(len(more))]
-            )
+        model.unknowns,
+        lambda theta: model.predict(theta)[use],
+        mean[use],
+        error[use],
+        nuisance[use],
+        tuple(labels),
+        known,
+        tuple(group[use] for group in groups),
+        np.broadcast_to([kinds.index(kind) for kind in kinds], use.shape)[use],
+        softening={
+            name: np.broadcast_to(factor[:, None], use.shape)[use]
             for name, factor in model.softening.items()
         },
     )
@@ -716,30 +595,25 @@ def _problem(
 
 def _offsets(problem: LeastSquares, theta: np.ndarray, use: np.ndarray) -> np.ndarray:
     """Best nuisances' effect, shape (n, keys); zero where nothing counted."""
-    left = (problem.measured - problem.predict(theta)) / problem.error
-    fitted = np.linalg.lstsq(problem.nuisance / problem.error[:, None], left, rcond=1e-9)[0]
+    left, span = problem.off(theta), problem.projected
     shifts = np.zeros(use.shape)
-    shifts[use] = (problem.nuisance @ fitted)[: int(use.sum())]
+    shifts[use] = -problem.error * (span @ (span[: len(left)].T @ left))[: len(problem.error)]
     return shifts
 
 
-def apply(
-    mechanism: Mechanism,
-    sought: Sequence[Parameter],
-    theta: np.ndarray,
-    reasons: Sequence[str],
-) -> Mechanism:
+def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
     """The mechanism with those values that are identified."""
     joints, gears = dict(mechanism.clearance), known_gears(mechanism)
-    for one, value, why_not in zip(sought, theta, reasons, strict=True):
-        if why_not or not one.joint:
+    for one in found:
+        joint, name, value = one.joint, one.unknown.name, one.value
+        if one.reason or not joint:
             continue
-        if one.name == "gear_play":
-            gears[one.joint] = replace(gears[one.joint], play=float(value))
-        elif one.name == "gear_compliance":
-            gears[one.joint] = replace(gears[one.joint], stiffness=1.0 / max(float(value), 1e-12))
-        elif one.joint in joints and one.name in (*joints[one.joint].clearances, "friction"):
-            joints[one.joint] = with_clearance(joints[one.joint], {one.name: float(value)})
+        if name == "gear_play":
+            gears[joint] = replace(gears[joint], play=value)
+        elif name == "gear_compliance":
+            gears[joint] = replace(gears[joint], stiffness=1.0 / max(value, 1e-12))
+        elif joint in joints and name in (*joints[joint].clearances, "friction"):
+            joints[joint] = with_clearance(joints[joint], {name: value})
     return mechanism.with_clearance(joints, gears)
 
 
@@ -758,16 +632,14 @@ def _assumptions(
     stated, weak = [], []
     sought = {one.label for one in model.elastic if one.label.endswith(" bush")}
     for label, one in machine.compliances.items():
-        unit = "N*m/rad" if label.endswith(("torsional", "tilt", "link")) else "N/m"
-        if one.value:
-            part = f" +- {100.0 * one.spread / one.value:.3g} %" if one.spread else ""
-            stated.append(f"{label} {1.0 / one.value:.4g} {unit}{part}")
+        unit = "N*m/rad" if one.unit == "rad/(N*m)" else "N/m"
+        if one.nominal:
+            part = f" +- {100.0 * one.spread / one.nominal:.3g} %" if one.spread else ""
+            stated.append(f"{label} {1.0 / one.nominal:.4g} {unit}{part}")
         elif not one.spread:
             stated.append(f"{label} rigid")
-        elif label.removesuffix(" link") in machine.wound:
-            weak.append(f"{label} 0 +- {1e6 * one.spread:.3g} urad/(N m)")
-        elif label in sought:
-            weak.append(f"{label} 0 +- {1e6 * one.spread:.3g} um/N")
+        elif label.removesuffix(" link") in machine.wound or label in sought:
+            weak.append(f"{label} 0 +- {one.shown(one.spread)}")
     if all(word.endswith(" rigid") for word in stated) and "tool rigid" in stated:
         stated = ["everything rigid but gears"]
     lines = [
@@ -788,7 +660,7 @@ def _assumptions(
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
-        factor, unit = NOISE_SHOWN[kind]
+        factor, unit = displayed(SHOWN[kind], fine=True)
         source = "given" if kind in measured.noise else "of the records"
         deviations.append(f"{kind} {name} {factor * spread:.3g} {unit} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")

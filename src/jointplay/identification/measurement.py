@@ -50,8 +50,8 @@ FEWEST_RECORDS = 20
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _SHOWN = 60
 
-NOISE_SHOWN = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
-"""Factor and unit in which noise of signals is shown."""
+SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
+"""Units of the signals whose means are compared."""
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""

@@ -26,6 +26,14 @@ import pinocchio as pin
 from jointplay.core.compiler import njit
 from jointplay.design.levers import place, sources, tool_place
 from jointplay.design.poses import moving
+from jointplay.identification.machine import (
+    TOOL,
+    WOUND,
+    Machine,
+    friction_of,
+    known_gears,
+    with_clearance,
+)
 from jointplay.identification.measurement import (
     Key,
     Visits,
@@ -33,17 +41,7 @@ from jointplay.identification.measurement import (
     stacked,
     tool_effect,
 )
-from jointplay.identification.parameters import (
-    TOOL,
-    WAYS,
-    WOUND,
-    Compliance,
-    Machine,
-    Parameter,
-    friction_of,
-    known_gears,
-    with_clearance,
-)
+from jointplay.identification.unknowns import Unknown
 from jointplay.joints import Clearance
 from jointplay.joints.play import BallPlay, JournalPlay
 from jointplay.loads.drive import JointFriction
@@ -91,12 +89,10 @@ class Elastic:
 
     label: str
     """``elbow torsional``, ``tool``."""
-    unit: str
+    unknown: Unknown
     effect: np.ndarray
     """By a compliance of one, shape (n, keys, c): one for a joint, six for the structure at the
     tool (a symmetric matrix in its axes)."""
-    known: Compliance
-    """Before the measurement."""
 
 
 @dataclass(frozen=True)
@@ -203,7 +199,7 @@ class StaticModel:
         machine: Machine,
         visits: Visits,
         keys: tuple[Key, ...],
-        unknowns: tuple[Parameter, ...],
+        unknowns: tuple[Unknown, ...],
     ) -> None:
         """Find levers and loads at each visit, once for all."""
         self.machine, self.mechanism = machine, machine.mechanism
@@ -235,9 +231,9 @@ class StaticModel:
         elastic = self._elastic(loads, tool)
         self._known = np.zeros((len(visits), len(keys)))
         for one in elastic:
-            if one.known.value:  # the structure's: the same in all directions
-                self._known += one.known.value * one.effect[:, :, :3].sum(axis=2)
-        self.elastic = tuple(one for one in elastic if one.known.spread > 0.0)
+            if one.unknown.nominal:  # the structure's: the same in all directions
+                self._known += one.unknown.nominal * one.effect[:, :, :3].sum(axis=2)
+        self.elastic = tuple(one for one in elastic if one.unknown.spread > 0.0)
         self.certain = self._sides(
             np.array(
                 [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
@@ -248,7 +244,7 @@ class StaticModel:
         """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
         one = self.machine.compliance(f"{name} torsional")
         gear = known_gears(self.mechanism).get(name)
-        return 1.0 / gear.stiffness if gear is not None and math.isinf(one.spread) else one.value
+        return 1.0 / gear.stiffness if gear is not None and math.isinf(one.spread) else one.nominal
 
     def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:
         """Of each joint and of the structure at the tool (rotations (n, 3, 3))."""
@@ -265,9 +261,8 @@ class StaticModel:
                 if way == "torsional" and name in self._bearings:
                     own = own - self._bearings[name].drag()[:, None]
                 moved = np.einsum("nki,ni->nk", self.levers[name][:, :, axes], own)
-                known = self.machine.compliance(f"{name} {way}")
-                effect = tool_effect(self.keys, moved)[:, :, None]
-                found.append(Elastic(f"{name} {way}", WAYS[way], effect, known))
+                label, effect = f"{name} {way}", tool_effect(self.keys, moved)[:, :, None]
+                found.append(Elastic(label, self.machine.compliance(label), effect))
         force = np.einsum("nki,nk->ni", tool, self.visits.force)
         columns = []
         for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
@@ -276,7 +271,7 @@ class StaticModel:
             if i != k:
                 own[:, k] += force[:, i]
             columns.append(tool_effect(self.keys, np.einsum("nki,ni->nk", tool, own)))
-        found.append(Elastic(TOOL, "m/N", np.stack(columns, axis=2), self.machine.compliance(TOOL)))
+        found.append(Elastic(TOOL, self.machine.compliance(TOOL), np.stack(columns, axis=2)))
         return found
 
     def predict(self, theta: np.ndarray) -> np.ndarray:

@@ -23,20 +23,14 @@ import pinocchio as pin
 from scipy.stats import norm
 
 from jointplay.core.errors import JointplayError, require_a, require_positive
+from jointplay.core.tables import Table
 from jointplay.design.poses import moving, over_workspace
-from jointplay.identification.fit import CONFIDENCE, LeastSquares, basis, offsets, partners
+from jointplay.identification.least_squares import CONFIDENCE, LeastSquares, basis, partners
+from jointplay.identification.machine import TOOL, WAYS, WOUND, Given, Machine, compliances
 from jointplay.identification.measurement import Key, Visits, tool_positions
 from jointplay.identification.model import StaticModel
-from jointplay.identification.parameters import (
-    LARGEST_SHARE,
-    TOOL,
-    WAYS,
-    WOUND,
-    Given,
-    Machine,
-    Parameter,
-    compliances,
-)
+from jointplay.identification.nuisances import offsets
+from jointplay.identification.unknowns import LARGEST_SHARE, Unknown
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.collisions import SelfCollision
 from jointplay.mechanism.mechanism import Mechanism
@@ -57,8 +51,6 @@ OFFERED = 16
 """Poses among which one is sought that identifies what a measurement could not."""
 SIZES = (1.0, 0.4)
 """Of a push, where play is to be told from elasticity."""
-SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
-"""Scales of compliances, by unit; `_PRIOR` is relative to them, too."""
 _OVERCOMES, _STRONGEST_N = 2.0, 100.0
 """Weights of the machine with which it is offered to push besides, and the most [N]."""
 _APPROACH = 0.05
@@ -107,7 +99,7 @@ class MeasurementPlan:
     """Experiments in the order in which they should be made, and what they would tell."""
 
     joints: tuple[str, ...]
-    unknowns: tuple[Parameter, ...]
+    unknowns: tuple[Unknown, ...]
     experiments: tuple[Experiment, ...]
     half_width: np.ndarray
     """Expected 95 % half widths after each experiment, (experiments, unknowns) [SI]."""
@@ -145,12 +137,10 @@ class MeasurementPlan:
         for i, experiment in enumerate(self.experiments):
             lines += [f"{i + 1:>2}. {experiment.words(self.joints)}", f"    {self.reason(i)}"]
         lines += self.notes
-        lines.append(f"{'unknown':<34} {'nominal':>12}  expected 95 % interval")
+        rows = [("unknown", "nominal", "expected 95 % interval")]
         for one, half, others in zip(
             self.unknowns, self.half_width[-1], self.partners, strict=True
         ):
-            if not one.sought:
-                continue
             if half <= LARGEST_SHARE * one.scale:
                 words = f"+- {one.shown(half)}"
             elif others:
@@ -159,7 +149,9 @@ class MeasurementPlan:
                 words = "cannot tell" + (
                     "" if half > 10.0 * one.scale else f" (+- {one.shown(half)})"
                 )
-            lines.append(f"{one.label:<34} {one.shown(one.nominal):>12}  {words}")
+            if one.sought:
+                rows.append((one.label, one.shown(one.nominal), words))
+        lines.append(str(Table.of_texts(rows)))
         units = {"tool": "m", "link": "rad", "torque": "N m"}
         noise = ", ".join(
             f"{kind} {self.noise[kind]:g} {units[kind]}"
@@ -324,7 +316,7 @@ def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray
     return np.where(same, apart / max(reach, 1e-9), np.inf)
 
 
-def sizes(machine: Machine, unknowns: Sequence[Parameter]) -> tuple[float, ...]:
+def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
     """Parts of a push that are needed: one if the machine is known to be rigid."""
     ways = [f"{name} {way}" for name in moving(machine.mechanism) for way in WAYS]
     soft = any(
@@ -398,7 +390,7 @@ class Information:
 
 def informations(
     machine: Machine,
-    unknowns: tuple[Parameter, ...],
+    unknowns: tuple[Unknown, ...],
     keys: tuple[Key, ...],
     noise: Mapping[str, float],
     options: Sequence[Experiment],
@@ -415,15 +407,11 @@ def informations(
     at = np.array([one.nominal for one in unknowns]) if theta is None else theta
     at = np.maximum(at, 0.05 * np.array([one.scale for one in unknowns]))
     problem = LeastSquares(
-        unknowns,
-        lambda x: model.predict(x).ravel(),
-        np.zeros(n * c),
-        np.tile(error, n),
-        np.zeros((n * c, 0)),
-        (),
+        unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
     )
-    gives = [SOFT[one.unit] * one.effect.reshape(n * c, -1) for one in model.elastic]
-    effect = np.column_stack([problem.sensitivity(at), *(problem.whiten(one) for one in gives)])
+    gives = [one.unknown.scale * one.effect.reshape(n * c, -1) for one in model.elastic]
+    effect = problem.effects(at)[: n * c]
+    effect = np.column_stack([effect, *(one / problem.error[:, None] for one in gives)])
     effect = effect.reshape(n, c, -1)
     loose = model.loose()
     matrices = []
@@ -438,19 +426,16 @@ def informations(
     return Information(np.array(matrices), *prior(unknowns, model))
 
 
-def prior(unknowns: Sequence[Parameter], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
+def prior(unknowns: Sequence[Unknown], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
     """What is known of unknowns and compliances before, by their scales, and their labels."""
-    known = [one.scale / one.spread for one in unknowns]
-    soft: list[str] = []
-    for one in model.elastic:
-        known += [SOFT[one.unit] / one.known.spread] * one.effect.shape[2]
-        soft += [one.label] * one.effect.shape[2]
-    return np.diag(np.square(known) + _PRIOR), tuple(soft)
+    soft = [one.unknown for one in model.elastic for _ in range(one.effect.shape[2])]
+    known = [one.scale / one.spread for one in (*unknowns, *soft)]
+    return np.diag(np.square(known) + _PRIOR), tuple(one.label for one in soft)
 
 
 def offers(
     machine: Machine,
-    unknowns: tuple[Parameter, ...],
+    unknowns: tuple[Unknown, ...],
     keys: tuple[Key, ...],
     noise: Mapping[str, float],
     theta: np.ndarray,
@@ -530,7 +515,7 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
     )
 
 
-def half_widths(unknowns: Sequence[Parameter], gain: np.ndarray) -> np.ndarray:
+def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
     """Expected half widths of 95 % intervals of p unknowns, shape (p,) [SI].
 
     By information about them and about c compliances, shape (p + c, p + c).
@@ -542,10 +527,10 @@ def half_widths(unknowns: Sequence[Parameter], gain: np.ndarray) -> np.ndarray:
 
 
 def _partners(
-    unknowns: Sequence[Parameter], found: Information, chosen: Sequence[int]
+    unknowns: Sequence[Unknown], found: Information, chosen: Sequence[int]
 ) -> tuple[tuple[str, ...], ...]:
     """What acts together with each unknown in what chosen experiments do not identify."""
-    labels = [one.label for one in unknowns] + [f"{label} compliance" for label in found.soft]
+    labels = [one.label for one in unknowns] + list(found.soft)
     gains, axes = np.linalg.eigh(found.before + found.gains[list(chosen)].sum(axis=0))
     null = axes[:, gains < 1.0 / LARGEST_SHARE**2]
     projector = null @ null.T
@@ -556,7 +541,7 @@ def _partners(
 
 
 def _greedy(
-    unknowns: Sequence[Parameter], found: Information, count: int, alike: np.ndarray
+    unknowns: Sequence[Unknown], found: Information, count: int, alike: np.ndarray
 ) -> tuple[list[int], np.ndarray, np.ndarray]:
     """Experiments, each the best after those before and `alike` (k, k) to none of them.
 

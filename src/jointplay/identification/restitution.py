@@ -15,9 +15,10 @@ from scipy.stats import t as student
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.progress import ProgressBar
-from jointplay.identification.fit import CONFIDENCE
+from jointplay.identification.least_squares import CONFIDENCE
+from jointplay.identification.machine import friction_of, with_clearance
 from jointplay.identification.measurement import Key, Measurement
-from jointplay.identification.parameters import friction_of, with_clearance
+from jointplay.identification.unknowns import NORMAL, Estimate, Unknown
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.result import Result
@@ -52,37 +53,9 @@ BINS = 5
 """Parts of a measurement whose activity is stated each by itself."""
 
 
-@dataclass(frozen=True)
-class Restitution:
-    """Of a joint's impacts, with 95 % interval; or why it cannot be identified."""
-
-    joint: str
-    value: float = np.nan
-    """That impacts have, whatever law and coefficient make it."""
-    half_width: float = np.inf
-    nominal: float = np.nan
-    """Coefficient with which the joint's law delivers it; nan if it cannot."""
-    evidence: str = ""
-    """What identifies it, in words."""
-    reason: str = ""
-    """Why it cannot be identified; empty if it can."""
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval within possible values."""
-        return max(self.value - self.half_width, 0.0), min(self.value + self.half_width, 1.0)
-
-    def __str__(self) -> str:
-        """One line, as in the table; without the reason."""
-        label = f"{self.joint} restitution"
-        if self.reason:
-            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell"
-        low, high = self.interval
-        line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
-        if np.isnan(self.nominal):
-            return f"{line} ({self.evidence}; the joint's law cannot produce it)"
-        nominal = "" if abs(self.nominal - self.value) < 5e-3 else f"; c_e {self.nominal:.3g}"
-        return f"{line} ({self.evidence}{nominal})"
+def unknown(joint: str) -> Unknown:
+    """The restitution of a joint's impacts, whatever law and coefficient make it."""
+    return Unknown(joint, "restitution", nominal=math.nan, most=1.0)
 
 
 @dataclass(frozen=True)
@@ -232,15 +205,15 @@ _MODEL = 0.02
 _RESAMPLES = 999
 
 
-def flights(channel: Channel) -> Restitution:
-    """Restitution of a joint by its impacts in a channel; `nominal` is left open."""
+def flights(channel: Channel) -> Estimate:
+    """Restitution of a joint by its impacts in a channel."""
     found = impacts(channel)
 
-    def unknown(reason: str) -> Restitution:
-        return Restitution(channel.joint, reason=reason)
+    def dark(reason: str) -> Estimate:
+        return Estimate(unknown(channel.joint), reason=reason)
 
     if not len(found):
-        return unknown(
+        return dark(
             f"no impact exceeds the noise ({channel.noise:.2g} a record); let the load reverse "
             "suddenly, or use a quieter sensor"
         )
@@ -248,17 +221,17 @@ def flights(channel: Channel) -> Restitution:
     ratios = [np.log(gaps[1:] / gaps[:-1]) for gaps, _ in bounces]
     number = sum(map(len, ratios))
     if number < FEWEST_RATIOS:
-        return unknown(_too_few(found, number, 1.0 / channel.interval))
+        return dark(_too_few(found, number, 1.0 / channel.interval))
     inside = sum(len(impulses) for _, impulses in bounces)
     otherwise = "--restitution compares with simulations"
     if inside < _LEAST_SHARE * len(found):
-        return unknown(
+        return dark(
             f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
             f"places hit in turn, or the load changes; {otherwise}"
         )
     scatter = float(np.concatenate(ratios).std(ddof=1))
     if scatter > _SCATTER:
-        return unknown(
+        return dark(
             f"ratios of successive flights scatter by {100 * scatter:.0f} %: several "
             f"places hit in turn, or the load changes; {otherwise}"
         )
@@ -267,14 +240,14 @@ def flights(channel: Channel) -> Restitution:
     impulse, other = _mean([np.log(impulses[1:] / impulses[:-1]) for _, impulses in bounces])
     value = float(np.exp(middle))
     if abs(impulse - middle) > np.hypot(half, other) + np.log1p(_AGREE):
-        return unknown(
+        return dark(
             f"flights grow shorter by {value:.3g}, impulses smaller by {np.exp(impulse):.3g}: the "
             f"load is not constant while the journal flies; {otherwise}"
         )
     if value >= 1.0:
-        return unknown("impacts do not die away")
+        return dark("impacts do not die away")
     half = value * float(np.hypot(half, _MODEL))
-    return Restitution(channel.joint, value, half, evidence=f"{number} ratios of flights")
+    return Estimate(unknown(channel.joint), value, half, note=f"{number} ratios of flights")
 
 
 def _too_few(found: ImpactTimes, number: int, rate: float) -> str:
@@ -323,7 +296,7 @@ def _timing(flights: list[np.ndarray], interval: float) -> float:
     error = interval / np.sqrt(12.0)
     steps = sum(len(gaps) - 1 for gaps in flights)
     square = sum((error / gaps[0]) ** 2 + (error / gaps[-1]) ** 2 for gaps in flights)
-    return float(1.96 * np.sqrt(2.0 * square) / steps)
+    return float(NORMAL * np.sqrt(2.0 * square) / steps)
 
 
 def sequences(found: ImpactTimes, interval: float) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -619,7 +592,7 @@ def nominal_of(joint: Clearance, value: float) -> float:
     return float(brentq(lambda nominal: delivered(joint, nominal) - value, 1e-3, 1.0, xtol=1e-6))
 
 
-def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution, ...]:
+def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Estimate, ...]:
     """Restitution of each joint with clearance by flights.
 
     A force between bearing and journal counts for its joint. An accelerometer cannot tell whose
@@ -631,9 +604,8 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
     for name, joint in mechanism.clearance.items():
         channel = felt.get(name) or (felt.get("") if len(names) == 1 else None)
         if channel is not None:
-            one = flights(channel)
-            nominal = np.nan if one.reason else nominal_of(joint, one.value)
-            found.append(replace(one, joint=name, nominal=nominal))
+            one = replace(flights(channel), unknown=unknown(name))
+            found.append(_with_coefficient(one, joint))
             continue
         if felt:
             reason = (
@@ -645,8 +617,20 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
             reason += "least, many for each flight, are needed"
         else:
             reason = _without_signal(name, joint)
-        found.append(Restitution(name, reason=reason))
+        found.append(Estimate(unknown(name), reason=reason))
     return tuple(found)
+
+
+def _with_coefficient(one: Estimate, joint: Clearance) -> Estimate:
+    """The estimate, with the coefficient by which the joint's law delivers it in the note."""
+    if one.reason:
+        return one
+    nominal, words = nominal_of(joint, one.value), ""
+    if np.isnan(nominal):
+        words = "; the joint's law cannot produce it"
+    elif abs(nominal - one.value) >= 5e-3:
+        words = f"; c_e {nominal:.3g}"
+    return replace(one, note=one.note + words)
 
 
 def _without_signal(name: str, joint: Clearance) -> str:
@@ -669,7 +653,7 @@ def by_simulation(
     jobs: int | None = None,
     seed: int = 0,
     progress: bool = False,
-) -> tuple[Restitution, ...]:
+) -> tuple[Estimate, ...]:
     """Restitution of each joint with clearance by the statistics of simulated impacts.
 
     Args:
@@ -698,7 +682,7 @@ def by_simulation(
     if hits < _FEWEST_IMPACTS:
         reason = f"{hits} impacts exceed the noise; let loads reverse suddenly, or use a "
         return tuple(
-            Restitution(name, reason=reason + "quieter or faster sensor") for name in names
+            Estimate(unknown(name), reason=reason + "quieter or faster sensor") for name in names
         )
     joints = simulation.mechanism.clearance.values()
     low, high = (np.array([delivered(one, end) for one in joints]) for end in (LOW, HIGH))
@@ -776,24 +760,24 @@ class _Comparison:
         oddest: str,
         limits: tuple[float, float],
         runs: int,
-    ) -> Restitution:
+    ) -> Estimate:
         """Of the i-th joint by an estimate of so many runs, sought within limits."""
         name, joint = list(self._simulation.mechanism.clearance.items())[i]
         if found is None:
             reason = "no statistic of the impacts exists in every run"
-            return Restitution(name, reason=reason)
+            return Estimate(unknown(name), reason=reason)
         if found.strange:
             reason = f"its impacts do not match any simulated machine ({oddest} is farthest "
             reason += "off); does the scenario's motion, load, clearance or noise differ?"
-            return Restitution(name, reason=reason)
+            return Estimate(unknown(name), reason=reason)
         value, half = float(found.value[i]), float(found.half_width[i])
         if half > _WIDEST:
             reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with "
             reason += "other restitutions look the same; more drops, or a faster or quieter sensor "
-            return Restitution(name, reason=reason + "may tell")
+            return Estimate(unknown(name), reason=reason + "may tell")
         evidence = f"impacts of {runs} runs"
         if "clearance" not in " ".join(self._spreads.get(name, ())):
             evidence += ", clearance as in the scenario"
         if value - half < limits[0] or value + half > limits[1]:
             evidence += f", sought from {limits[0]:.3g} to {limits[1]:.3g}"
-        return Restitution(name, value, half, nominal_of(joint, value), evidence)
+        return _with_coefficient(Estimate(unknown(name), value, half, note=evidence), joint)

@@ -15,11 +15,14 @@ from scipy.stats import t as student
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.progress import ProgressBar
-from jointplay.identification.fit import basis
-from jointplay.identification.identification import NORMAL, Identification, spreads
-from jointplay.identification.measurement import NOISE_SHOWN, tool_positions
-from jointplay.identification.parameters import known_gears
+from jointplay.core.tables import Table
+from jointplay.core.units import displayed
+from jointplay.identification.identification import Identification, spreads
+from jointplay.identification.least_squares import basis
+from jointplay.identification.machine import known_gears
+from jointplay.identification.measurement import SHOWN, tool_positions
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
+from jointplay.identification.unknowns import NORMAL
 from jointplay.joints import SlidingClearance
 from jointplay.result.result import AXES, Result
 from jointplay.simulation.simulation import Simulation
@@ -53,13 +56,6 @@ class Check:
         """Whether the measurement could be one more of the runs."""
         return self.low <= self.measured <= self.high
 
-    def __str__(self) -> str:
-        """One line."""
-        word = "agrees" if self.agrees else "DISAGREES"
-        unit = f" [{self.unit}]" if self.unit else ""
-        name = f"{self.name}{unit}"
-        return f"{name:<58} {self.measured:>10.4g}  {self.low:.4g} to {self.high:.4g}  {word}"
-
 
 @dataclass(frozen=True)
 class Verification:
@@ -86,16 +82,26 @@ class Verification:
     def __str__(self) -> str:
         """A line for each kind of signal and each statistic, and the verdict."""
         lines = []
-        for kind in self.measured:
-            factor, unit = NOISE_SHOWN[kind]
+        if self.measured:
+            heads = ("without play", "static model", "simulated", "standard error of the means")
             parts = (self.measured, self.static, self.dynamic, self.error)
-            no, static, dynamic, noise = (factor * part[kind] for part in parts)
-            lines.append(
-                f"{kind}: RMS residual [{unit}] without play {no:.4g}, static model {static:.4g}, "
-                f"simulated {dynamic:.4g}; standard error of the means {noise:.4g}"
-            )
-        lines.append(f"{'statistic':<58} {'measured':>10}  of {self.runs} runs and their scatter")
-        lines += [str(one) for one in self.checks]
+            kinds = [(kind, displayed(SHOWN[kind], fine=True)) for kind in self.measured]
+            rows = [
+                [f"{kind} [{unit}]", *(f"{factor * part[kind]:.4g}" for part in parts)]
+                for kind, (factor, unit) in kinds
+            ]
+            lines.append(str(Table.of_texts([["RMS residual", *heads], *rows])))
+        found = [
+            [
+                one.name + (f" [{one.unit}]" if one.unit else ""),
+                f"{one.measured:.4g}",
+                f"{one.low:.4g} to {one.high:.4g}",
+                "agrees" if one.agrees else "DISAGREES",
+            ]
+            for one in self.checks
+        ]
+        head = ["statistic", "measured", f"of {self.runs} runs and their scatter", ""]
+        lines.append(str(Table.of_texts([head, *found])))
         off = sum(not one.agrees for one in self.checks)
         if off:
             verdict = f"{off} of {len(self.checks)} statistics are off"
@@ -167,9 +173,7 @@ def verify(
         compared = np.array([row[name] for row in rows])
         if np.isfinite([value, *compared]).all():
             checks.append(_impact_check(name, value, compared, number))
-    pairs = zip(identification.unknowns, identification.reasons, strict=True)
-    labels = [one.label for one, reason in pairs if one.sought and reason]
-    labels += [f"{one.joint} restitution" for one in identification.restitutions if one.reason]
+    labels = [one.label for one in identification.sought if one.reason]
     return Verification(*parts, tuple(checks), runs, tuple(labels))
 
 
@@ -196,9 +200,9 @@ def _perturbed(simulation: Simulation, identification: Identification, number: i
             made = made.with_restitution(value)
         joints[name] = made
     gears = known_gears(mechanism)
-    for i, one in enumerate(identification.unknowns):
-        if one.name == "gear_play" and not identification.reasons[i]:
-            shift = identification.half_width[i] / NORMAL * random.standard_normal()
+    for one in identification.estimates:
+        if one.unknown.name == "gear_play" and one.identified:
+            shift = one.half_width / NORMAL * random.standard_normal()
             play = max(gears[one.joint].play + shift, 0.0)
             gears[one.joint] = replace(gears[one.joint], play=float(play))
     made_of = mechanism.with_clearance(joints, gears)
@@ -244,7 +248,7 @@ def _compare_means(
     for kind, value in parts[2].items():
         logs = np.log([max(other[kind], 1e-300) for other in others])
         wide = _quantile(count, number) * max(float(logs.std(ddof=1)), _LEAST_SPREAD)
-        factor, unit = NOISE_SHOWN[kind]
+        factor, unit = displayed(SHOWN[kind], fine=True)
         high = factor * float(np.exp(logs.mean() + wide))
         checks.append(
             Check(f"{kind}: RMS left of means over visits", unit, factor * value, 0.0, high)

@@ -19,7 +19,7 @@ from jointplay.design.error_budget import ErrorBudget
 from jointplay.design.levers import GEAR
 from jointplay.design.reduction import Reduction
 from jointplay.design.static_budget import Budget
-from jointplay.identification import Calibration, Identification
+from jointplay.identification import Calibration, Estimate, Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
 from jointplay.plots.style import COLOURS, footnote, listed, panels
@@ -278,19 +278,14 @@ def identification(fit: Identification) -> Figure:
     """Intervals relative to the scenario's values, predicted means over measured, restitution."""
     kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
     words = "statistical; bars: 95 % intervals"
-    shown = [i for i, one in enumerate(fit.unknowns) if one.sought]
+    shown = [one for one in fit.estimates if one.unknown.sought]
     count = bool(shown) + len(kinds) + bool(fit.restitutions)
     height = max(2.0 + 0.3 * len(shown), 3.2)
     with panels(1.6 + 3.0 * count, height, 1, count, squeeze=False) as (figure, axes):
         free = iter(axes[0])
         if shown:
-            rows: list[tuple[str, Any, float]] = []
-            for i in shown:
-                one, told = fit.unknowns[i], not fit.reasons[i]
-                low_high = [value / one.scale for value in fit.interval(i)] if told else None
-                rows.append((one.label, low_high, fit.value[i] / one.scale))
             panel = next(free)
-            _intervals(panel, rows, 1.0)
+            _intervals(panel, shown, 1.0, [one.unknown.scale for one in shown])
             panel.axvline(1.0, color="0.5", lw=0.8, ls=":")
             panel.set_xlim(left=0.0)
             panel.set_xlabel("found / scenario")
@@ -299,25 +294,25 @@ def identification(fit: Identification) -> Figure:
             _agreement(next(free), fit, kind)
         if fit.restitutions:
             panel = next(free)
-            found = fit.restitutions
-            rows = [(one.joint, None if one.reason else one.interval, one.value) for one in found]
-            _intervals(panel, rows, 0.5)
+            _intervals(panel, fit.restitutions, 0.5, [1.0] * len(fit.restitutions))
             panel.set_xlim(0.0, 1.0)
             panel.set_xlabel("restitution")
         footnote(figure, words)
     return figure
 
 
-def _intervals(panel: Any, rows: Sequence[tuple[str, Any, float]], middle: float) -> None:
-    """Name, interval and value of a row each; those without an interval cannot be told."""
-    for row, (_, interval, value) in enumerate(rows):
-        if interval is None:
+def _intervals(
+    panel: Any, rows: Sequence[Estimate], middle: float, scales: Sequence[float]
+) -> None:
+    """Name, interval and value of a row each, by its scale; of what cannot be told that it is."""
+    for row, (one, scale) in enumerate(zip(rows, scales, strict=True)):
+        if one.reason:
             look: Any = {"va": "center", "ha": "center", "color": "0.4", "fontsize": 7}
             panel.text(middle, row, "cannot tell", **look)
             continue
-        panel.plot(interval, [row, row], color=COLOURS[1], lw=2.0)
-        panel.plot(value, row, "o", ms=4, color=COLOURS[1])
-    panel.set_yticks(range(len(rows)), [name for name, *_ in rows])
+        panel.plot([end / scale for end in one.interval], [row, row], color=COLOURS[1], lw=2.0)
+        panel.plot(one.value / scale, row, "o", ms=4, color=COLOURS[1])
+    panel.set_yticks(range(len(rows)), [one.label for one in rows])
     panel.set_ylim(len(rows) - 0.5, -0.5)
 
 

@@ -1,9 +1,9 @@
-"""Weighted least squares with nuisance parameters projected out, and what the data can tell.
+"""Least squares of measured signals with nuisances projected out, and what the data can tell.
 
-Nuisances are offsets (where the tracker's frame lies, by how much the robot's geometry is off at a
-place, the zero of an encoder), how the readings drift as the machine warms up, and by how much
-joints and structure give way. They enter linearly and are projected out; what is known of them
-before is a measurement more. What is left of the unknowns' effect is the sensitivity J, and
+A kind of measurement says what its unknowns are (`Unknown`: prior, bounds, unit), what signals a
+model predicts by them, how they were measured, and by which noise. The rest is the same of all:
+what is known before counts like a measurement; nuisances (offsets, drift, compliances) enter
+linearly and are projected out. What is left of the unknowns' effect is the sensitivity J, and
 F = J^T J the Fisher information (standard errors one).
 
 Play that may or may not meet its walls has several minima, and edges: at the clearance at which an
@@ -18,27 +18,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from jointplay.identification.measurement import (
-    READINGS,
-    Key,
-    signal_effect,
-    stacked,
-    tool_effect,
-)
-from jointplay.identification.parameters import Parameter
+from jointplay.identification.unknowns import Estimate, Unknown
 
-REFERENCES = ("place", "frame", "ideal")
-"""What is known of the tool's ideal place: nothing but that it is the same at each visit of a
-place; all but where the tracker's frame lies; all."""
-DRIFT = 3
-"""Degree of the polynomial in time by which readings may drift, unless said otherwise."""
-DEGREE = 3
-"""Of the polynomial of each joint's position by which the geometry's error changes at a place."""
 CONFIDENCE = 0.95
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale."""
@@ -75,56 +60,6 @@ _ROUNDS = 2
 """In which errors are made as large as the residuals demand."""
 
 
-def offsets(
-    keys: Sequence[Key], cell: np.ndarray, position: np.ndarray, tool: np.ndarray, reference: str
-) -> np.ndarray:
-    """How unknown offsets move the signals, shape (n, keys, offsets), see `REFERENCES`.
-
-    Visits of a place (`cell`, (n,)) are not quite at one: beside an offset for each, the geometry's
-    error is a polynomial of the joints' positions (n, j) [rad or m]. `tool` is the ideal
-    mechanism's (n, 3) [m].
-    """
-    n, columns = len(cell), []
-    axes = [key for key in keys if key[0] == "tool"]
-    if reference == "place":
-        courses = [cell == number for number in np.unique(cell)] + _within(cell, position)
-        columns += [signal_effect(keys, axis, course) for axis in axes for course in courses]
-    elif reference == "frame" and axes:
-        columns += [signal_effect(keys, axis, np.ones(n)) for axis in axes]
-        arm = tool - tool.mean(axis=0)
-        columns += [tool_effect(keys, np.cross(about, arm)) for about in np.eye(3)]
-    columns += [signal_effect(keys, key, np.ones(n)) for key in keys if key not in axes]
-    return stacked(columns, n, keys)
-
-
-def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
-    """Powers of the joints' positions as far as they differ between visits of a place."""
-    powers = []
-    for values in position.T:
-        span = np.ptp(values)
-        if span > 0.0:
-            even = (values - values.mean()) / span
-            for power in range(1, DEGREE + 1):
-                moved = even**power
-                for number in np.unique(cell):
-                    moved[cell == number] -= moved[cell == number].mean()
-                powers.append(moved)
-    return powers
-
-
-def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
-    """How a slow drift at times (n,) moves readings of tool and links, shape (n, keys, columns).
-
-    Legendre polynomials up to a degree; 0: none.
-    """
-    middle, half = 0.5 * (time.min() + time.max()), max(0.5 * float(np.ptp(time)), 1e-12)
-    shapes = legvander((time - middle) / half, degree)[:, 1:]
-    columns = [
-        signal_effect(keys, key, shape) for key in keys if key[0] in READINGS for shape in shapes.T
-    ]
-    return stacked(columns, len(time), keys)
-
-
 def basis(columns: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the span of columns (m, k), shape (m, rank)."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
@@ -133,24 +68,31 @@ def basis(columns: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """What least squares solve: m numbers with their errors and nuisances.
+    """m measured numbers, what a model says of them by p unknowns, and k nuisances.
 
-    Numbers are means of signals, and then what was known before of unknowns and compliances.
+    Rows of what follows are the numbers, and then what was known before of unknowns, r in all.
     """
 
-    unknowns: tuple[Parameter, ...]
+    unknowns: tuple[Unknown, ...]
     predict: Callable[[np.ndarray], np.ndarray]
-    """From the unknowns (p,) to the signals (m,)."""
+    """From the unknowns (p,) to the numbers (m,)."""
     measured: np.ndarray
     """Shape (m,)."""
     error: np.ndarray
     """Standard errors, shape (m,)."""
-    nuisance: np.ndarray
-    """Effect of offsets, drift and compliances, shape (m, nuisances)."""
-    groups: tuple[np.ndarray, ...]
+    nuisance: np.ndarray | None = None
+    """Effect of what is not sought and enters linearly, shape (m, k)."""
+    labels: tuple[str, ...] = ()
+    """Of the last nuisances, where they have some."""
+    spread: np.ndarray | None = None
+    """Standard deviations of the nuisances about zero, as known before, shape (k,); infinite if
+    nothing is."""
+    groups: tuple[np.ndarray, ...] = ()
     """Numbers that may be wrong together, of a place or of a load, have the same number, (m,)."""
-    elastic: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Columns of `nuisance` that are compliances, by their labels."""
+    kinds: np.ndarray | None = None
+    """Number of each number's kind of signal, (m,): errors of a kind grow together."""
+    jacobian: Callable[[np.ndarray], np.ndarray] | None = None
+    """Derivatives (m, p) of what `predict` says; by differences if None."""
     softening: Mapping[str, np.ndarray] = field(default_factory=dict)
     """By joint, see `StaticModel.softening`, (m,)."""
 
@@ -160,29 +102,85 @@ class LeastSquares:
         return np.array([one.scale for one in self.unknowns])
 
     @property
-    def most(self) -> np.ndarray:
-        """Largest possible values, shape (p,)."""
-        return np.array([one.most for one in self.unknowns])
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Smallest and largest possible values, shape (p,) each."""
+        ends = np.array([(one.least, one.most) for one in self.unknowns]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
+
+    @cached_property
+    def stated(self) -> np.ndarray:
+        """Numbers of the unknowns of which something was known before."""
+        return np.flatnonzero([np.isfinite(one.spread) for one in self.unknowns])
+
+    @cached_property
+    def _before(self) -> tuple[np.ndarray, np.ndarray]:
+        """What was known of these, and its standard deviation."""
+        known = [self.unknowns[i] for i in self.stated]
+        return np.array([one.nominal for one in known]), np.array([one.spread for one in known])
+
+    @cached_property
+    def elastic(self) -> dict[str, np.ndarray]:
+        """Numbers of the nuisances with a label, by it."""
+        first = 0 if self.nuisance is None else self.nuisance.shape[1] - len(self.labels)
+        names = np.array(self.labels)
+        return {one: first + np.flatnonzero(names == one) for one in dict.fromkeys(self.labels)}
 
     @cached_property
     def projected(self) -> np.ndarray:
-        """Orthonormal basis of the nuisances in standard errors, shape (m, rank)."""
-        return basis(self.nuisance / self.error[:, None])
+        """Orthonormal basis of the nuisances in standard errors, with what was known of them."""
+        r = len(self.measured) + len(self.stated)
+        if self.nuisance is None:
+            return np.zeros((r, 0))
+        columns = np.zeros((r, self.nuisance.shape[1]))
+        columns[: len(self.measured)] = self.nuisance / self.error[:, None]
+        if self.spread is not None:
+            known = np.isfinite(self.spread)
+            columns = np.concatenate([columns, np.diag(1.0 / self.spread)[known]])
+        return basis(columns)
 
-    def whiten(self, values: np.ndarray) -> np.ndarray:
-        """Values (m,) or (m, k) by their errors, nuisances projected out."""
+    @property
+    def freedom(self) -> int:
+        """Numbers, and what was known before, less nuisances."""
+        known = 0 if self.spread is None else int(np.isfinite(self.spread).sum())
+        return len(self.measured) + len(self.stated) + known - self.projected.shape[1]
+
+    def project(self, values: np.ndarray) -> np.ndarray:
+        """Values in standard errors, (r,) or (r, k), nuisances projected out.
+
+        Behind them are rows for what was known of the nuisances.
+        """
+        span = self.projected
+        more = [(0, len(span) - len(values))] + [(0, 0)] * (values.ndim - 1)
+        padded = np.pad(values, more)
+        return np.asarray(padded - span @ (span.T @ padded))
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """Values of the numbers [SI], (m,) or (m, k), in standard errors, with rows of zeros."""
         scaled = values / (self.error if values.ndim == 1 else self.error[:, None])
-        return np.asarray(scaled - self.projected @ (self.projected.T @ scaled))
+        more = [(0, len(self.stated))] + [(0, 0)] * (values.ndim - 1)
+        return np.pad(scaled, more)
 
-    def rigid(self, labels: Collection[str]) -> LeastSquares:
-        """The problem of a machine without these compliances."""
-        columns = [self.elastic[label] for label in labels]
-        gone = np.concatenate(columns) if columns else np.zeros(0, int)
-        return replace(self, nuisance=np.delete(self.nuisance, gone, axis=1), elastic={})
+    def without(self, labels: Collection[str]) -> LeastSquares:
+        """The problem without these nuisances: of a machine that is rigid in these ways."""
+        gone = np.concatenate([np.zeros(0, int), *(self.elastic[label] for label in labels)])
+        if self.nuisance is None or not len(gone):
+            return self
+        return replace(
+            self,
+            nuisance=np.delete(self.nuisance, gone, axis=1),
+            labels=tuple(one for one in self.labels if one not in set(labels)),
+            spread=None if self.spread is None else np.delete(self.spread, gone),
+        )
+
+    def off(self, theta: np.ndarray) -> np.ndarray:
+        """What the model is off by, nuisances left in, in standard errors, shape (r,)."""
+        value, spread = self._before
+        here = (self.predict(theta) - self.measured) / self.error
+        return np.concatenate([here, (theta[self.stated] - value) / spread])
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
-        """Residual in standard errors, shape (m,)."""
-        return self.whiten(self.predict(theta) - self.measured)
+        """Residual in standard errors, nuisances projected out."""
+        return self.project(self.off(theta))
 
     def softened(self, joint: str) -> LeastSquares | None:
         """The problem of a machine whose bearing in a joint gives way like a contact of lines, not
@@ -191,7 +189,7 @@ class LeastSquares:
         What becomes stiffer under load looks like play and a stiffer one in proportion.
         """
         k = self.elastic.get(f"{joint} radial")
-        if k is None:
+        if k is None or self.nuisance is None:
             return None
         nuisance = self.nuisance.copy()
         nuisance[:, k] *= self.softening[joint][:, None]
@@ -201,37 +199,49 @@ class LeastSquares:
         """Sum of the squared residuals, in standard errors."""
         return float(np.square(self.residual(theta)).sum())
 
-    def _predicted(self, theta: np.ndarray, i: int, value: float) -> np.ndarray:
-        """The signals with another value of the i-th unknown."""
-        moved = theta.copy()
-        moved[i] = value
-        return self.predict(moved)
+    def _change(self, theta: np.ndarray, i: int, begin: float, end: float) -> np.ndarray:
+        """Effect of the i-th unknown by its scale, by what it does from one value to another."""
+        moved = []
+        for value in (begin, end):
+            other = theta.copy()
+            other[i] = value
+            moved.append(self.off(other))
+        return (moved[1] - moved[0]) * self.unknowns[i].scale / (end - begin)
 
-    def forward_sensitivity(self, theta: np.ndarray) -> np.ndarray:
-        """`sensitivity` by differences to one side, at half the cost, for the search."""
-        here, columns = self.predict(theta), []
-        for i, one in enumerate(self.unknowns):
-            step = _STEP * one.scale
-            value = theta[i] + (step if theta[i] + step <= one.most else -step)
-            change = self._predicted(theta, i, value) - here
-            columns.append(change * one.scale / (value - theta[i]))
-        return self.whiten(np.stack(columns, axis=1))
+    def _exact(self, theta: np.ndarray) -> np.ndarray:
+        """Effects by the model's own derivatives, shape (r, p)."""
+        assert self.jacobian is not None
+        effect = self.rows(self.jacobian(theta) * self.scale)
+        place = len(self.measured) + np.arange(len(self.stated))
+        effect[place, self.stated] = self.scale[self.stated] / self._before[1]
+        return effect
 
-    def sensitivity(self, theta: np.ndarray, raw: bool = False) -> np.ndarray:
-        """Effect of each unknown by its scale, in standard errors, shape (m, p).
-
-        With `raw` as it is [SI], nothing projected out.
-        """
+    def effects(self, theta: np.ndarray) -> np.ndarray:
+        """Effect of each unknown by its scale, nuisances left in, in standard errors, (r, p)."""
+        if self.jacobian is not None:
+            return self._exact(theta)
         columns = []
         for i, one in enumerate(self.unknowns):
             step = _STEP * one.scale
-            high, low = (
-                min(max(value, 0.0), one.most) for value in (theta[i] + step, theta[i] - step)
-            )
-            change = self._predicted(theta, i, high) - self._predicted(theta, i, low)
-            columns.append(change * one.scale / (high - low))
-        effect = np.stack(columns, axis=1)
-        return effect if raw else self.whiten(effect)
+            low, high = max(theta[i] - step, one.least), min(theta[i] + step, one.most)
+            columns.append(self._change(theta, i, min(low, one.most), max(high, one.least)))
+        return np.stack(columns, axis=1)
+
+    def sensitivity(self, theta: np.ndarray) -> np.ndarray:
+        """Effect of each unknown by its scale, in standard errors, nuisances projected out."""
+        return self.project(self.effects(theta))
+
+    def forward_sensitivity(self, theta: np.ndarray) -> np.ndarray:
+        """`sensitivity` by differences to one side, at half the cost, for the search."""
+        if self.jacobian is not None:
+            return self.sensitivity(theta)
+        here, columns = self.off(theta), []
+        for i, one in enumerate(self.unknowns):
+            step = _STEP * one.scale
+            moved = theta.copy()
+            moved[i] += step if theta[i] + step <= one.most else -step
+            columns.append((self.off(moved) - here) * one.scale / (moved[i] - theta[i]))
+        return self.project(np.stack(columns, axis=1))
 
     def weaker_sensitivity(self, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """`sensitivity` by steps (p,) to either side, of which the one with less effect counts.
@@ -239,18 +249,17 @@ class LeastSquares:
         Where a journal just reaches a wall, more clearance changes nothing and less of it much: an
         interval by the steep side would be far too narrow on the flat one.
         """
-        here, columns = self.predict(theta), []
+        columns = []
         for i, one in enumerate(self.unknowns):
             sides = []
             for goal in (theta[i] + steps[i], theta[i] - steps[i]):
-                value = min(max(goal, 0.0), one.most)
+                value = min(max(goal, one.least), one.most)
                 if abs(value - theta[i]) >= 0.2 * steps[i]:  # else a limit is too near
-                    change = self._predicted(theta, i, value) - here
-                    sides.append(change * one.scale / (value - theta[i]))
+                    sides.append(self._change(theta, i, theta[i], value))
             if not sides:
-                sides = [np.zeros(len(here))]
-            columns.append(min(sides, key=lambda side: float(np.linalg.norm(side / self.error))))
-        return self.whiten(np.stack(columns, axis=1))
+                sides = [np.zeros(len(self.measured) + len(self.stated))]
+            columns.append(min(sides, key=lambda side: float(np.linalg.norm(side))))
+        return self.project(np.stack(columns, axis=1))
 
 
 @dataclass(frozen=True)
@@ -287,19 +296,27 @@ def partners(row: np.ndarray, i: int) -> list[int]:
     return others if row[i] > NULL else []
 
 
-def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
-    """Least squares from a start (p,), 0 and each unknown's most being the limits."""
-    scale, most = problem.scale, problem.most
-    begin = np.clip(start, 1e-3 * scale, most * (1.0 - 1e-6))
+def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
+    """Where the residuals are least, from a start (p,), within the limits of the unknowns, (p,)."""
+    scale, (low, high) = problem.scale, problem.limits
+    bounded = np.isfinite(low).any() or np.isfinite(high).any()
+    if bounded:
+        start = np.clip(start, low + 1e-3 * scale, high * (1.0 - 1e-6))
     optimum = least_squares(
         lambda x: problem.residual(x * scale),
-        begin / scale,
+        start / scale,
         lambda x: problem.forward_sensitivity(x * scale),
-        bounds=(0.0, most / scale),
+        bounds=(low / scale, high / scale),
+        method="trf" if bounded else "lm",
         x_scale=1.0,
         max_nfev=most_steps,
     )
-    theta = optimum.x * scale
+    return np.asarray(optimum.x * scale)
+
+
+def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
+    """Least squares from a start (p,), with intervals."""
+    theta, scale = minimum(problem, start, most_steps), problem.scale
     fit = _intervals(problem, theta, problem.sensitivity(theta))
     for _ in range(_LOOKS):
         steps = np.clip(fit.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
@@ -307,27 +324,45 @@ def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     return fit
 
 
+def sandwich(
+    covariance: np.ndarray, effect: np.ndarray, left: np.ndarray, group: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """Variances (p,) of estimates where the residuals of a group are wrong together.
+
+    Args:
+        covariance: by independent residuals, shape (p, p).
+        effect: of the unknowns on r residuals, shape (r, p).
+        left: the residuals, shape (r,).
+        group: number of each one's group, shape (r,).
+
+    Returns:
+        The variances, without a factor for few groups; how many groups there are.
+    """
+    _, numbers = np.unique(group, return_inverse=True)
+    scores = np.zeros((numbers.max(initial=-1) + 1, effect.shape[1]))
+    np.add.at(scores, numbers, left[:, None] * effect)
+    return np.asarray(np.sum((scores @ covariance) ** 2, axis=0)), len(scores)
+
+
 def _intervals(problem: LeastSquares, theta: np.ndarray, effect: np.ndarray) -> Fit:
     """Intervals about a solution (p,) by sensitivities (m, p)."""
     left = problem.residual(theta)
     covariance, null, rank = information(effect)
     size = np.linalg.norm(effect, axis=0)
-    freedom = len(problem.measured) - problem.projected.shape[1] - rank
+    freedom = problem.freedom - rank
     if freedom < 1:
         infinite = np.full(len(theta), np.inf)
         return Fit(theta, infinite, freedom, np.nan, null, size)
     misfit = float(np.sqrt(left @ left / freedom))
     spread = covariance * max(misfit, 1.0) ** 2
     variance, least = np.diag(spread), freedom
+    known = -1 - np.arange(len(left) - len(problem.measured))  # each by itself
     for group in problem.groups:
         # What is wrong at one place, or under one load, is wrong in all its numbers.
-        numbers = np.unique(group)
-        if len(numbers) > rank:
-            scores = np.stack([left[group == g] @ effect[group == g] for g in numbers])
-            factor = len(numbers) / (len(numbers) - rank)
-            robust = factor * covariance @ (scores.T @ scores) @ covariance
-            variance = np.maximum(variance, np.diag(robust))
-            least = min(least, max(len(numbers) - rank, _LEAST_FREEDOM))
+        robust, number = sandwich(covariance, effect, left, np.concatenate([group, known]))
+        if number > rank:
+            variance = np.maximum(variance, number / (number - rank) * robust)
+            least = min(least, max(number - rank, _LEAST_FREEDOM))
     quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, least))
     own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
     half = SAFETY * np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
@@ -340,7 +375,7 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
 
     By the effect (m, p) of the unknowns by their scales, in standard errors.
     """
-    _, sizes, right = np.linalg.svd(effect, full_matrices=True)
+    _, sizes, right = np.linalg.svd(effect, full_matrices=len(effect) < effect.shape[1])
     every = np.zeros(effect.shape[1])
     every[: len(sizes)] = sizes
     # An effect of a whole scale that is a thousandth of the noise identifies nothing either.
@@ -349,22 +384,23 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
 
-def search(problem: LeastSquares, start: np.ndarray, kinds: np.ndarray) -> tuple[LeastSquares, Fit]:
+def search(problem: LeastSquares, start: np.ndarray) -> tuple[LeastSquares, Fit]:
     """Least squares with errors as large as the residuals demand, by kind of signal.
 
     Means scatter by more than their records do: journals do not come to rest at quite the same
-    place, and the model is not exact. That is added to the errors. `kinds` (m,) has the number of
-    each number's kind of signal, -1 for what was known before.
+    place, and the model is not exact. That is added to the errors.
     """
     tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
     best = min(tried, key=lambda fit: problem.cost(fit.theta))
     own = problem.error
+    kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
     for _ in range(_ROUNDS):
-        left = problem.residual(best.theta) * problem.error
-        rough = np.where(kinds < 0, 0.0, _ROUGH * np.abs(problem.predict(best.theta)))
-        share = max(best.freedom, 1) / len(own)
+        residual = problem.residual(best.theta)
+        left = residual[: len(own)] * problem.error
+        rough = _ROUGH * np.abs(problem.predict(best.theta))
+        share = max(best.freedom, 1) / len(residual)
         more = np.zeros(len(own))
-        for kind in np.unique(kinds[kinds >= 0]):
+        for kind in np.unique(kinds):
             mine = kinds == kind
             more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
         problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
@@ -411,7 +447,7 @@ def _profiled(problem: LeastSquares, best: Fit, wide: np.ndarray, i: int) -> flo
         start = best.theta
         while own <= widest:
             value = best.theta[i] + side * own
-            if not 0.0 < value < one.most:
+            if not one.least < value < one.most:
                 break
             start = _fitted_beside(problem, start, i, value)
             if problem.cost(start) > limit:
@@ -445,7 +481,13 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
     if not kept.any():
         return whole(theta[kept])
     others = tuple(other for k, other in enumerate(problem.unknowns) if kept[k])
-    part = replace(problem, unknowns=others, predict=lambda x: problem.predict(whole(x)))
+    slopes = problem.jacobian
+    part = replace(
+        problem,
+        unknowns=others,
+        predict=lambda x: problem.predict(whole(x)),
+        jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
+    )
     return whole(solve(part, theta[kept], _LATER).theta)
 
 
@@ -456,7 +498,7 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     if walls.any():
         starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
-    options = np.minimum(start * _RANGE ** (2.0 * spread - 1.0), problem.most)
+    options = np.minimum(start * _RANGE ** (2.0 * spread - 1.0), problem.limits[1])
     return [*starts, min(options, key=problem.cost)]
 
 
@@ -470,3 +512,42 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
         above = np.square(left / np.hypot(error, middle)).sum() > freedom
         low, high = (middle, high) if above else (low, middle)
     return high
+
+
+def estimate(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:
+    """What a measurement says of its unknowns: values with 95 % intervals, or why it cannot tell.
+
+    Args:
+        problem: the measured numbers and their model.
+        start: where the search begins, shape (p,); None takes the nominal values.
+    """
+    if start is None:
+        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
+    problem, fit = search(problem, start)
+    return estimates(problem, fit, [why_not(i, fit, problem) for i in range(len(start))])
+
+
+def estimates(
+    problem: LeastSquares, fit: Fit, reasons: Sequence[str], advice: Sequence[str] = ()
+) -> tuple[Estimate, ...]:
+    """The unknowns with what was found, and why it cannot be told."""
+    rows = zip(problem.unknowns, fit.theta, fit.half_width, reasons, strict=True)
+    more = advice or [""] * len(reasons)
+    return tuple(
+        Estimate(one, float(value), float(half), reason, words)
+        for (one, value, half, reason), words in zip(rows, more, strict=True)
+    )
+
+
+def why_not(i: int, fit: Fit, problem: LeastSquares) -> str:
+    """Why the i-th unknown cannot be identified; empty if it can."""
+    one, half = problem.unknowns[i], fit.half_width[i]
+    if half <= one.widest(fit.theta[i]):
+        return ""
+    if fit.effect[i] < FAINT:
+        return "not observable: nothing that was measured depends on it"
+    if others := fit.partners(i):
+        return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
+    if np.isfinite(half):
+        return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"
+    return "it hardly shows above the noise"

@@ -1,4 +1,4 @@
-"""What is sought: clearances, friction, the play of gears, each with its place in the mechanism.
+"""What is sought of a machine: clearances, friction, the play of gears, by joint.
 
 Every machine is elastic, and elasticity looks like play to whoever pushes with one force only. So
 the compliances of each joint (about and along its axis, across it, in tilt), of each gear and of
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.core.units import displayed
+from jointplay.identification.unknowns import Unknown
 from jointplay.joints import Clearance
 from jointplay.joints.play import JournalPlay
 from jointplay.loads.drive import JointFriction
@@ -38,9 +38,8 @@ TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 WOUND = ("gear_compliance", "torsional_compliance")
 """Names of the unknown by which the torque that a joint transmits turns its link."""
-LARGEST_SHARE, SMALL = 0.5, 0.25
-"""An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
-below `SMALL` of its scale count as this much."""
+SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
+"""Scales of compliances, by unit."""
 _LARGEST = 1e-3
 """Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
 _LEAST = 1e-9
@@ -61,54 +60,16 @@ _TORQUE_N_M = 0.1
 """Scale of a friction of which the scenario says nothing."""
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One unknown."""
-
-    joint: str
-    """Whose it is; empty for one of all joints."""
-    name: str
-    """``radial_clearance``, ``friction``, ``play`` and so on."""
-    unit: str
-    """SI; empty for a pure number."""
-    nominal: float
-    """Of the scenario."""
-    scale: float
-    """Size that matters; steps and thresholds are relative to it."""
-    most: float
-    """Largest possible value."""
-    sought: bool = True
-    """Not if it is estimated only because others depend on it."""
-    spread: float = math.inf
-    """Standard deviation with which the nominal value was given; infinite: not given."""
-
-    @property
-    def label(self) -> str:
-        """As tables have it."""
-        words = self.name.replace("_", " ")
-        return f"{self.joint} {words}" if self.joint else words
-
-    def shown(self, value: float) -> str:
-        """A value in the unit of tables."""
-        factor, unit = displayed(self.unit, fine=True)
-        return f"{factor * value:.4g} {unit}".rstrip()
-
-    def widest(self, value: float) -> float:
-        """Largest half width of an interval about `value` with which it is identified [SI]."""
-        return LARGEST_SHARE * max(value, SMALL * self.scale)
+def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
+    """One that is known so well before the measurement [rad/(N m) or m/N]."""
+    joint, _, way = label.rpartition(" ")
+    unit = WAYS.get(way, "m/N")
+    return Unknown(
+        joint, f"{way}_compliance", unit, value, SOFT[unit], sought=False, spread=spread,
+        least=-math.inf,
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Compliance:
-    """What is known of one, before the measurement."""
-
-    value: float
-    """[rad/(N m) or m/N]."""
-    spread: float
-    """Its standard deviation: infinite if nothing is known, zero if it is exact."""
-
-
-UNKNOWN = Compliance(0.0, math.inf)
 Given = Mapping[str, float | tuple[float, float]]
 """Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
 
@@ -138,22 +99,21 @@ class Machine:
     mechanism: Mechanism
     friction: Mapping[str, JointFriction]
     """Of the joints besides their bearings'."""
-    compliances: Mapping[str, Compliance]
+    compliances: Mapping[str, Unknown]
     """By label, see `compliances`."""
 
     def __post_init__(self) -> None:
         """Refuse gears that are more than play and one stiffness."""
-        for joint, gear in self.mechanism.gears.items():
-            if not isinstance(gear, Gear):
-                raise JointplayError(
-                    f"the gear of joint {joint!r} is of kind {gear.kind}: identification knows "
-                    f"play and one stiffness only; describe it as a {Gear.kind} gear",
-                    ("gears", joint, "kind"),
-                )
+        known_gears(self.mechanism)
 
-    def compliance(self, label: str) -> Compliance:
+    def compliance(self, label: str) -> Unknown:
         """What is known of a compliance."""
-        return self.compliances.get(label, UNKNOWN)
+        return self.compliances.get(label) or compliance(label)
+
+    def rigid(self, label: str) -> bool:
+        """Whether it is known that there is no compliance."""
+        one = self.compliance(label)
+        return one.nominal == one.spread == 0.0
 
     @cached_property
     def wound(self) -> tuple[str, ...]:
@@ -172,7 +132,7 @@ class Machine:
                 and self.friction[joint].coulomb > 0.0
                 and joint in entries
                 and not entries[joint].slides
-                and self.compliance(f"{joint} torsional") != Compliance(0.0, 0.0)
+                and not self.rigid(f"{joint} torsional")
             )
         )
 
@@ -182,7 +142,7 @@ class Machine:
         stops: bool,
         also: Collection[str] = (),
         known: Collection[str] = (),
-    ) -> tuple[Parameter, ...]:
+    ) -> tuple[Unknown, ...]:
         """All unknowns, but compliances that move the tool in proportion to loads.
 
         Friction is sought only at joints that have some in the scenario.
@@ -208,12 +168,12 @@ class Machine:
         for joint, bearing in mechanism.clearance.items():
             for name, value in bearing.clearances.items():
                 most = max(_LARGEST, 10.0 * value)
-                found.append(Parameter(joint, name, "m", value, value, most))
+                found.append(Unknown(joint, name, "m", value, value, most))
             if coefficient := friction_of(bearing):
-                found.append(Parameter(joint, "friction", "", coefficient, coefficient, 2.0))
+                found.append(Unknown(joint, "friction", "", coefficient, coefficient, 2.0))
         rubs = any(one.name == "friction" for one in found)
         for joint, gear in known_gears(mechanism).items():
-            found.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
+            found.append(Unknown(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
             found += self._compliance(joint, "gear_compliance", 1.0 / gear.stiffness)
         wound = [joint for joint in self.wound if joint not in mechanism.gears]
         for joint in wound:
@@ -223,12 +183,12 @@ class Machine:
         for joint in dict.fromkeys([*torques, *behind, *wound]):
             value = friction[joint].coulomb if joint in friction else 0.0
             unit = "N" if mechanism.description.joints[joint].slides else "N*m"
-            found.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+            found.append(Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
             if joint in behind or joint in wound:
                 ratio = 1.0 + friction[joint].excess / value if value else 1.0
-                found.append(Parameter(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
+                found.append(Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
         if stops and rubs:
-            found.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
+            found.append(Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
         _check(also, known, found)
         kept = tuple(one for one in found if not {one.label, one.name} & set(known))
         for one in kept:
@@ -239,14 +199,14 @@ class Machine:
             raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
 
-    def _compliance(self, joint: str, name: str, expected: float) -> list[Parameter]:
+    def _compliance(self, joint: str, name: str, expected: float) -> list[Unknown]:
         """The unknown by which a joint winds up, unless its compliance is given exactly."""
         one = self.compliance(f"{joint} torsional")
         if one.spread == 0.0:
             return []
-        value = one.value or expected
+        value = one.nominal or expected
         most = _SOFTEST * value
-        return [Parameter(joint, name, "rad/(N*m)", value, value, most, spread=one.spread)]
+        return [Unknown(joint, name, "rad/(N*m)", value, value, most, spread=one.spread)]
 
 
 def labels(mechanism: Mechanism) -> list[str]:
@@ -255,7 +215,7 @@ def labels(mechanism: Mechanism) -> list[str]:
     return [f"{name} {way}" for name in joints for way in WAYS] + [*joints, TOOL, ALL]
 
 
-def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
+def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
     """What stiffnesses that are given say of compliances, by label.
 
     Args:
@@ -268,12 +228,13 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
         MissingName: no such label.
         JointplayError: a stiffness or a deviation that cannot be.
     """
-    known: dict[str, Compliance] = {}
+    known: dict[str, Unknown] = {}
     for name in mechanism.joints:
         gear = known_gears(mechanism).get(name)
         spread = LINK if gear is None else max(LINK, 1.0 / gear.stiffness)
-        known[f"{name} link"] = Compliance(0.0, spread)
-    known |= {f"{name} bush": Compliance(0.0, BUSH) for name in mechanism.clearance}
+        known[f"{name} link"] = compliance(f"{name} link", spread=spread)
+    bushes = [f"{name} bush" for name in mechanism.clearance]
+    known |= {label: compliance(label, spread=BUSH) for label in bushes}
     for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
         entry = given[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
@@ -284,7 +245,6 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
                 f"stiffness of {label!r} must be positive, its relative deviation not negative, "
                 f"got {stiffness!r} and {part!r}"
             )
-        one = Compliance(1.0 / stiffness, part / stiffness)
         rigid = math.isinf(stiffness)
         if label == ALL:
             if not rigid:
@@ -292,15 +252,16 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
                     f"stiffness of 'all' can only be inf (rigid), got {stiffness!r}"
                 )
             geared = [f"{name} torsional" for name in mechanism.gears]
-            known |= {name: one for name in labels(mechanism) if name not in geared}
+            meant = [name for name in labels(mechanism) if name not in geared]
         elif " " in label or label == TOOL:
-            known[label] = one
+            meant = [label]
         else:
-            known |= {f"{label} {way}": one for way in (WAYS if rigid else ("torsional",))}
+            meant = [f"{label} {way}" for way in (WAYS if rigid else ("torsional",))]
+        known |= {name: compliance(name, 1.0 / stiffness, part / stiffness) for name in meant}
     return known
 
 
-def _refuse_rolling(joint: Clearance, sought: Parameter) -> None:
+def _refuse_rolling(joint: Clearance, sought: Unknown) -> None:
     if joint.resultant is not None:
         raise JointplayError(
             f"the clearance of the rolling bearing in {sought.joint!r} cannot be identified: its "
@@ -328,9 +289,7 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
     return changed
 
 
-def _check(
-    also: Collection[str], known: Collection[str], parameters: Collection[Parameter]
-) -> None:
+def _check(also: Collection[str], known: Collection[str], parameters: Collection[Unknown]) -> None:
     """Refuse names that are none of the unknowns."""
     for word in also:
         if word not in ALSO:
