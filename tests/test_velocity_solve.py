@@ -8,17 +8,15 @@ from numba import njit
 
 import jointplay as jp
 from jointplay.kernel import Command, layout
-from jointplay.kernel.access import floats
-from jointplay.kernel.solve import TRIALS, find_velocity_forces, solve_velocity
+from jointplay.kernel.solve import find_velocity_forces, solve_velocity
 
 
 @njit(error_model="numpy")
 def solve(table, h):
     """Find and solve as a micro step does; the base velocity is that in `scratch`."""
     run = table[0]
-    q, v = floats(run.q, run.nv), floats(run.v, run.nv)
-    find_velocity_forces(run, q, floats(run.half, run.nv))
-    solve_velocity(run, q, floats(run.scratch, run.nv), v, h)
+    find_velocity_forces(run, run.q, run.half)
+    solve_velocity(run, run.q, run.scratch, run.v, h)
 
 
 class Coordinates:
@@ -30,7 +28,7 @@ class Coordinates:
         self.run = np.zeros(1, layout.RUN)
         names = (*self.SQUARE, "q", "v", "half", "scratch", "velocity_forces", "load_forces")
         self.arrays = {name: np.zeros((nv, nv) if name in self.SQUARE else nv) for name in names}
-        self.arrays["trial"] = np.zeros((TRIALS, nv))
+        self.arrays["trial"] = np.zeros((layout.TRIAL_ROWS, nv))
         self.arrays |= {name: np.zeros(nv, np.int64) for name in ("touched", "place", "exchanged")}
         rows = self.arrays["frictions"] = np.zeros(len(listed), layout.FRICTION_ROW)
         rows["coordinate"], rows["stribeck"] = listed, 1.0

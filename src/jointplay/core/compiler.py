@@ -10,7 +10,7 @@ from __future__ import annotations
 import atexit
 import hashlib
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ from typing import Any
 import numba
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr
 
 from jointplay.core.files import temporary
 
@@ -148,6 +149,70 @@ def address_of(typingctx: Any, array: Any) -> Any:
         return builder.bitcast(value.data, context.get_value_type(NUMBERS))
 
     return NUMBERS(array), codegen
+
+
+def open_arrays(
+    record: Any, arrays: Mapping[str, tuple[Any, Sequence[tuple[int, str | None]]]]
+) -> None:
+    """Let compiled code find arrays where fields of a record hold the arrays' addresses.
+
+    Args:
+        record: numba's type of the record.
+        arrays: by field, the type of the elements and the shape: of each dimension a factor, and
+            the field that it multiplies, or None.
+    """
+    opened = {
+        name: types.Array(element, len(shape), "C") for name, (element, shape) in arrays.items()
+    }
+
+    @infer_getattr
+    class _(AttributeTemplate):  # type: ignore[misc]
+        key = record
+
+        def generic_resolve(self, record: Any, name: str) -> Any:
+            return opened[name] if name in opened else record.typeof(name)
+
+    for name, (_element, shape) in arrays.items():
+        lower_getattr(record, name)(_opening(opened[name], record, name, shape))
+
+
+def _opening(
+    array: Any, record: Any, name: str, shape: Sequence[tuple[int, str | None]]
+) -> Callable[..., Any]:
+    """What numba calls to make code that opens an array."""
+
+    def whole(builder: Any, value: Any, field: str) -> Any:
+        kind = ir.IntType(64)
+        there = builder.bitcast(value, ir.IntType(8).as_pointer())
+        there = builder.gep(there, [ir.Constant(kind, record.offset(field))])
+        return builder.load(builder.bitcast(there, kind.as_pointer()))
+
+    def lowered(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        word = context.get_value_type(types.intp)
+        sizes = []
+        for factor, field in shape:
+            size = ir.Constant(word, factor)
+            sizes.append(size if field is None else builder.mul(size, whole(builder, value, field)))
+        stride = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(array.dtype)))
+        made = context.make_array(array)(context, builder)
+        made.itemsize = stride
+        strides: list[Any] = []
+        for size in reversed(sizes):
+            strides.insert(0, stride)
+            stride = builder.mul(stride, size)
+        count = sizes[0]
+        for size in sizes[1:]:
+            count = builder.mul(count, size)
+        made.nitems = count
+        made.shape = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), sizes)
+        made.strides = context.make_tuple(builder, types.UniTuple(types.intp, len(sizes)), strides)
+        pointer = context.get_value_type(types.CPointer(array.dtype))
+        made.data = builder.inttoptr(whole(builder, value, name), pointer)
+        made.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
+        made.parent = context.get_constant_null(types.pyobject)
+        return made._getvalue()
+
+    return lowered
 
 
 def calling(signature: Any) -> Any:

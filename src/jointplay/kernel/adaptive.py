@@ -29,11 +29,11 @@ import numpy as np
 
 from jointplay.contact.calls import call_normal
 from jointplay.core.compiler import address_of, internal
-from jointplay.kernel.access import contacts, floats, integers, joints, loads, matrix
+from jointplay.kernel.access import words
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import contact_gap
 from jointplay.kernel.frames import cross, get_vector, project_wrench, set_vector
-from jointplay.kernel.layout import STORED
+from jointplay.kernel.layout import SPEED, STORED
 from jointplay.kernel.multirate import (
     add_work,
     check_prediction,
@@ -45,7 +45,7 @@ from jointplay.kernel.multirate import (
 )
 from jointplay.kernel.record import fill_row, is_due, write_interpolated
 from jointplay.kernel.rolling import element_frequency
-from jointplay.kernel.solve import SPEED, TRIALS, find_pose
+from jointplay.kernel.solve import find_pose
 from jointplay.kernel.words import POWERS
 
 _NP = len(POWERS)
@@ -96,9 +96,9 @@ ONSET_DEPTH = 1e-3
 def _save(run):
     """Keep a copy of all that a macro step changes."""
     for k in range(run.ncopies):
-        row = integers(run.copies + 24 * k, 3)
-        source, target = integers(row[0], row[2]), integers(row[1], row[2])
-        for i in range(row[2]):
+        array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
+        source, target = words(array, size), words(copy, size)
+        for i in range(size):
             target[i] = source[i]
 
 
@@ -109,9 +109,9 @@ def _restore(run):
     at, step, length = run.refused_at, run.refused_step, run.refused_length
     retried = run.retried_at
     for k in range(run.ncopies):
-        row = integers(run.copies + 24 * k, 3)
-        source, target = integers(row[1], row[2]), integers(row[0], row[2])
-        for i in range(row[2]):
+        array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
+        source, target = words(copy, size), words(array, size)
+        for i in range(size):
             target[i] = source[i]
     run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
     run.refused_at, run.refused_step, run.refused_length = at, step, length
@@ -122,17 +122,17 @@ def _restore(run):
 def _gap_ahead(run, elapsed):
     """Least gap of the contacts that do not touch now, `elapsed` after the present state."""
     nv = run.nv
-    q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
-    there = matrix(run.trial, TRIALS, nv)[SPEED]
+    q, v, a = run.q, run.v, run.a
+    there = run.trial[SPEED]
     for i in range(nv):
         there[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
     place_bodies(run, there)
     least = np.inf
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         find_pose(run, joint, there)
         for k in range(joint.count):
-            if contacts(run, j)[k].touching == 0:
+            if run.contacts[j, k].touching == 0:
                 least = min(least, contact_gap(joint, k))
     return least
 
@@ -142,8 +142,8 @@ def _least_gap(run):
     """Least gap of the contacts that do not touch at the present state."""
     least = np.inf
     for j in range(run.nj):
-        for k in range(joints(run)[j].count):
-            contact = contacts(run, j)[k]
+        for k in range(run.joints[j].count):
+            contact = run.contacts[j, k]
             if contact.touching == 0:
                 least = min(least, contact.gap)
     return least
@@ -182,7 +182,7 @@ def _time_to_onset(run, h):
 def _quadratic_form(run, forces):
     """Generalised forces f as f M^-1 f."""
     nv = run.nv
-    minv = matrix(run.minv, nv, nv)
+    minv = run.minv
     total = 0.0
     for i in range(nv):
         if forces[i] != 0.0:
@@ -195,7 +195,7 @@ def _quadratic_form(run, forces):
 def _compliance_at(run, joint, contact):
     """Inverse of the mass that a contact meets along its normal [1/kg]."""
     nv = run.nv
-    pull = floats(run.scratch, nv)
+    pull = run.scratch
     kept = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
     normal = get_vector(contact.direction, 0)
     set_vector(joint.wrench, 0, normal)
@@ -257,9 +257,9 @@ def _judge_contacts(run, moved):
     """
     most = squares = 0.0
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         for k in range(joint.count):
-            contact = contacts(run, j)[k]
+            contact = run.contacts[j, k]
             if contact.touching == 0:
                 continue
             begins = contact.steps == 0.0
@@ -283,7 +283,7 @@ def _judge_contacts(run, moved):
 def _size(run, values):
     """Generalised velocities or accelerations as the root of twice a kinetic energy."""
     nv = run.nv
-    minv, weights = matrix(run.minv, nv, nv), floats(run.weights, nv)
+    minv, weights = run.minv, run.weights
     total = 0.0
     for i in range(nv):
         total += weights[i] * values[i] * values[i] / minv[i, i]
@@ -294,7 +294,7 @@ def _size(run, values):
 def _step_error(run, h):
     """Error of the step of length h to the state just evaluated, over what is tolerated."""
     nv = run.nv
-    a, last = floats(run.a, nv), matrix(run.earlier_a, 3, nv)
+    a, last = run.a, run.earlier_a
     off, before = last[2], run.earlier_dt
     for i in range(nv):
         if run.known_a > 1:
@@ -325,7 +325,7 @@ def _first_due(run, time):
 def _remember_acceleration(run, h):
     """Move the accelerations of the last states on by one."""
     nv = run.nv
-    a, last = floats(run.a, nv), matrix(run.earlier_a, 3, nv)
+    a, last = run.a, run.earlier_a
     for i in range(nv):
         last[1, i], last[0, i] = last[0, i], a[i]
     run.earlier_dt = run.dt_before
@@ -344,10 +344,10 @@ def _next_length(run, remaining):
 @internal
 def _keep_row(run):
     """Keep the state just evaluated, for records to be interpolated from it."""
-    fill_row(run, floats(run.row_before, run.record_columns))
+    fill_row(run, run.row_before)
     for i in range(_NP):
         run.before[i] = run.power[i]
-    for load in loads(run):
+    for load in run.loads:
         load.before = load.power
 
 
@@ -358,7 +358,7 @@ def _write_due_records(run, start, h, due):
     Returns the step that is due next.
     """
     end = start + h
-    fill_row(run, floats(run.row_after, run.record_columns))
+    fill_row(run, run.row_after)
     while due < run.step + run.macro and due * run.dt < end - 1e-6 * run.dt:
         write_interpolated(run, due * run.dt, max(due * run.dt - start, 0.0), h)
         due = _first_due(run, (due + 0.5) * run.dt)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import bodies, floats
 from jointplay.kernel.frames import add, add_scaled, cross, get_vector, scale, set_vector
 
 
@@ -27,7 +26,7 @@ def place_bodies(run, q):
 
     A column has the velocity of the point of the body at the world's origin, and the angular one.
     """
-    columns, every = floats(run.jacobian, 6 * run.nv), bodies(run)
+    columns, every = run.world_jacobian, run.bodies
     for b in range(1, run.nb):
         body = every[b]
         parent, turn, i = every[body.parent], body.turn, body.coordinate
@@ -40,12 +39,12 @@ def place_bodies(run, q):
         axis = matrix_times_vector(parent.rotation, turn[2], turn[5], turn[8])
         if body.slides != 0:
             origin = add_scaled(origin, q[i], axis)
-            set_vector(columns, 6 * i, axis)
+            set_vector(columns[i], 0, axis)
         else:
             c, s = math.cos(q[i]), math.sin(q[i])
             x, y = add_scaled(scale(c, x), s, y), add_scaled(scale(c, y), -s, x)
-            set_vector(columns, 6 * i, cross(origin, axis))
-            set_vector(columns, 6 * i + 3, axis)
+            set_vector(columns[i], 0, cross(origin, axis))
+            set_vector(columns[i], 3, axis)
         set_vector(body.rotation, 0, x)
         set_vector(body.rotation, 3, y)
         set_vector(body.rotation, 6, axis)
@@ -63,7 +62,7 @@ def point_acceleration(body, arm):
 @internal
 def find_body_rates(run, v):
     """Angular velocities of the bodies just placed, and accelerations at constant speeds v."""
-    every = bodies(run)
+    every = run.bodies
     for b in range(1, run.nb):
         body = every[b]
         parent, rate = every[body.parent], v[body.coordinate]

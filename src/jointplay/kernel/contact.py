@@ -13,7 +13,7 @@ from jointplay.contact.calls import call_bristle, call_friction, call_normal
 from jointplay.core.compiler import address_of, internal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
-from jointplay.kernel.access import contacts, matrix, record_failure
+from jointplay.kernel.access import record_failure
 from jointplay.kernel.frames import add, add_scaled, cross, dot, get_vector, norm, scale, set_vector
 from jointplay.kernel.layout import FRICTION, MIN_APPROACH_SPEED, NORMAL, STORED
 from jointplay.kernel.rolling import (
@@ -69,7 +69,7 @@ def find_gaps(run, j, joint):
         return find_elements(run, j, joint)
     touching = False
     for k in range(joint.count):
-        contact = contacts(run, j)[k]
+        contact = run.contacts[j, k]
         gap, rx, ry, rz, nx, ny, nz = _contact_place(joint, k)
         contact.gap = gap
         contact.touching = 0
@@ -138,7 +138,7 @@ def advance_bristles(run, j, joint, elapsed):
     They bend from where the last step left them: dz/dt = A v - r z, exactly for constant v.
     """
     for k in range(joint.count):
-        contact = contacts(run, j)[k]
+        contact = run.contacts[j, k]
         if contact.touching == 0:
             continue
         rate, slip, speed = _find_contact_velocity(joint, contact)
@@ -232,7 +232,7 @@ def add_contact_slope(run, j, joint):
         add_element_slope(joint)
         return
     for k in range(joint.count):
-        contact = contacts(run, j)[k]
+        contact = run.contacts[j, k]
         if contact.touching == 0:
             continue
         rate, slip, _ = _find_contact_velocity(joint, contact)
@@ -265,7 +265,7 @@ def add_contact_forces(run, j, joint):
         return
     wrench = joint.wrench
     for k in range(joint.count):
-        contact = contacts(run, j)[k]
+        contact = run.contacts[j, k]
         if contact.touching == 0:
             continue
         rate, slip, speed = _find_contact_velocity(joint, contact)
@@ -296,7 +296,7 @@ def add_dissipation(run, j, joint):
         add_element_losses(run, joint)
         return
     for k in range(joint.count):
-        contact = contacts(run, j)[k]
+        contact = run.contacts[j, k]
         if contact.touching == 0:
             continue
         run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
@@ -339,7 +339,7 @@ def commit_contacts(run, j, joint, duration):
     """
     averaged = run.averaged != 0
     for k in range(joint.count):
-        contact = contacts(run, j)[k]
+        contact = run.contacts[j, k]
         contact.gap_min = min(contact.gap_min, contact.gap)
         contact.deepest = min(contact.deepest, contact.gap)
         if averaged:
@@ -395,7 +395,7 @@ def _end_contact(contact):
 @internal
 def _count_sliding(joint, k, direction, work):
     """Add normal force times sliding distance to the two azimuths beside the contact's place."""
-    counted = matrix(joint.sliding_work, k + 1, AZIMUTHS)
+    counted = joint.sliding_work
     place = math.atan2(-direction[1], -direction[0]) * (AZIMUTHS / (2.0 * math.pi))
     whole = math.floor(place)
     part = place - whole

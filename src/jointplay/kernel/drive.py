@@ -8,18 +8,22 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import drives, floats, frictions, gears, integers, matrix
 from jointplay.kernel.layout import DRIVE, GEAR, JOINT_FRICTION
 from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 
 @internal
 def reference_rows(run, time):
-    """Rows of the reference (2, 3, nu) around a time, and how far between them it is (0 to 1)."""
+    """Rows of the reference (3, nu) before and after a time; how far between them (0 to 1)."""
     place = time / run.reference_interval
     node = min(int(place), run.nref - 2)
-    rows = floats(run.reference + 8 * 3 * run.nu * node, 6 * run.nu)
-    return rows, min(place - node, 1.0)
+    return run.reference[node], run.reference[node + 1], min(place - node, 1.0)
+
+
+@internal
+def between_rows(before, after, part, kind, column):
+    """Position (kind 0), speed (1) or effort (2) of a column of the reference between two rows."""
+    return before[kind, column] + part * (after[kind, column] - before[kind, column])
 
 
 @internal
@@ -28,15 +32,15 @@ def prescribe_motion(run, q, v, time):
 
     Cubic Hermite interpolation between the nodes of the reference.
     """
-    rows, s = reference_rows(run, time)
-    nu, h = run.nu, run.reference_interval
-    effort = floats(run.drive, run.nv)
-    for row in drives(run):
+    before, after, s = reference_rows(run, time)
+    h = run.reference_interval
+    effort = run.drive
+    for row in run.drives:
         if row.armature <= 0.0:
             continue
         i, u = row.coordinate, row.column
-        q0, v0 = rows[u], h * rows[nu + u]
-        rise, v1 = rows[3 * nu + u] - q0, h * rows[4 * nu + u]
+        q0, v0 = before[0, u], h * before[1, u]
+        rise, v1 = after[0, u] - q0, h * after[1, u]
         b, c = 3.0 * rise - 2.0 * v0 - v1, v0 + v1 - 2.0 * rise
         q[i] = q0 + s * (v0 + s * (b + s * c))
         v[i] = (v0 + s * (2.0 * b + 3.0 * s * c)) / h
@@ -46,18 +50,14 @@ def prescribe_motion(run, q, v, time):
 @internal
 def apply_drives(run, q, v, time, tau):
     """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
-    rows, part = reference_rows(run, time)
-    nu = run.nu
-    effort = floats(run.drive, run.nv)
-    for one in drives(run):
+    before, after, part = reference_rows(run, time)
+    effort = run.drive
+    for one in run.drives:
         i = one.coordinate
         if one.armature <= 0.0:  # prescribed: `prescribe_motion` has written it
-            u = one.column
-            position = rows[u] + part * (rows[3 * nu + u] - rows[u])
-            u += nu
-            speed = rows[u] + part * (rows[3 * nu + u] - rows[u])
-            u += nu
-            forward = rows[u] + part * (rows[3 * nu + u] - rows[u])
+            position = between_rows(before, after, part, 0, one.column)
+            speed = between_rows(before, after, part, 1, one.column)
+            forward = between_rows(before, after, part, 2, one.column)
             encoder = one.encoder
             one.taken_at = v[encoder]
             effort[i] = forward + one.kp * (position - q[encoder]) + one.kd * (speed - v[encoder])
@@ -73,8 +73,8 @@ def apply_drive_damping(run, v, tau):
     Where a drive carries far more than its own coordinate's inertia, play between the two, its
     damping is stiff: a journal that flies has only its own inertia to oppose.
     """
-    effort = floats(run.drive, run.nv)
-    for one in drives(run):
+    effort = run.drive
+    for one in run.drives:
         if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
             tau[one.coordinate] -= one.kd * (v[one.encoder] - one.taken_at)
 
@@ -82,8 +82,8 @@ def apply_drive_damping(run, v, tau):
 @internal
 def complete_drives(run, v):
     """Move what implicit damping changed into the drives' efforts, the velocity v found."""
-    effort, forces = floats(run.drive, run.nv), floats(run.velocity_forces, run.nv)
-    for one in drives(run):
+    effort, forces = run.drive, run.velocity_forces
+    for one in run.drives:
         i = one.coordinate
         if one.implicit != 0 and abs(effort[i]) < one.limit:
             change = one.kd * (v[one.encoder] - one.taken_at)
@@ -95,8 +95,8 @@ def complete_drives(run, v):
 @internal
 def add_drive_power(run, v):
     """Add the power of the drives whose effort is known to the powers."""
-    effort = floats(run.drive, run.nv)
-    for one in drives(run):
+    effort = run.drive
+    for one in run.drives:
         if one.armature <= 0.0:
             run.power[DRIVE] += effort[one.coordinate] * v[one.coordinate]
 
@@ -104,8 +104,8 @@ def add_drive_power(run, v):
 @internal
 def add_prescribed_power(run, v, a):
     """Complete the effort of prescribed motion, the acceleration known, and add its power."""
-    effort = floats(run.drive, run.nv)
-    for one in drives(run):
+    effort = run.drive
+    for one in run.drives:
         if one.armature > 0.0:
             i = one.coordinate
             effort[i] -= one.armature * a[i]
@@ -127,7 +127,7 @@ def _joint_friction(row, speed):
 @internal
 def apply_joint_friction(run, v, tau):
     """Subtract the joints' own friction from tau."""
-    for row in frictions(run):
+    for row in run.frictions:
         i = row.coordinate
         friction, _ = _joint_friction(row, v[i])
         tau[i] -= friction
@@ -149,7 +149,7 @@ def _gear_torque(gear, q, v):
 @internal
 def apply_gears(run, q, v, tau):
     """Add the torque of all gears: none within their play, a spring and a damper beyond."""
-    for gear in gears(run):
+    for gear in run.gears:
         torque, _, side, _ = _gear_torque(gear, q, v)
         tau[gear.motor] -= side * torque
         tau[gear.link] += side * torque
@@ -158,16 +158,16 @@ def apply_gears(run, q, v, tau):
 @internal
 def add_joint_slopes(run, q, v):
     """Add the derivatives of joint friction, gears and implicit drives by velocity to the slope."""
-    slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
-    effort = floats(run.drive, run.nv)
-    for one in drives(run):
+    slope, place = run.slope, run.place
+    effort = run.drive
+    for one in run.drives:
         if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
             slope[place[one.coordinate], place[one.encoder]] -= one.kd
-    for row in frictions(run):
+    for row in run.frictions:
         i = place[row.coordinate]
         _, rise = _joint_friction(row, v[row.coordinate])
         slope[i, i] -= rise
-    for gear in gears(run):
+    for gear in run.gears:
         torque, _, _, _ = _gear_torque(gear, q, v)
         if torque > 0.0:
             m, k = place[gear.motor], place[gear.link]
@@ -180,9 +180,9 @@ def add_joint_slopes(run, q, v):
 @internal
 def add_joint_losses(run, q, v):
     """Add the power dissipated in joint friction and gears at state (q, v)."""
-    for row in frictions(run):
+    for row in run.frictions:
         friction, _ = _joint_friction(row, v[row.coordinate])
         run.power[JOINT_FRICTION] += friction * v[row.coordinate]
-    for gear in gears(run):
+    for gear in run.gears:
         torque, elastic, _, rate = _gear_torque(gear, q, v)
         run.power[GEAR] += (torque - elastic) * rate

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal, njit
-from jointplay.kernel.access import floats, integers, matrix
 
 # Vectors of three numbers as tuples: what compiled code reckons with. All are inlined.
 
@@ -122,19 +121,19 @@ def _rotate_back(rows, a):
 
 @internal
 def pose_of_frames(run, joint, pose, jacobian):
-    """Pose of the journal (12) and `reach` (6 n) from the frames that carry it and its bearing.
+    """Pose of the journal (12) and `reach` (6, n) from the frames that carry it and its bearing.
 
     Only coordinates that move one of both and not the other enter, so that a common motion cannot
     blur what they do.
     """
     bearing, origin = _world_pose(
-        floats(joint.bearing_rotation, 9),
-        floats(joint.bearing_translation, 3),
+        joint.bearing_rotation,
+        joint.bearing_translation,
         joint.bearing_placement,
     )
     journal, place = _world_pose(
-        floats(joint.journal_rotation, 9),
-        floats(joint.journal_translation, 3),
+        joint.journal_rotation,
+        joint.journal_translation,
         joint.journal_placement,
     )
     set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
@@ -144,27 +143,27 @@ def pose_of_frames(run, joint, pose, jacobian):
             row = add_scaled(row, bearing[k][i], journal[k])
         set_vector(pose, 3 + 3 * i, row)
     n = joint.nsupport
-    columns = floats(run.jacobian, 6 * run.nv)
-    support, signs = integers(joint.support, n), integers(joint.signs, n)
+    columns = run.world_jacobian
+    support, signs = joint.support, joint.signs
     for k in range(n):
-        i = 6 * support[k]
-        turning = scale(1.0 * signs[k], get_vector(columns, i + 3))
-        moving = add(scale(1.0 * signs[k], get_vector(columns, i)), cross(turning, place))
+        column = columns[support[k]]
+        turning = scale(1.0 * signs[k], get_vector(column, 3))
+        moving = add(scale(1.0 * signs[k], get_vector(column, 0)), cross(turning, place))
         moving, turning = _rotate_back(bearing, moving), _rotate_back(bearing, turning)
         for r in range(3):
-            jacobian[r * n + k] = moving[r]
-            jacobian[(3 + r) * n + k] = turning[r]
+            jacobian[r, k] = moving[r]
+            jacobian[3 + r, k] = turning[r]
 
 
 @internal
 def frame_twist(joint, jacobian, v, out):
     """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
-    support = integers(joint.support, n)
+    support = joint.support
     for r in range(6):
         total = 0.0
         for k in range(n):
-            total += jacobian[r * n + k] * v[support[k]]
+            total += jacobian[r, k] * v[support[k]]
         out[r] = total
 
 
@@ -173,7 +172,7 @@ def find_twist(joint, v):
     """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
     out = joint.twist
     if joint.first < 0:
-        frame_twist(joint, floats(joint.jacobian, 6 * joint.nsupport), v, out)
+        frame_twist(joint, joint.jacobian, v, out)
         return
     first, sines = joint.first, joint.sines
     sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
@@ -190,11 +189,11 @@ def project_wrench(joint, tau):
     wrench = joint.wrench
     if joint.first < 0:
         n = joint.nsupport
-        jacobian, support = floats(joint.jacobian, 6 * n), integers(joint.support, n)
+        jacobian, support = joint.jacobian, joint.support
         for k in range(n):
             total = 0.0
             for r in range(6):
-                total += jacobian[r * n + k] * wrench[r]
+                total += jacobian[r, k] * wrench[r]
             tau[support[k]] += total
         return
     first, sines = joint.first, joint.sines
@@ -211,7 +210,7 @@ def project_wrench(joint, tau):
 def project_frame_slope(one, place, slope):
     """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
     n, wrench_slope = one.nsupport, one.wrench_slope
-    jacobian, support = matrix(one.jacobian, 6, n), integers(one.support, n)
+    jacobian, support = one.jacobian, one.support
     for k in range(n):
         for r in range(6):
             total = 0.0
@@ -225,8 +224,8 @@ def project_frame_slope(one, place, slope):
 @internal
 def project_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
-    slope, wrench_slope = matrix(run.slope, run.active, run.active), joint.wrench_slope
-    place = integers(run.place, run.nv)
+    slope, wrench_slope = run.slope, joint.wrench_slope
+    place = run.place
     if joint.first < 0:
         project_frame_slope(joint, place, slope)
         return

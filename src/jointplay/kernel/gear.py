@@ -20,8 +20,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal, njit
-from jointplay.kernel.access import integers, matrix, refined_gears
-from jointplay.kernel.layout import GEAR
+from jointplay.kernel.layout import GEAR, GEAR_TORQUE
 from jointplay.kernel.words import GEAR_BENDS, JOINT_FRICTION_SPEED
 
 LEAST_TURN = 1e-12
@@ -65,7 +64,7 @@ def _commit_gear(gear):
 @internal
 def place_gears(run, q):
     """Find all that depends on the coordinates alone."""
-    for gear in refined_gears(run):
+    for gear in run.refined_gears:
         motor = q[gear.motor]
         error, lever = 0.0, 1.0
         for k in range(gear.orders):
@@ -79,14 +78,14 @@ def place_gears(run, q):
 @internal
 def commit_gears(run):
     """Accept the state of the gears as one of the trajectory."""
-    for gear in refined_gears(run):
+    for gear in run.refined_gears:
         _commit_gear(gear)
 
 
 @internal
 def mark_gears(run, marks):
     """Mark the coordinates on which gears act."""
-    for gear in refined_gears(run):
+    for gear in run.refined_gears:
         marks[gear.motor] = marks[gear.link] = 1.0
 
 
@@ -124,7 +123,7 @@ def _gear_friction(gear, speed):
 @internal
 def apply_refined_gears(run, v, tau):
     """Add the torques at the velocities v, after `place_gears`."""
-    for gear in refined_gears(run):
+    for gear in run.refined_gears:
         torque, side, _ = _tooth_torque(gear, v)
         gear.torque = side * torque + gear.hysteresis
         friction, _ = _gear_friction(gear, v[gear.motor])
@@ -135,8 +134,8 @@ def apply_refined_gears(run, v, tau):
 @internal
 def add_gear_slopes(run, v):
     """Add the derivatives of the torques by velocity to the slope."""
-    slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
-    for gear in refined_gears(run):
+    slope, place = run.slope, run.place
+    for gear in run.refined_gears:
         m, k = place[gear.motor], place[gear.link]
         _, rise = _gear_friction(gear, v[gear.motor])
         slope[m, m] -= rise
@@ -151,7 +150,7 @@ def add_gear_slopes(run, v):
 @internal
 def add_gear_losses(run, v):
     """Add the power dissipated at the velocities v."""
-    for gear in refined_gears(run):
+    for gear in run.refined_gears:
         torque, _, rate = _tooth_torque(gear, v)
         friction, _ = _gear_friction(gear, v[gear.motor])
         run.power[GEAR] += (torque - gear.elastic) * rate + friction * v[gear.motor]
@@ -161,13 +160,13 @@ def add_gear_losses(run, v):
 
 
 @internal
-def record_gears(run, row, at):
-    """Write torque and hysteresis of each gear into a row from `at` on; returns its end."""
-    for gear in refined_gears(run):
+def record_gears(run, row):
+    """Write torque and hysteresis of each gear into a record's row."""
+    at = run.columns[GEAR_TORQUE]
+    for gear in run.refined_gears:
         row[at] = gear.torque
         row[at + 1] = gear.hysteresis
         at += 2
-    return at
 
 
 @njit(cache=True, error_model="numpy")

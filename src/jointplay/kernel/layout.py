@@ -1,22 +1,36 @@
-"""What the compiled code knows of a run: records of named fields.
+"""What the compiled code knows of a run: records of named fields, and the arrays they point to.
 
 A compiled call costs about 0.1 us for every array it is given. The kernels are therefore given one
-record, `RUN`, which holds numbers, and addresses of the arrays and of the other records;
-`Workspace` fills it in, and the functions of `access` open what it points to.
+record, `RUN`, which holds numbers, and addresses of arrays and of the other records. Each array is
+declared here once, with its shape in terms of the record's own sizes: `Workspace` allocates it so,
+and in compiled code `run.minv` is that array (`access`), while in Python it is its address.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from jointplay.contact.compiled import MAX_PARAMETERS
 from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
-from jointplay.kernel.words import GEAR_BENDS, GEAR_ORDERS, POWERS
+from jointplay.kernel.words import AZIMUTHS, GEAR_BENDS, GEAR_ORDERS, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""
+
+(
+    START, START_SPEED, ACCELERATION, MIDDLE, MIDDLE_SPEED, HALF, JERK, MEAN, PATH_ROWS,
+) = range(9)  # fmt: skip
+"""Rows of `RUN.path`: the state at the start of the predicted path and what changes it, the state
+in its middle, `half` at its start, and the mean acceleration of the last macro step."""
+
+(
+    SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, INERTIA, TRIAL_ROWS,
+) = range(9)  # fmt: skip
+"""Rows of `RUN.trial`; see `solve`."""
 
 MIN_APPROACH_SPEED = 1e-9
 """Keeps ddelta/ddelta0 defined where a contact begins with no depth and no speed [m/s]."""
@@ -35,181 +49,93 @@ POSE = 12
 
 _INT, _FLOAT = np.int64, np.float64
 
+Size = int | str
+"""A number, the name of a field that has it, or such a field times a number: "3*nh"."""
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array whose address is a field of a record."""
+
+    kind: np.dtype
+    shape: tuple[Size, ...]
+    """In which compiled code has it."""
+    room: tuple[Size, ...]
+    """In which it is allocated: the largest shape that it can have."""
+    changes: bool
+    """Whether a macro step of the multi-rate method changes it."""
+
+
+ARRAYS: dict[np.dtype, dict[str, Array]] = {}
+"""Arrays that records point to, by their fields."""
+
+ADDRESSES: dict[np.dtype, frozenset[str]] = {}
+"""All fields of records that are addresses: of these arrays, of laws and of their numbers."""
+
+_ADDRESS = object()
+"""Kind of a field that is an address of something else than a declared array."""
+
+
+def _array(
+    kind: Any, *shape: Size, room: tuple[Size, ...] | None = None, changes: bool = False
+) -> Array:
+    return Array(np.dtype(kind), shape, shape if room is None else room, changes)
+
+
+def _floats(*shape: Size, **options: Any) -> Array:
+    return _array(_FLOAT, *shape, **options)
+
+
+def _integers(*shape: Size) -> Array:
+    return _array(_INT, *shape)
+
 
 def _record(**fields: Any) -> np.dtype:
+    """Record of numbers, tuples (kind, shape) of numbers, `Array` or `_ADDRESS`."""
+    arrays = {name: kind for name, kind in fields.items() if isinstance(kind, Array)}
+    others = {name for name, kind in fields.items() if kind is _ADDRESS}
+    fields |= dict.fromkeys(arrays.keys() | others, _INT)
     kinds = [
         (name, kind) if not isinstance(kind, tuple) else (name, *kind)
         for name, kind in fields.items()
     ]
-    return np.dtype(kinds, align=True)
+    record = np.dtype(kinds, align=True)
+    if arrays or others:
+        ARRAYS[record], ADDRESSES[record] = arrays, frozenset(arrays.keys() | others)
+    return record
 
 
-RUN = _record(
-    # Addresses of arrays of floats, their shapes behind them.
-    q=_INT,  # (nv,)
-    v=_INT,  # (nv,)
-    half=_INT,  # (nv,) velocities half a step ago
-    a=_INT,  # (nv,) accelerations; for single-rate methods Pinocchio's
-    tau=_INT,  # (nv,)
-    angular=_INT,  # (nv,) 1 for angles, 0 for lengths
-    weights=_INT,  # (nv,) 0 for prescribed coordinates, whose inertia is no real one
-    drive=_INT,  # (nv,) efforts of the drives
-    velocity_forces=_INT,  # (nv,) generalised forces of what depends on velocity
-    pushed=_INT,  # (3, nv) accelerations by these forces; how fast they changed; those before
-    load_forces=_INT,  # (nv,) of the loads' part that does not
-    minv=_INT,  # (nv, nv) inverse of the mass matrix now; then
-    free=_INT,  # (nv,) acceleration without any of the forces reckoned here
-    minv_rate=_INT,
-    free_rate=_INT,  # their rates along the present chord; then as of the last middle
-    minv_middle=_INT,
-    free_middle=_INT,
-    minv_slope=_INT,  # first and second divided differences of the middles
-    free_slope=_INT,
-    minv_curve=_INT,
-    free_curve=_INT,
-    found_minv=_INT,  # (nv, nv) Pinocchio's, its upper triangle, loops without clearance closed
-    found_free=_INT,  # (nv,) likewise
-    path=_INT,  # (9, nv) see `path`
-    # The velocity solve, its arrays used for the n coordinates that take part.
-    slope=_INT,  # (n, n) of d(velocity_forces)/dv
-    compliance=_INT,  # (n, n) of `minv`, unless these are all
-    inverse=_INT,  # (n, n), transposed, of the last matrix, of `factored` coordinates
-    trial=_INT,  # (8, nv) see `solve`
-    scratch=_INT,  # (4 nv + powers,) of Runge-Kutta
-    # Adaptive micro steps.
-    earlier_a=_INT,  # (3, nv) accelerations at the last two states; room
-    row_before=_INT,  # (columns,) records of the states that others are interpolated between
-    row_after=_INT,
-    copies=_INT,  # (ncopies, 3) addresses of an array and of its copy, length in 8-byte words
-    jacobian=_INT,  # (6, nv) column by column: Pinocchio's data.J, or of `bodies`
-    open_minv=_INT,  # (nv, nv) and (nv,) Pinocchio's without loops, if there are `holds`
-    open_free=_INT,
-    loop_rows=_INT,  # see `loops`: (3 nh, nv)
-    loop_residual=_INT,  # (2, 3 nh)
-    loop_correction=_INT,  # (2, nv)
-    loop_minv=_INT,  # (nv, nv)
-    reference=_INT,  # (nref, 3 nu)
-    record=_INT,  # (rows, columns)
-    windows=_INT,  # (nwindows, 2) steps from which and to which every step is recorded
-    # Addresses of whole numbers and records.
-    touched=_INT,  # (nv,) coordinates of the velocity solve
-    exchanged=_INT,  # (nv,) rows exchanged when `inverse` was found
-    place=_INT,  # (nv,) places of the coordinates among them
-    joints=_INT,
-    contacts=_INT,
-    drives=_INT,
-    servos=_INT,
-    frictions=_INT,
-    gears=_INT,
-    refined_gears=_INT,
-    loads=_INT,
-    bodies=_INT,
-    holds=_INT,
-    # Sizes.
-    nv=_INT,
-    nj=_INT,
-    width=_INT,
-    nu=_INT,
-    nd=_INT,
-    nf=_INT,
-    ns=_INT,
-    ng=_INT,
-    nr=_INT,
-    nl=_INT,
-    nb=_INT,  # bodies, the ground among them; 0 if none need be placed
-    nh=_INT,
-    nref=_INT,
-    record_columns=_INT,
-    cages=_INT,  # recorded: all joints if one of them is a rolling bearing
-    nwindows=_INT,
-    ncopies=_INT,
-    # How to go on.
-    every=_INT,
-    until=_INT,  # step that no macro step goes beyond
-    suggested=_INT,  # length that the next macro step should have, in steps
-    longest=_INT,
-    unit=_INT,  # macro steps are multiples of this, unless they are shorter from the first
-    fixed=_INT,  # whether their length is given
-    macro=_INT,  # planned length of the macro step
-    rows=_INT,  # room for records
-    fresh=_INT,  # whether no step has led to the state
-    through_frames=_INT,  # whether any joint is reached through frames of Pinocchio's
-    prescribed=_INT,  # whether any coordinate's motion is prescribed
-    dt=_FLOAT,  # of the step that follows; then of the one before
-    dt_before=_FLOAT,
-    reference_interval=_FLOAT,
-    # Where the run is.
-    step=_INT,
-    row=_INT,
-    stage=_INT,
-    status=_INT,
-    bad_contact=_INT,
-    pending=_INT,  # whether the works of the last step are not complete
-    commit=_INT,  # whether `load` completes a step or a stage
-    known_middles=_INT,  # middles of macro steps known so far, up to 3
-    known_free=_INT,  # those since velocities jumped
-    refused=_INT,  # whether a macro step is to be planned anew
-    macros=_INT,  # macro steps done
-    touching=_INT,
-    active=_INT,  # coordinates of the velocity solve
-    events=_INT,  # contacts that have begun or ended in this macro step
-    factored=_INT,
-    averaged=_INT,  # whether a step has stages, whose mean forces are recorded
-    unsolved=_INT,  # velocity solves that did not converge
-    unresolved=_INT,  # shortest micro steps whose error was not tolerable
-    known_a=_INT,  # states of `earlier_a` since accelerations jumped, up to 2
-    iterations=_INT,
-    solves=_INT,
-    time=_FLOAT,
-    evaluated_at=_FLOAT,  # time of the state that the multi-rate method evaluated last [s]
-    load_time=_FLOAT,
-    path_start=_FLOAT,
-    path_span=_FLOAT,
-    fastest=_FLOAT,  # of the speeds of `angular` [rad/s]
-    departure=_FLOAT,  # of these angles from the last path, about [rad]; and how much of it is
-    departure_limit=_FLOAT,  # too much
-    tolerance=_FLOAT,  # of `path_error`
-    middle_time=_FLOAT,
-    mean_time=_FLOAT,  # of the last mean acceleration in `path`
-    middles_apart=_FLOAT,  # the last two
-    chord_end=_FLOAT,  # until which time `minv_rate` and `free_rate` hold [s]
-    micro_tolerance=_FLOAT,  # of micro steps, see `adaptive`
-    shortest_micro=_FLOAT,  # micro step [s]
-    longest_micro=_FLOAT,  # micro step that springs, gears and drives allow [s]
-    stable_micro=_FLOAT,  # micro step that follows the contacts that touch now [s]
-    refused_at=_FLOAT,  # time of the state from which a micro step has to be shorter [s]; and
-    refused_step=_FLOAT,  # how long it is to be [s]
-    refused_length=_FLOAT,  # length of the first step that was refused at this time [s]
-    retried_at=_FLOAT,
-    micro_step=_FLOAT,  # that the last error suggests [s]
-    earlier_dt=_FLOAT,  # between the states of `earlier_a` [s]
-    braking=_FLOAT,  # by impacts under way, as the root of twice a kinetic energy per time
-    moved=_FLOAT,  # size of what forces and inertia move at the last state, likewise
-    moved_by_forces=_FLOAT,  # by `velocity_forces` alone, at this one
-    path_error=_FLOAT,  # of the acceleration at the middle of the path, relative
-    work=(_FLOAT, (len(POWERS),)),  # since the start [J]
-    before=(_FLOAT, (len(POWERS),)),  # powers at the start of the step [W]
-    power=(_FLOAT, (len(POWERS),)),  # powers now [W]
-    law_numbers=(_FLOAT, (max(BRISTLE_NUMBERS, FILM_NUMBERS),)),
-)
-"""Everything about one run."""
+def term(size: Size) -> tuple[int, str | None]:
+    """A size as a factor and the field that it multiplies, if any."""
+    if isinstance(size, int):
+        return size, None
+    factor, _, name = size.rpartition("*")
+    return int(factor or 1), name
+
+
+def extents(shape: Sequence[Size], record: np.ndarray) -> tuple[int, ...]:
+    """A shape as numbers, given the record that it belongs to."""
+    terms = map(term, shape)
+    return tuple(factor if name is None else factor * int(record[name]) for factor, name in terms)
+
 
 JOINT = _record(
-    # Addresses.
-    normal_law=_INT,
-    friction_law=_INT,
-    film_law=_INT,
-    dimensions=_INT,
-    support=_INT,  # (nsupport,) coordinates that move journal and bearing against each other
-    signs=_INT,  # (nsupport,) +1 for those that move the journal, -1 for the bearing
-    jacobian=_INT,  # (6, nsupport) motion of the journal per velocity of these coordinates
-    bearing_rotation=_INT,
-    bearing_translation=_INT,
-    journal_rotation=_INT,
-    journal_translation=_INT,
-    sliding_work=_INT,
-    element_law=_INT,  # of a rolling bearing, whose numbers are `dimensions`; and
-    elements=_INT,  # what it answers, see `contact.rolling`
+    # Addresses of laws and their numbers.
+    normal_law=_ADDRESS,
+    friction_law=_ADDRESS,
+    film_law=_ADDRESS,
+    element_law=_ADDRESS,  # of a rolling bearing, whose numbers are `dimensions`; and
+    elements=_ADDRESS,  # what it answers, see `contact.rolling`
+    dimensions=_ADDRESS,
+    # Arrays.
+    support=_integers("nsupport"),  # coordinates that move journal and bearing against each other
+    signs=_integers("nsupport"),  # +1 for those that move the journal, -1 for the bearing
+    jacobian=_floats(6, "nsupport"),  # motion of the journal per velocity of these coordinates
+    bearing_rotation=_floats(9),  # of the bodies, column by column
+    bearing_translation=_floats(3),
+    journal_rotation=_floats(9),
+    journal_translation=_floats(3),
+    sliding_work=_floats("wearing", AZIMUTHS),
     # What it is.
     resultant=_INT,  # whether a law answers for all of it (`rolling`)
     bristles=_INT,
@@ -218,7 +144,7 @@ JOINT = _record(
     first=_INT,
     nsupport=_INT,
     must_not_touch=_INT,
-    wearing=_INT,
+    wearing=_INT,  # contacts whose sliding work is counted
     sections=_INT,  # of the film; 0 for none
     limit=_FLOAT,  # gap at which the journal has broken out [m]
     rest_mass=_FLOAT,  # whose impacts damping at rest is referred to [kg]
@@ -383,31 +309,32 @@ HOLD = _record(one=_INT, other=_INT, place=(_FLOAT, (3,)), other_place=(_FLOAT, 
 """Two points of two bodies that a loop without clearance holds together."""
 
 LOAD = _record(
-    # Addresses.
-    law=_INT,
-    numbers=_INT,  # the law's p
-    place=_INT,  # x: of `pose`, or (ninputs,)
-    rate=_INT,  # dx: of `twist`, or (ninputs,)
-    out=_INT,  # of `wrench`, or (noutputs,)
-    elastic=_INT,  # (2, noutputs or 6) what it answers at rest, if it stores energy; room
-    inputs=_INT,  # (ninputs,) coordinates
-    outputs=_INT,  # (noutputs,)
-    bounds=_INT,  # (noutputs,) largest efforts
-    support=_INT,  # of frames, as in `JOINT`, with all that follows
-    signs=_INT,
-    jacobian=_INT,
-    bearing_rotation=_INT,
-    bearing_translation=_INT,
-    journal_rotation=_INT,
-    journal_translation=_INT,
+    law=_ADDRESS,
+    numbers=_ADDRESS,  # the law's p
+    place=_floats("ninputs"),  # x; `pose` between frames
+    rate=_floats("nrates"),  # dx; `twist` between frames
+    out=_floats("nanswers"),  # what it answers now; `wrench` between frames
+    elastic=_floats(2, "nanswers"),  # what it answers at rest, if it stores energy; room
+    inputs=_integers("ninputs"),  # coordinates
+    outputs=_integers("noutputs"),
+    bounds=_floats("nbounds"),  # largest efforts on these, if they are limited
+    support=_integers("nsupport"),  # of frames, as in `JOINT`, with all that follows
+    signs=_integers("nsupport"),
+    jacobian=_floats(6, "nsupport"),
+    bearing_rotation=_floats(9),
+    bearing_translation=_floats(3),
+    journal_rotation=_floats(9),
+    journal_translation=_floats(3),
     # What it is.
     frames=_INT,  # whether it acts between two frames; else on coordinates
     nsupport=_INT,
     ninputs=_INT,
     noutputs=_INT,
+    nrates=_INT,
+    nanswers=_INT,
+    nbounds=_INT,
     stores=_INT,  # whether its answer at rest is the slope of an energy
     implicit=_INT,  # whether the rest of it depends on velocity: NEVER, ALWAYS, IF_PRESSED
-    bounded=_INT,
     bearing_placement=(_FLOAT, (12,)),
     journal_placement=(_FLOAT, (12,)),
     # Now.
@@ -422,3 +349,185 @@ LOAD = _record(
     gathered=_FLOAT,  # of Runge-Kutta
 )
 """One load whose law is called by address; see `load`."""
+
+ROW: dict[str, tuple[Size, ...]] = {
+    "time": (1,),
+    "q": ("nv",),
+    "v": ("nv",),
+    "drive": ("nv",),
+    "work": (len(POWERS),),
+    "force": ("nj", 3),
+    "force_peak": ("nj", 3),
+    "film_force": ("nj", 3),
+    "normal": ("nj", "width"),
+    "tangential": ("nj", "width"),
+    "normal_peak": ("nj", "width"),
+    "gap_min": ("nj", "width"),
+    "cage": ("cages",),
+    "gear": ("nr", 2),
+    "load_force": ("load_columns",),
+    "load_work": ("nl",),
+}
+"""Quantities of a record, in their order, and their shapes in terms of the run's sizes."""
+
+(
+    TIME, Q, V, DRIVE_EFFORT, WORK, FORCE, FORCE_PEAK, FILM_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE,
+    NORMAL_PEAK, GAP_MIN, CAGE, GEAR_TORQUE, LOAD_FORCE, LOAD_WORK,
+) = range(len(ROW))  # fmt: skip
+"""Their places in `RUN.columns`."""
+
+RUN = _record(
+    # The state and what acts on it.
+    q=_floats("nv", changes=True),
+    v=_floats("nv", changes=True),
+    half=_floats("nv", changes=True),  # velocities half a step ago
+    a=_floats("nv", changes=True),  # accelerations; for single-rate methods Pinocchio's
+    tau=_floats("nv", changes=True),
+    angular=_floats("nv"),  # 1 for angles, 0 for lengths
+    weights=_floats("nv"),  # 0 for prescribed coordinates, whose inertia is no real one
+    drive=_floats("nv", changes=True),  # efforts of the drives
+    velocity_forces=_floats("nv", changes=True),  # of what depends on velocity
+    pushed=_floats(3, "nv", changes=True),  # accelerations by these; how fast they changed; before
+    load_forces=_floats("nv", changes=True),  # of the loads' part that does not
+    # Inverse of the mass matrix, and acceleration without any of the forces reckoned here:
+    minv=_floats("nv", "nv", changes=True),  # now
+    free=_floats("nv", changes=True),
+    minv_rate=_floats("nv", "nv", changes=True),  # their rates along the present chord
+    free_rate=_floats("nv", changes=True),
+    minv_middle=_floats("nv", "nv"),  # as of the last middle
+    free_middle=_floats("nv"),
+    minv_slope=_floats("nv", "nv"),  # first and second divided differences of the middles
+    free_slope=_floats("nv"),
+    minv_curve=_floats("nv", "nv"),
+    free_curve=_floats("nv"),
+    found_minv=_floats("nv", "nv"),  # Pinocchio's, its upper triangle, ideal loops closed
+    found_free=_floats("nv"),  # likewise
+    path=_floats(PATH_ROWS, "nv"),
+    # The velocity solve, its arrays used for those coordinates that take part.
+    slope=_floats("active", "active", room=("nv", "nv")),  # of d(velocity_forces)/dv
+    compliance=_floats("active", "active", room=("nv", "nv")),  # of `minv`, unless these are all
+    inverse=_floats(  # transposed, of the last matrix, of `factored` coordinates
+        "active", "active", room=("nv", "nv"), changes=True
+    ),
+    trial=_floats(TRIAL_ROWS, "nv"),
+    scratch=_floats("nv"),
+    stages=_floats(4, "nv"),  # of Runge-Kutta: q, v at the step's start, sums of their rates
+    # Adaptive micro steps.
+    earlier_a=_floats(3, "nv", changes=True),  # accelerations at the last two states; room
+    row_before=_floats("record_columns"),  # records of the states that others are interpolated
+    row_after=_floats("record_columns"),  # between
+    copies=_integers("ncopies", 3),  # addresses of an array and its copy, length in 8-byte words
+    world_jacobian=_floats("nv", 6),  # Pinocchio's data.J by columns, or of `bodies`
+    open_minv=_floats("nv", "nv"),  # Pinocchio's without loops, if there are `holds`
+    open_free=_floats("nv"),
+    loop_rows=_floats("3*nh", "nv"),  # see `loops`
+    loop_residual=_floats(2, "3*nh"),
+    loop_correction=_floats(2, "nv"),
+    loop_minv=_floats("nv", "nv"),
+    reference=_floats("nref", 3, "nu"),  # positions, speeds and feed-forward efforts by node
+    record=_floats("rows", "record_columns"),
+    windows=_floats("nwindows", 2),  # steps from which and to which every step is recorded
+    touched=_integers("nv"),  # coordinates of the velocity solve
+    exchanged=_integers("nv"),  # rows exchanged when `inverse` was found
+    place=_integers("nv"),  # places of the coordinates among `touched`
+    joints=_array(JOINT, "nj"),
+    contacts=_array(CONTACT, "nj", "width"),
+    drives=_array(DRIVE_ROW, "nd"),
+    servos=_array(SERVO, "ns", changes=True),
+    frictions=_array(FRICTION_ROW, "nf"),
+    gears=_array(GEAR_ROW, "ng"),  # with no more than play, a spring and a damper
+    refined_gears=_array(REFINED_GEAR, "nr", changes=True),
+    loads=_array(LOAD, "nl"),
+    bodies=_array(BODY, "nb"),
+    holds=_array(HOLD, "nh"),
+    # Sizes.
+    nv=_INT,
+    nj=_INT,
+    width=_INT,
+    nu=_INT,
+    nd=_INT,
+    nf=_INT,
+    ns=_INT,
+    ng=_INT,
+    nr=_INT,
+    nl=_INT,
+    nb=_INT,  # bodies, the ground among them; 0 if none need be placed
+    nh=_INT,
+    nref=_INT,
+    record_columns=_INT,
+    cages=_INT,  # recorded: all joints if one of them is a rolling bearing
+    load_columns=_INT,  # recorded: what all loads answer
+    nwindows=_INT,
+    ncopies=_INT,
+    # How to go on.
+    every=_INT,
+    until=_INT,  # step that no macro step goes beyond
+    suggested=_INT,  # length that the next macro step should have, in steps
+    longest=_INT,
+    unit=_INT,  # macro steps are multiples of this, unless they are shorter from the first
+    fixed=_INT,  # whether their length is given
+    macro=_INT,  # planned length of the macro step
+    rows=_INT,  # room for records
+    fresh=_INT,  # whether no step has led to the state
+    through_frames=_INT,  # whether any joint is reached through frames of Pinocchio's
+    prescribed=_INT,  # whether any coordinate's motion is prescribed
+    dt=_FLOAT,  # of the step that follows; then of the one before
+    dt_before=_FLOAT,
+    reference_interval=_FLOAT,
+    # Where the run is.
+    step=_INT,
+    row=_INT,
+    stage=_INT,
+    status=_INT,
+    bad_contact=_INT,
+    pending=_INT,  # whether the works of the last step are not complete
+    commit=_INT,  # whether `load` completes a step or a stage
+    known_middles=_INT,  # middles of macro steps known so far, up to 3
+    known_free=_INT,  # those since velocities jumped
+    refused=_INT,  # whether a macro step is to be planned anew
+    macros=_INT,  # macro steps done
+    touching=_INT,
+    active=_INT,  # coordinates of the velocity solve
+    events=_INT,  # contacts that have begun or ended in this macro step
+    factored=_INT,
+    averaged=_INT,  # whether a step has stages, whose mean forces are recorded
+    unsolved=_INT,  # velocity solves that did not converge
+    unresolved=_INT,  # shortest micro steps whose error was not tolerable
+    known_a=_INT,  # states of `earlier_a` since accelerations jumped, up to 2
+    iterations=_INT,
+    solves=_INT,
+    time=_FLOAT,
+    evaluated_at=_FLOAT,  # time of the state that the multi-rate method evaluated last [s]
+    load_time=_FLOAT,
+    path_start=_FLOAT,
+    path_span=_FLOAT,
+    fastest=_FLOAT,  # of the speeds of `angular` [rad/s]
+    departure=_FLOAT,  # of these angles from the last path, about [rad]; and how much of it is
+    departure_limit=_FLOAT,  # too much
+    tolerance=_FLOAT,  # of `path_error`
+    middle_time=_FLOAT,
+    mean_time=_FLOAT,  # of the last mean acceleration in `path`
+    middles_apart=_FLOAT,  # the last two
+    chord_end=_FLOAT,  # until which time `minv_rate` and `free_rate` hold [s]
+    micro_tolerance=_FLOAT,  # of micro steps, see `adaptive`
+    shortest_micro=_FLOAT,  # micro step [s]
+    longest_micro=_FLOAT,  # micro step that springs, gears and drives allow [s]
+    stable_micro=_FLOAT,  # micro step that follows the contacts that touch now [s]
+    refused_at=_FLOAT,  # time of the state from which a micro step has to be shorter [s]; and
+    refused_step=_FLOAT,  # how long it is to be [s]
+    refused_length=_FLOAT,  # length of the first step that was refused at this time [s]
+    retried_at=_FLOAT,
+    micro_step=_FLOAT,  # that the last error suggests [s]
+    earlier_dt=_FLOAT,  # between the states of `earlier_a` [s]
+    braking=_FLOAT,  # by impacts under way, as the root of twice a kinetic energy per time
+    moved=_FLOAT,  # size of what forces and inertia move at the last state, likewise
+    moved_by_forces=_FLOAT,  # by `velocity_forces` alone, at this one
+    path_error=_FLOAT,  # of the acceleration at the middle of the path, relative
+    work=(_FLOAT, (len(POWERS),)),  # since the start [J]
+    before=(_FLOAT, (len(POWERS),)),  # powers at the start of the step [W]
+    power=(_FLOAT, (len(POWERS),)),  # powers now [W]
+    stage_work=(_FLOAT, (len(POWERS),)),  # of Runge-Kutta: sums of the powers
+    columns=(_INT, (len(ROW),)),  # where the quantities of `ROW` begin in a record
+    law_numbers=(_FLOAT, (max(BRISTLE_NUMBERS, FILM_NUMBERS),)),
+)
+"""Everything about one run."""

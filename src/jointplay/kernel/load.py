@@ -21,9 +21,10 @@ import math
 
 from numba import types
 
-from jointplay.core.compiler import NUMBERS, calling, internal, pointer
-from jointplay.kernel.access import floats, integers, loads, matrix, record_failure
+from jointplay.core.compiler import NUMBERS, address_of, calling, internal, pointer
+from jointplay.kernel.access import record_failure
 from jointplay.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
+from jointplay.kernel.layout import LOAD_FORCE, LOAD_WORK
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
 
 _BAD_LOAD = int(Status.BAD_LOAD)
@@ -39,27 +40,20 @@ _call = calling(LOAD_LAW)
 
 
 @internal
-def _answer_size(load):
-    """How many numbers the law gives."""
-    return 6 if load.frames != 0 else load.noutputs
-
-
-@internal
 def _evaluate_law(load, time):
     """Evaluate the law at the load's present inputs, into `out`."""
-    inputs = pointer(load.place), pointer(load.rate)
-    _call(load.law, (time, *inputs, pointer(load.numbers), pointer(load.out)))
-    if load.bounded != 0:
-        out, bounds = floats(load.out, load.noutputs), floats(load.bounds, load.noutputs)
-        for i in range(load.noutputs):
-            if abs(out[i]) > bounds[i]:
-                out[i] = math.copysign(bounds[i], out[i])
+    inputs = address_of(load.place), address_of(load.rate)
+    _call(load.law, (time, *inputs, pointer(load.numbers), address_of(load.out)))
+    out, bounds = load.out, load.bounds
+    for i in range(bounds.size):
+        if abs(out[i]) > bounds[i]:
+            out[i] = math.copysign(bounds[i], out[i])
 
 
 @internal
 def _read_positions(load, q):
     """Copy the coordinates on which the load depends into its x."""
-    inputs, place = integers(load.inputs, load.ninputs), floats(load.place, load.ninputs)
+    inputs, place = load.inputs, load.place
     for k in range(load.ninputs):
         place[k] = q[inputs[k]]
 
@@ -68,9 +62,9 @@ def _read_positions(load, q):
 def _read_velocities(load, v):
     """Copy the velocities on which the load depends into its dx."""
     if load.frames != 0:
-        frame_twist(load, floats(load.jacobian, 6 * load.nsupport), v, load.twist)
+        frame_twist(load, load.jacobian, v, load.twist)
         return
-    inputs, rate = integers(load.inputs, load.ninputs), floats(load.rate, load.ninputs)
+    inputs, rate = load.inputs, load.rate
     for k in range(load.ninputs):
         rate[k] = v[inputs[k]]
 
@@ -78,13 +72,12 @@ def _read_velocities(load, v):
 @internal
 def _evaluate_law_at_rest(load, time):
     """Evaluate the law at zero velocity, into `out` and `elastic`."""
-    n = 6 if load.frames != 0 else load.ninputs
-    rate = floats(load.rate, n)
-    for k in range(n):
+    rate = load.rate
+    for k in range(rate.size):
         rate[k] = 0.0
     _evaluate_law(load, time)
-    out, elastic = floats(load.out, _answer_size(load)), floats(load.elastic, _answer_size(load))
-    for i in range(_answer_size(load)):
+    out, elastic = load.out, load.elastic[0]
+    for i in range(out.size):
         elastic[i] = out[i]
 
 
@@ -92,16 +85,15 @@ def _evaluate_law_at_rest(load, time):
 def _project_forces(load, sign, forces, tau):
     """Add the generalised forces of `forces`, times `sign`, to tau."""
     if load.frames != 0:
-        n = load.nsupport
-        jacobian, support = floats(load.jacobian, 6 * n), integers(load.support, n)
-        for k in range(n):
+        jacobian, support = load.jacobian, load.support
+        for k in range(support.size):
             total = 0.0
             for r in range(6):
-                total += jacobian[r * n + k] * forces[r]
+                total += jacobian[r, k] * forces[r]
             tau[support[k]] += sign * total
         return
-    outputs = integers(load.outputs, load.noutputs)
-    for k in range(load.noutputs):
+    outputs = load.outputs
+    for k in range(outputs.size):
         tau[outputs[k]] += sign * forces[k]
 
 
@@ -111,34 +103,32 @@ def evaluate_loads(run, q, v, marks):
 
     Coordinates on which the rest acts are marked. v are the extrapolated velocities.
     """
-    tau = floats(run.load_forces, run.nv)
+    tau = run.load_forces
     for i in range(run.nv):
         tau[i] = 0.0
-    for load in loads(run):
+    for load in run.loads:
         if load.frames != 0:
-            pose_of_frames(run, load, load.pose, floats(load.jacobian, 6 * load.nsupport))
+            pose_of_frames(run, load, load.pose, load.jacobian)
         else:
             _read_positions(load, q)
         load.active = 0
         if load.stores == 0:
             _read_velocities(load, v)
             _evaluate_law(load, run.time)
-            _project_forces(load, 1.0, floats(load.out, _answer_size(load)), tau)
+            _project_forces(load, 1.0, load.out, tau)
             continue
         _evaluate_law_at_rest(load, run.time)
-        elastic = floats(load.elastic, _answer_size(load))
+        elastic = load.elastic[0]
         _project_forces(load, 1.0, elastic, tau)
         pressed = load.implicit == ALWAYS
         if load.implicit == IF_PRESSED:
-            for i in range(_answer_size(load)):
+            for i in range(elastic.size):
                 pressed = pressed or elastic[i] != 0.0
         if not pressed:
             continue
         load.active = 1
-        frames = load.frames != 0
-        n = load.nsupport if frames else load.noutputs
-        moved = integers(load.support if frames else load.outputs, n)
-        for k in range(n):
+        moved = load.support if load.frames != 0 else load.outputs
+        for k in range(moved.size):
             marks[moved[k]] = 1.0
 
 
@@ -146,8 +136,8 @@ def evaluate_loads(run, q, v, marks):
 def apply_loads(run, base, h):
     """Add the forces from `evaluate_loads` to tau, and their impulse over h to the velocities."""
     nv = run.nv
-    forces, tau = floats(run.load_forces, nv), floats(run.tau, nv)
-    minv = matrix(run.minv, nv, nv)
+    forces, tau = run.load_forces, run.tau
+    minv = run.minv
     for k in range(nv):
         if forces[k] == 0.0:
             continue
@@ -159,43 +149,39 @@ def apply_loads(run, base, h):
 @internal
 def apply_velocity_loads(run, v, tau):
     """Add the velocity-dependent part of the loads to tau."""
-    for load in loads(run):
+    for load in run.loads:
         if load.active == 0:
             continue
         _read_velocities(load, v)
         _evaluate_law(load, run.time)
-        n = _answer_size(load)
-        _project_forces(load, 1.0, floats(load.out, n), tau)
-        _project_forces(load, -1.0, floats(load.elastic, n), tau)
+        _project_forces(load, 1.0, load.out, tau)
+        _project_forces(load, -1.0, load.elastic[0], tau)
 
 
 @internal
 def add_load_slopes(run):
     """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
-    slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
-    for load in loads(run):
+    slope, place = run.slope, run.place
+    for load in run.loads:
         if load.active == 0:
             continue
-        frames, m = load.frames != 0, _answer_size(load)
-        n = 6 if frames else load.ninputs
-        rate, out = floats(load.rate, n), floats(load.out, m)
-        kept = floats(load.elastic + 8 * m, m)
-        for i in range(m):
+        frames, rate, out, kept = load.frames != 0, load.rate, load.out, load.elastic[1]
+        for i in range(out.size):
             kept[i] = out[i]
-        for c in range(n):
+        for c in range(rate.size):
             now = rate[c]
             more = _DIFFERENCE * (abs(now) + 1.0)
             rate[c] = now + more
             _evaluate_law(load, run.time)
             rate[c] = now
-            for r in range(m):
+            for r in range(out.size):
                 rise = (out[r] - kept[r]) / more
                 if frames:
                     load.wrench_slope[r, c] = rise
                 elif rise != 0.0:
-                    i, k = integers(load.outputs, m)[r], integers(load.inputs, n)[c]
+                    i, k = load.outputs[r], load.inputs[c]
                     slope[place[i], place[k]] += rise
-        for i in range(m):
+        for i in range(out.size):
             out[i] = kept[i]
         if frames:
             project_frame_slope(load, place, slope)
@@ -205,16 +191,14 @@ def add_load_slopes(run):
 def find_load_powers(run, v):
     """Powers of the loads at velocities v; stops the run where a law has failed."""
     for index in range(run.nl):
-        load = loads(run)[index]
-        n = _answer_size(load)
-        out, elastic = floats(load.out, n), floats(load.elastic, n)
+        load = run.loads[index]
+        out, elastic, outputs = load.out, load.elastic[0], load.outputs
         _read_velocities(load, v)
         if load.stores != 0 and load.implicit != 0 and load.active == 0:
-            for i in range(n):
+            for i in range(out.size):
                 out[i] = elastic[i]
-        outputs = integers(load.outputs, load.noutputs)
         total, finite = 0.0, True
-        for i in range(n):
+        for i in range(out.size):
             finite = finite and math.isfinite(out[i])
             speed = load.twist[i] if load.frames != 0 else v[outputs[i]]
             total += (out[i] - elastic[i] if load.stores != 0 else out[i]) * speed
@@ -226,9 +210,9 @@ def find_load_powers(run, v):
 @internal
 def apply_current_loads(run, q, v, time, tau):
     """Add the forces of all loads at state (q, v) to tau, and find their powers."""
-    for load in loads(run):
+    for load in run.loads:
         if load.frames != 0:
-            pose_of_frames(run, load, load.pose, floats(load.jacobian, 6 * load.nsupport))
+            pose_of_frames(run, load, load.pose, load.jacobian)
         else:
             _read_positions(load, q)
         if load.stores != 0:
@@ -236,21 +220,21 @@ def apply_current_loads(run, q, v, time, tau):
         load.active = 1
         _read_velocities(load, v)
         _evaluate_law(load, time)
-        _project_forces(load, 1.0, floats(load.out, _answer_size(load)), tau)
+        _project_forces(load, 1.0, load.out, tau)
     find_load_powers(run, v)
 
 
 @internal
 def add_load_work(run, duration):
     """Add the loads' work at their present powers over `duration`."""
-    for load in loads(run):
+    for load in run.loads:
         load.work += duration * load.power
 
 
 @internal
 def complete_load_work(run):
     """Complete the works of a single-rate step by the trapezoidal rule, if they are pending."""
-    for load in loads(run):
+    for load in run.loads:
         if run.pending != 0:
             load.work += 0.5 * run.dt * (load.before + load.power)
         load.before = load.power
@@ -259,21 +243,20 @@ def complete_load_work(run):
 @internal
 def add_stage_work(run, stage, weight):
     """Add a stage's part to the works of a Runge-Kutta step; with the fourth they are done."""
-    for load in loads(run):
+    for load in run.loads:
         load.gathered = weight * load.power + (0.0 if stage == 0 else load.gathered)
         if stage == 3:
             load.work += load.gathered
 
 
 @internal
-def record_loads(run, row, at):
-    """Write answers, then works, into a record's row from place `at`."""
-    for load in loads(run):
-        n = _answer_size(load)
-        out = floats(load.out, n)
-        for i in range(n):
+def record_loads(run, row):
+    """Write answers and works into a record's row."""
+    at = run.columns[LOAD_FORCE]
+    for index in range(run.nl):
+        load = run.loads[index]
+        out = load.out
+        for i in range(out.size):
             row[at + i] = out[i]
-        at += n
-    for load in loads(run):
-        row[at] = load.work
-        at += 1
+        at += out.size
+        row[run.columns[LOAD_WORK] + index] = load.work

@@ -12,7 +12,7 @@ j M^-1 j = 0 and are skipped. The same steps correct the drift of loops.
 from __future__ import annotations
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import bodies, floats, held_pairs, matrix
+from jointplay.kernel.access import flat
 from jointplay.kernel.bodies import (
     find_body_rates,
     matrix_times_vector,
@@ -28,8 +28,8 @@ REDUNDANT = 1e-10
 @internal
 def _add_point_rows(run, k, sign, at, place, residual, moving):
     """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
-    rows = matrix(run.loop_rows, 3 * run.nh, run.nv)
-    columns, every = floats(run.jacobian, 6 * run.nv), bodies(run)
+    rows = run.loop_rows
+    columns, every = run.world_jacobian, run.bodies
     arm = matrix_times_vector(every[at].rotation, place[0], place[1], place[2])
     point = add(get_vector(every[at].origin, 0), arm)
     value = point_acceleration(every[at], arm) if moving else point
@@ -38,7 +38,7 @@ def _add_point_rows(run, k, sign, at, place, residual, moving):
     b = at
     while b > 0:
         i = every[b].coordinate
-        column = add(get_vector(columns, 6 * i), cross(get_vector(columns, 6 * i + 3), point))
+        column = add(get_vector(columns[i], 0), cross(get_vector(columns[i], 3), point))
         for r in range(3):
             rows[3 * k + r, i] += sign * column[r]
         b = every[b].parent
@@ -47,13 +47,13 @@ def _add_point_rows(run, k, sign, at, place, residual, moving):
 @internal
 def _find_rows(run, residual, moving):
     """Find the constraint rows of all pairs and their residuals, once the bodies are placed."""
-    rows = floats(run.loop_rows, 3 * run.nh * run.nv)
-    for i in range(3 * run.nh * run.nv):
+    rows = flat(run.loop_rows)
+    for i in range(rows.size):
         rows[i] = 0.0
     for i in range(3 * run.nh):
         residual[i] = 0.0
     for k in range(run.nh):
-        hold = held_pairs(run)[k]
+        hold = run.holds[k]
         _add_point_rows(run, k, 1.0, hold.one, hold.place, residual, moving)
         _add_point_rows(run, k, -1.0, hold.other, hold.other_place, residual, moving)
 
@@ -73,7 +73,7 @@ def _inverse_mass_of(rows, minv, r):
 def _constrain(run, minv, residual, x):
     """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
     nv, size = run.nv, 3 * run.nh
-    rows = matrix(run.loop_rows, size, nv)
+    rows = run.loop_rows
     first = 0.0
     for step in range(size):
         best, most = -1, 0.0
@@ -85,7 +85,7 @@ def _constrain(run, minv, residual, x):
             first = most
         if best < 0 or most <= REDUNDANT * first:
             return
-        u = floats(run.scratch, nv)
+        u = run.scratch
         for i in range(nv):
             u[i] = 0.0
             for k in range(nv):
@@ -105,9 +105,9 @@ def _constrain(run, minv, residual, x):
 def project_dynamics(run, q, v):
     """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
     nv = run.nv
-    given, free = matrix(run.open_minv, nv, nv), floats(run.open_free, nv)
-    minv, acceleration = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
-    x, residual = matrix(run.loop_correction, 2, nv), matrix(run.loop_residual, 2, 3 * run.nh)
+    given, free = run.open_minv, run.open_free
+    minv, acceleration = run.found_minv, run.found_free
+    x, residual = run.loop_correction, run.loop_residual
     place_bodies(run, q)
     find_body_rates(run, v)
     _find_rows(run, residual[0], True)
@@ -124,9 +124,9 @@ def project_dynamics(run, q, v):
 def correct_drift(run):
     """Correct the drift of the loops since the last macro step, in positions and velocities."""
     nv = run.nv
-    q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
-    given, minv = matrix(run.open_minv, nv, nv), matrix(run.loop_minv, nv, nv)
-    x, residual = matrix(run.loop_correction, 2, nv), matrix(run.loop_residual, 2, 3 * run.nh)
+    q, half, a = run.q, run.half, run.a
+    given, minv = run.open_minv, run.loop_minv
+    x, residual = run.loop_correction, run.loop_residual
     place_bodies(run, q)
     _find_rows(run, residual[0], False)
     for r in range(3 * run.nh):

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import drives, floats, integers, joints, matrix, record_failure
+from jointplay.kernel.access import flat, record_failure
 from jointplay.kernel.contact import add_dissipation, commit_contacts
 from jointplay.kernel.drive import (
     add_drive_power,
@@ -29,17 +29,28 @@ from jointplay.kernel.drive import (
 )
 from jointplay.kernel.film import add_film_losses
 from jointplay.kernel.gear import add_gear_losses, commit_gears
-from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
+from jointplay.kernel.layout import (
+    ACCELERATION,
+    DRIVE,
+    ERROR,
+    HALF,
+    JERK,
+    MEAN,
+    MIDDLE,
+    MIDDLE_SPEED,
+    POWERS,
+    SPEED,
+    SPEED_LIMIT,
+    START,
+    START_SPEED,
+)
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.rolling import advance_cages
 from jointplay.kernel.servo import apply_servos
 from jointplay.kernel.solve import (
-    ERROR,
     LEAST_COMPLIANCE,
-    SPEED,
-    TRIALS,
     evaluate_velocity_forces,
     find_velocity_forces,
     solve_velocity,
@@ -52,12 +63,6 @@ from jointplay.kernel.words import Status
 # middles of this macro step and of the last two. How far the new middle lies off the parabola of
 # the three before it is the error estimate.
 
-
-(
-    START, START_SPEED, ACCELERATION, MIDDLE, MIDDLE_SPEED, HALF, JERK, MEAN, ROWS,
-) = range(9)  # fmt: skip
-"""Rows of `run.path`: the state at the start of the predicted path and what changes it, the state
-in its middle, `half` at its start, and the mean acceleration of the last macro step."""
 
 LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
@@ -89,8 +94,8 @@ CHORD_PART = 0.25
 def _predict(run):
     """Predict the path of the next macro step, `run.macro` micro steps long."""
     nv = run.nv
-    path = matrix(run.path, ROWS, nv)
-    q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
+    path = run.path
+    q, half, a = run.q, run.half, run.a
     done = run.time - run.path_start
     if done > 0.0:  # else planned anew
         apart = run.path_start + 0.5 * done - run.mean_time
@@ -146,16 +151,16 @@ def _find_path_error(run):
     nv = run.nv
     apart = run.path_start + 0.5 * run.path_span - run.middle_time
     square = apart * (apart + run.middles_apart)
-    found, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
-    middle, slope = matrix(run.minv_middle, nv, nv), matrix(run.minv_slope, nv, nv)
-    curve, free_curve = matrix(run.minv_curve, nv, nv), floats(run.free_curve, nv)
-    free_middle, free_slope = floats(run.free_middle, nv), floats(run.free_slope, nv)
+    found, found_free = run.found_minv, run.found_free
+    middle, slope = run.minv_middle, run.minv_slope
+    curve, free_curve = run.minv_curve, run.free_curve
+    free_middle, free_slope = run.free_middle, run.free_slope
     forces, effort, weights = (
-        floats(run.velocity_forces, nv),
-        floats(run.drive, nv),
-        floats(run.weights, nv),
+        run.velocity_forces,
+        run.drive,
+        run.weights,
     )
-    loaded = floats(run.load_forces, nv)
+    loaded = run.load_forces
     run.path_error = -1.0
     if run.known_free < 2 or run.events > 0:
         return
@@ -211,18 +216,18 @@ def _accept_middle(run):
     if run.events > 0:
         run.known_free = 0
     lengths = (0.5 * span, apart, run.middles_apart)
-    found = matrix(run.found_minv, nv, nv)
+    found = run.found_minv
     for i in range(nv):
         for k in range(i):
             found[i, k] = found[k, i]
     _fit_parabola(
-        floats(run.found_minv, nv * nv), floats(run.minv_middle, nv * nv),
-        floats(run.minv_slope, nv * nv), floats(run.minv_curve, nv * nv),
-        floats(run.minv, nv * nv), run.known_middles, lengths,
+        flat(run.found_minv), flat(run.minv_middle),
+        flat(run.minv_slope), flat(run.minv_curve),
+        flat(run.minv), run.known_middles, lengths,
     )  # fmt: skip
     _fit_parabola(
-        floats(run.found_free, nv), floats(run.free_middle, nv), floats(run.free_slope, nv),
-        floats(run.free_curve, nv), floats(run.free, nv), run.known_free, lengths,
+        run.found_free, run.free_middle, run.free_slope,
+        run.free_curve, run.free, run.known_free, lengths,
     )  # fmt: skip
     run.events = 0
     run.middle_time, run.middles_apart, run.chord_end = now, apart, run.path_start
@@ -237,7 +242,7 @@ def check_prediction(run):
     Then `refused` is set.
     """
     if run.nh > 0:
-        path = matrix(run.path, ROWS, run.nv)
+        path = run.path
         project_dynamics(run, path[MIDDLE], path[MIDDLE_SPEED])
     _find_path_error(run)
     error, macro, unit = run.path_error, run.macro, run.unit
@@ -265,7 +270,7 @@ def check_prediction(run):
 def end_macro_step(run):
     """Measure at the end of a macro step how fast angles change and how far it left its path."""
     nv = run.nv
-    path, half, angular = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.angular, nv)
+    path, half, angular = run.path, run.half, run.angular
     done = run.time - run.path_start
     run.fastest = run.departure = 0.0
     for i in range(nv):
@@ -279,12 +284,12 @@ def end_macro_step(run):
 def begin(run):
     """Start inverse mass matrix, free acceleration and path at the state just evaluated."""
     nv = run.nv
-    path, half, a = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.a, nv)
+    path, half, a = run.path, run.half, run.a
     for i in range(nv):
         path[HALF, i], path[JERK, i] = half[i], 0.0
         path[ACCELERATION, i] = path[MEAN, i] = a[i]
-    found, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
-    free, free_middle = floats(run.found_free, nv), floats(run.free_middle, nv)
+    found, middle = run.found_minv, run.minv_middle
+    free, free_middle = run.found_free, run.free_middle
     for i in range(nv):
         free_middle[i] = free[i]
         for k in range(nv):
@@ -305,17 +310,17 @@ LEAST_DONE = 2
 def _base_velocity(run, q, half, v, base, h):
     """Velocity without what depends on it: drives at an extrapolated v, inertia, gravity."""
     nv = run.nv
-    a, tau = floats(run.a, nv), floats(run.tau, nv)
-    free, minv = floats(run.free, nv), matrix(run.minv, nv, nv)
+    a, tau = run.a, run.tau
+    free, minv = run.free, run.minv
     for i in range(nv):
         v[i] = half[i] + h * a[i]
         tau[i] = 0.0
     if run.prescribed != 0:
-        for one in drives(run):
+        for one in run.drives:
             if one.armature > 0.0:
                 half[one.coordinate] -= q[one.coordinate] / run.dt_before
         prescribe_motion(run, q, v, run.time)
-        for one in drives(run):
+        for one in run.drives:
             if one.armature > 0.0:
                 half[one.coordinate] += q[one.coordinate] / run.dt_before
     apply_drives(run, q, v, run.time, tau)
@@ -323,13 +328,13 @@ def _base_velocity(run, q, half, v, base, h):
         apply_servos(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
-    for one in drives(run):
+    for one in run.drives:
         k = one.coordinate
         row, moved = minv[k], h * tau[k]
         for i in range(nv):
             base[i] += moved * row[i]
     if run.prescribed != 0:
-        for one in drives(run):
+        for one in run.drives:
             if one.armature > 0.0:
                 base[one.coordinate] = v[one.coordinate]
 
@@ -338,14 +343,14 @@ def _base_velocity(run, q, half, v, base, h):
 def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv, n = run.nv, run.active
-    a, forces, minv = floats(run.a, nv), floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
-    pushed = floats(run.pushed, nv)
+    a, forces, minv = run.a, run.velocity_forces, run.minv
+    pushed = run.pushed[0]
     if n == nv:
-        trial = matrix(run.trial, TRIALS, nv)
+        trial = run.trial
         for i in range(nv):  # the residual, where the last trial ended, has the product with M^-1
             pushed[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
     else:
-        touched = integers(run.touched, nv)
+        touched = run.touched
         for i in range(nv):
             pushed[i] = 0.0
         for b in range(n):
@@ -375,16 +380,16 @@ def _powers(run, q, v):
         add_gear_losses(run, v)
         find_load_powers(run, v)
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         if joint.touching != 0:
             add_dissipation(run, j, joint)
             if joint.sections > 0:
                 add_film_losses(run, j, joint)
     if run.prescribed == 0:
         return
-    effort, minv = floats(run.drive, nv), matrix(run.minv, nv, nv)
-    free, tau, forces = floats(run.free, nv), floats(run.tau, nv), floats(run.velocity_forces, nv)
-    for one in drives(run):
+    effort, minv = run.drive, run.minv
+    free, tau, forces = run.free, run.tau, run.velocity_forces
+    for one in run.drives:
         if one.armature > 0.0:
             i = one.coordinate
             acceleration = free[i]
@@ -398,9 +403,9 @@ def _powers(run, q, v):
 def evaluate(run):
     """State and forces at the present instant: the velocity solve and all that follows from it."""
     nv = run.nv
-    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
-    base = floats(run.scratch, nv)
-    forces = floats(run.velocity_forces, nv)
+    q, v, half = run.q, run.v, run.half
+    base = run.scratch
+    forces = run.velocity_forces
     h = 0.5 * run.dt_before
     _base_velocity(run, q, half, v, base, h)
     find_velocity_forces(run, q, half)
@@ -408,7 +413,7 @@ def evaluate(run):
         apply_loads(run, base, h)
     # A state that ends one macro step and begins the next is evaluated with both parabolas; what
     # it was found to need once is the best guess.
-    pushed, new = matrix(run.pushed, 3, nv), run.time != run.evaluated_at
+    pushed, new = run.pushed, run.time != run.evaluated_at
     for i in range(nv):
         guess = pushed[0, i]
         if new:
@@ -441,25 +446,23 @@ def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span):
 @internal
 def _aim_at_parabolas(run, span):
     """Begin chords of the parabolas of inverse mass matrix and free acceleration."""
-    nv = run.nv
     run.chord_end = run.time + span
     s, apart = run.chord_end - run.middle_time, run.middles_apart
     _aim_at_parabola(
-        floats(run.free, nv), floats(run.free_rate, nv), floats(run.free_middle, nv),
-        floats(run.free_slope, nv), floats(run.free_curve, nv), s, apart, span,
+        run.free, run.free_rate, run.free_middle,
+        run.free_slope, run.free_curve, s, apart, span,
     )  # fmt: skip
     _aim_at_parabola(
-        floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv),
-        floats(run.minv_middle, nv * nv), floats(run.minv_slope, nv * nv),
-        floats(run.minv_curve, nv * nv), s, apart, span,
+        flat(run.minv), flat(run.minv_rate),
+        flat(run.minv_middle), flat(run.minv_slope),
+        flat(run.minv_curve), s, apart, span,
     )  # fmt: skip
 
 
 @internal
-def _advance(values, rates, size, dt):
+def _advance(value, rate, dt):
     """Advance values at their rates by `dt`."""
-    value, rate = floats(values, size), floats(rates, size)
-    for i in range(size):
+    for i in range(value.size):
         value[i] += dt * rate[i]
 
 
@@ -467,7 +470,7 @@ def _advance(values, rates, size, dt):
 def step_positions(run, dt):
     """Go from the state just evaluated to the one `dt` later."""
     nv = run.nv
-    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
+    q, v, half = run.q, run.v, run.half
     ratio = dt / run.dt_before
     for i in range(nv):
         half[i] = v[i] + ratio * (v[i] - half[i])
@@ -476,8 +479,8 @@ def step_positions(run, dt):
         q[i] += dt * half[i]
     if run.time + 0.5 * dt > run.chord_end:
         _aim_at_parabolas(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt))
-    _advance(run.free, run.free_rate, nv, dt)
-    _advance(run.minv, run.minv_rate, nv * nv, dt)
+    _advance(run.free, run.free_rate, dt)
+    _advance(flat(run.minv), flat(run.minv_rate), dt)
     run.dt_before = dt
 
 
@@ -496,7 +499,7 @@ def commit_memories(run, duration):
     if run.nr > 0:
         commit_gears(run)
     for j in range(run.nj):
-        commit_contacts(run, j, joints(run)[j], duration)
+        commit_contacts(run, j, run.joints[j], duration)
 
 
 @internal
@@ -552,7 +555,7 @@ def record_last_state(run):
 def restart(run):
     """Discard the history, after q and v were set from outside."""
     nv = run.nv
-    v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
+    v, half, a = run.v, run.half, run.a
     run.touching = run.known_middles = run.known_free = run.events = run.known_a = 0
     run.moved = 0.0
     run.path_start = run.time
@@ -565,11 +568,11 @@ def restart(run):
 def start_half_step(run):
     """Put `half` half a step before the state (q, v), with the forces at it."""
     if run.nh > 0:
-        project_dynamics(run, floats(run.q, run.nv), floats(run.v, run.nv))
+        project_dynamics(run, run.q, run.v)
     nv = run.nv
-    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
-    a, tau, forces = floats(run.a, nv), floats(run.tau, nv), floats(run.velocity_forces, nv)
-    free, minv = floats(run.found_free, nv), matrix(run.found_minv, nv, nv)
+    q, v, half = run.q, run.v, run.half
+    a, tau, forces = run.a, run.tau, run.velocity_forces
+    free, minv = run.found_free, run.found_minv
     if run.prescribed != 0:
         prescribe_motion(run, q, v, run.time)
     for i in range(nv):
@@ -579,10 +582,10 @@ def start_half_step(run):
         apply_servos(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
     evaluate_velocity_forces(run, q, v)
-    loaded = floats(run.load_forces, nv)
+    loaded = run.load_forces
     for i in range(nv):
         tau[i] += loaded[i]
-    pushed = floats(run.pushed, nv)  # from which the first solve starts
+    pushed = run.pushed[0]  # from which the first solve starts
     for i in range(nv):
         a[i], pushed[i] = free[i], 0.0
         for k in range(nv):

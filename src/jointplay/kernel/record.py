@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import contacts, floats, joints, loads, matrix
 from jointplay.kernel.drive import add_prescribed_power
 from jointplay.kernel.frames import dot, get_vector, set_vector
 from jointplay.kernel.gear import record_gears
+from jointplay.kernel.layout import (
+    CAGE,
+    DRIVE_EFFORT,
+    FILM_FORCE,
+    FORCE,
+    FORCE_PEAK,
+    GAP_MIN,
+    LOAD_WORK,
+    NORMAL_FORCE,
+    NORMAL_PEAK,
+    TANGENTIAL_FORCE,
+    TIME,
+    WORK,
+    Q,
+    V,
+)
 from jointplay.kernel.load import complete_load_work, record_loads
-from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.words import POWERS
 
 _NP = len(POWERS)
@@ -23,7 +35,7 @@ def is_due(run, step):
     """Whether a step is to be recorded."""
     if step % run.every == 0:
         return True
-    windows = matrix(run.windows, run.nwindows, 2)
+    windows = run.windows
     for w in range(run.nwindows):  # noqa: SIM110 - compiled
         if windows[w, 0] <= step <= windows[w, 1]:
             return True
@@ -38,7 +50,7 @@ def complete_step(run):
     trapezoidal rule, if that is pending.
     """
     if run.prescribed != 0:
-        add_prescribed_power(run, floats(run.v, run.nv), floats(run.a, run.nv))
+        add_prescribed_power(run, run.v, run.a)
     for i in range(_NP):
         if run.pending != 0:
             run.work[i] += 0.5 * run.dt * (run.before[i] + run.power[i])
@@ -50,63 +62,57 @@ def complete_step(run):
 @internal
 def fill_row(run, row):
     """Write the present state into a row of the records; peaks are those of the state."""
-    nv, nj, width = run.nv, run.nj, run.width
-    q, v, drive = floats(run.q, nv), floats(run.v, nv), floats(run.drive, nv)
-    row[0] = run.time
-    for i in range(nv):
-        row[1 + i] = q[i]
-        row[1 + nv + i] = v[i]
-        row[1 + 2 * nv + i] = drive[i]
-    at = 1 + 3 * nv
+    q, v, drive, at = run.q, run.v, run.drive, run.columns
+    row[at[TIME]] = run.time
+    for i in range(run.nv):
+        row[at[Q] + i] = q[i]
+        row[at[V] + i] = v[i]
+        row[at[DRIVE_EFFORT] + i] = drive[i]
     for i in range(_NP):
-        row[at + i] = run.work[i]
-    at += _NP
+        row[at[WORK] + i] = run.work[i]
     averaged = run.averaged != 0
-    for j in range(nj):
-        joint = joints(run)[j]
+    for j in range(run.nj):
+        joint = run.joints[j]
         for i in range(3):
             force = joint.mean_force[i] if averaged else joint.wrench[i]
             film = joint.mean_film_force[i] if averaged else joint.film_wrench[i]
-            row[at + 3 * j + i] = row[at + 3 * nj + 3 * j + i] = force
-            row[at + 6 * nj + 3 * j + i] = film
-        for k in range(width):
-            contact = contacts(run, j)[k]
-            c = at + 9 * nj + j * width + k
+            place = 3 * j + i
+            row[at[FORCE] + place] = row[at[FORCE_PEAK] + place] = force
+            row[at[FILM_FORCE] + place] = film
+        for k in range(run.width):
+            contact = run.contacts[j, k]
+            place = run.width * j + k
             normal, tangential = contact.normal, contact.tangential
             if not averaged:
                 touching = contact.touching != 0
                 normal = contact.normal_now if touching else 0.0
                 tangential = contact.tangential_now if touching else 0.0
-            row[c] = row[c + 2 * width * nj] = normal
-            row[c + width * nj] = tangential
-            row[c + 3 * width * nj] = contact.gap
-    at += 9 * nj + 4 * width * nj
+            row[at[NORMAL_FORCE] + place] = row[at[NORMAL_PEAK] + place] = normal
+            row[at[TANGENTIAL_FORCE] + place] = tangential
+            row[at[GAP_MIN] + place] = contact.gap
     for j in range(run.cages):
-        row[at + j] = joints(run)[j].cage
-    at += run.cages
-    if run.nr > 0:
-        at = record_gears(run, row, at)
-    record_loads(run, row, at)
+        row[at[CAGE] + j] = run.joints[j].cage
+    record_gears(run, row)
+    record_loads(run, row)
 
 
 @internal
 def _end_peaks(run, row):
     """Let a row hold the peaks since the last record, its own included, and begin new ones."""
-    nj, width = run.nj, run.width
-    at = 1 + 3 * run.nv + _NP + 3 * nj
-    for j in range(nj):
-        joint = joints(run)[j]
-        c = at + 3 * j
+    at = run.columns
+    for j in range(run.nj):
+        joint = run.joints[j]
+        c = at[FORCE_PEAK] + 3 * j
         force = get_vector(row, c)
         if joint.peak_square > dot(force, force):
             set_vector(row, c, get_vector(joint.peak, 0))
         set_vector(joint.peak, 0, (0.0, 0.0, 0.0))
         joint.peak_square = 0.0
-        for k in range(width):
-            contact = contacts(run, j)[k]
-            c = at + 6 * nj + (2 * nj + j) * width + k
-            row[c] = max(row[c], contact.normal_peak)
-            row[c + width * nj] = min(row[c + width * nj], contact.gap_min)
+        for k in range(run.width):
+            contact = run.contacts[j, k]
+            peak, gap = at[NORMAL_PEAK] + run.width * j + k, at[GAP_MIN] + run.width * j + k
+            row[peak] = max(row[peak], contact.normal_peak)
+            row[gap] = min(row[gap], contact.gap_min)
             contact.normal_peak = 0.0
             contact.gap_min = np.inf
 
@@ -116,8 +122,7 @@ def write_record(run):
     """Write the current state and the peaks since the last record, and begin new peaks."""
     if run.row >= run.rows:
         return
-    columns = run.record_columns
-    row = floats(run.record + 8 * columns * run.row, columns)
+    row = run.record[run.row]
     fill_row(run, row)
     _end_peaks(run, row)
     run.row += 1
@@ -139,68 +144,25 @@ def write_interpolated(run, time, elapsed, h):
     """
     if run.row >= run.rows:
         return
-    nv, columns, part = run.nv, run.record_columns, elapsed / h
-    one, other = floats(run.row_before, columns), floats(run.row_after, columns)
-    row = floats(run.record + 8 * columns * run.row, columns)
-    a0, a1 = floats(run.earlier_a, nv), floats(run.a, nv)
-    for i in range(columns):
-        row[i] = one[i] + part * (other[i] - one[i])
-    row[0] = time
-    for i in range(1, 1 + nv):
-        k = nv + i
-        row[i] = _cubic(one[i], other[i], one[k], other[k], part, h)
-        row[k] = _cubic(one[k], other[k], a0[i - 1], a1[i - 1], part, h)
-    at = 1 + 3 * nv
+    part, at = elapsed / h, run.columns
+    one, other, row = run.row_before, run.row_after, run.record[run.row]
+    a0, a1 = run.earlier_a[0], run.a
+    for c in range(row.size):
+        row[c] = one[c] + part * (other[c] - one[c])
+    row[at[TIME]] = time
+    for i in range(run.nv):
+        q, v = at[Q] + i, at[V] + i
+        row[q] = _cubic(one[q], other[q], one[v], other[v], part, h)
+        row[v] = _cubic(one[v], other[v], a0[i], a1[i], part, h)
     for i in range(_NP):
-        rise = run.power[i] - run.before[i]
-        row[at + i] = one[at + i] + elapsed * (run.before[i] + 0.5 * part * rise)
-    at = columns - run.nl
-    for load in loads(run):
+        rise, c = run.power[i] - run.before[i], at[WORK] + i
+        row[c] = one[c] + elapsed * (run.before[i] + 0.5 * part * rise)
+    for index in range(run.nl):
+        load, c = run.loads[index], at[LOAD_WORK] + index
         rise = load.power - load.before
-        row[at] = one[at] + elapsed * (load.before + 0.5 * part * rise)
-        at += 1
+        row[c] = one[c] + elapsed * (load.before + 0.5 * part * rise)
     _end_peaks(run, row)
     run.row += 1
-
-
-# Where each quantity stands in what the kernels write.
-
-
-def record_columns(
-    nv: int,
-    nj: int,
-    width: int,
-    loads: Sequence[LoadSite],
-    cages: int = 0,
-    refined: int = 0,
-) -> tuple[dict[str, slice], int]:
-    """Columns of a record by name, and their number.
-
-    `cages`: all joints, if any of them rolls; `refined`: how many gears are so.
-    """
-    widths = {
-        "time": 1,
-        "q": nv,
-        "v": nv,
-        "drive": nv,
-        "work": len(POWERS),
-        "force": 3 * nj,
-        "force_peak": 3 * nj,
-        "film_force": 3 * nj,
-        "normal": width * nj,
-        "tangential": width * nj,
-        "normal_peak": width * nj,
-        "gap_min": width * nj,
-        "cage": cages,
-        "gear": 2 * refined,
-        "load_force": sum(load.size for load in loads),
-        "load_work": len(loads),
-    }
-    fields, at = {}, 0
-    for name, size in widths.items():
-        fields[name] = slice(at, at + size)
-        at += size
-    return fields, at
 
 
 def contact_statistics(contacts: np.ndarray) -> dict[str, np.ndarray]:

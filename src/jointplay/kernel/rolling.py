@@ -30,7 +30,7 @@ from jointplay.contact.resultant import (
     TANGENT,
 )
 from jointplay.core.compiler import address_of, internal, pointer
-from jointplay.kernel.access import contacts, integers, joints, matrix, record_failure
+from jointplay.kernel.access import record_failure
 from jointplay.kernel.frames import find_twist, set_vector
 from jointplay.kernel.layout import FRICTION as FRICTION_POWER
 from jointplay.kernel.layout import NORMAL
@@ -58,7 +58,7 @@ def element_gap(joint):
 def find_elements(run, j, joint):
     """Find what the elements of joint j do at its pose; returns whether any bears load."""
     out = _evaluate(joint, BOUNDED)
-    contact = contacts(run, j)[0]
+    contact = run.contacts[j, 0]
     contact.gap = -out[DEEPEST]
     contact.touching = 0
     if contact.gap >= 0.0:
@@ -99,7 +99,7 @@ def _friction_torque(joint, spin):
 def add_element_forces(run, j, joint):
     """Add elastic wrench, damping and friction at the joint's twist to its wrench."""
     wrench, twist, out = joint.wrench, joint.twist, pointer(joint.elements)
-    contact = contacts(run, j)[0]
+    contact = run.contacts[j, 0]
     if contact.touching != 0:
         damping = pointer(joint.dimensions)[DAMPING]
         for r in range(6):
@@ -155,12 +155,11 @@ def element_frequency(run, joint):
 
     It is the trace of M^-1 J^T K J, no less than the square of the highest [rad^2/s^2].
     """
-    nv, out = run.nv, pointer(joint.elements)
-    minv = matrix(run.minv, nv, nv)
+    minv, out = run.minv, pointer(joint.elements)
     total = 0.0
     if joint.first < 0:
         n = joint.nsupport
-        jacobian, support = matrix(joint.jacobian, 6, n), integers(joint.support, n)
+        jacobian, support = joint.jacobian, joint.support
         for k in range(n):
             for m in range(n):
                 bend = 0.0
@@ -198,7 +197,7 @@ def cage_rate(joint, v):
 def advance_cages(run, v, elapsed):
     """Turn all cages by what they go in `elapsed` [s] at velocities v."""
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         if joint.resultant != 0:
             joint.cage += elapsed * cage_rate(joint, v)
 
@@ -207,7 +206,7 @@ def advance_cages(run, v, elapsed):
 def advance_cages_by_stage(run, v, stage, weight, ahead):
     """Do the same in a stage of Runge-Kutta's, from the step's start on."""
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         if joint.resultant == 0:
             continue
         rate = cage_rate(joint, v)

@@ -15,20 +15,15 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import floats, servos
-from jointplay.kernel.drive import reference_rows
+from jointplay.kernel.drive import between_rows, reference_rows
 
 ROUNDING = 1e-9
 """Part of a period by which a sample may come early."""
 
 
 @internal
-def _voltage(servo, rows, part, nu, q, v):
+def _voltage(servo, position, speed, q, v):
     """What the controller asks for at a state."""
-    u = servo.column
-    position = rows[u] + part * (rows[3 * nu + u] - rows[u])
-    u += nu
-    speed = rows[u] + part * (rows[3 * nu + u] - rows[u])
     read = q[servo.encoder]
     if servo.resolution > 0.0:
         read = servo.resolution * math.floor(read / servo.resolution + 0.5)
@@ -42,23 +37,25 @@ def _voltage(servo, rows, part, nu, q, v):
 @internal
 def apply_servos(run, q, v, time, tau):
     """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
-    rows, part = reference_rows(run, time)
-    effort = floats(run.drive, run.nv)
-    for servo in servos(run):
+    before, after, part = reference_rows(run, time)
+    effort = run.drive
+    for servo in run.servos:
+        position = between_rows(before, after, part, 0, servo.column)
+        speed = between_rows(before, after, part, 1, servo.column)
         if servo.period > 0.0:
             if time >= servo.next_sample - ROUNDING * servo.period:
                 servo.held_before = servo.held
                 servo.sampled_at = time
                 servo.next_sample += servo.period
             if abs(time - servo.sampled_at) <= ROUNDING * servo.period:
-                servo.held = _voltage(servo, rows, part, run.nu, q, v)
+                servo.held = _voltage(servo, position, speed, q, v)
                 if time == 0.0:
                     servo.held_before = servo.held
                 asked = 0.5 * (servo.held_before + servo.held)
             else:
                 asked = servo.held
         else:
-            asked = _voltage(servo, rows, part, run.nu, q, v)
+            asked = _voltage(servo, position, speed, q, v)
         i = servo.coordinate
         push = servo.stall * asked
         whole = effort[i] + push

@@ -12,7 +12,7 @@ Where joints are reached through frames, Pinocchio's Jacobians come between, and
 from __future__ import annotations
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import contacts, floats, joints, record_failure
+from jointplay.kernel.access import record_failure
 from jointplay.kernel.contact import (
     add_contact_forces,
     add_dissipation,
@@ -54,11 +54,11 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
 
     `elapsed` is the time since its bristles were last bent [s].
     """
-    joint = joints(run)[j]
+    joint = run.joints[j]
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
     else:
-        pose_of_frames(run, joint, joint.pose, floats(joint.jacobian, 6 * joint.nsupport))
+        pose_of_frames(run, joint, joint.pose, joint.jacobian)
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)
@@ -83,7 +83,7 @@ def _evaluate_state(run, q, v, time):
     memories are then updated.
     """
     nv = run.nv
-    tau = floats(run.tau, nv)
+    tau = run.tau
     size = 0.0
     for i in range(nv):
         tau[i] = 0.0
@@ -111,15 +111,15 @@ def _evaluate_state(run, q, v, time):
     for j in range(run.nj):
         _evaluate_joint(run, j, q, v, tau, elapsed)
         if committed:
-            commit_contacts(run, j, joints(run)[j], run.dt if run.step > 0 else 0.0)
-            if joints(run)[j].sections > 0:
-                commit_film(run, joints(run)[j])
+            commit_contacts(run, j, run.joints[j], run.dt if run.step > 0 else 0.0)
+            if run.joints[j].sections > 0:
+                commit_film(run, run.joints[j])
 
 
 @internal
 def evaluate_forces(run):
     """Forces at the state that a method prepared, Jacobians given."""
-    _evaluate_state(run, floats(run.q, run.nv), floats(run.v, run.nv), run.load_time)
+    _evaluate_state(run, run.q, run.v, run.load_time)
 
 
 @internal
@@ -137,14 +137,14 @@ def _prepare_evaluation(run, q, v, time, commit):
 @internal
 def begin(run, commit):
     """Forces at the current state."""
-    _prepare_evaluation(run, floats(run.q, run.nv), floats(run.v, run.nv), run.time, commit)
+    _prepare_evaluation(run, run.q, run.v, run.time, commit)
 
 
 @internal
 def semi_implicit_euler(run):
     """Step by v += a dt, q += v dt (first order)."""
     nv = run.nv
-    q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
+    q, v, a = run.q, run.v, run.a
     complete_step(run)
     if is_due(run, run.step):
         write_record(run)
@@ -167,36 +167,35 @@ def runge_kutta_4(run):
     force: what is recorded is its mean over the step that led to the state.
     """
     nv = run.nv
-    q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
-    # State at the start of the step, weighted sums of its slopes, and those of the works.
-    scratch = floats(run.scratch, 4 * nv + _NP)
+    q, v, a = run.q, run.v, run.a
+    stages = run.stages
     dt, stage = run.dt, run.stage
     complete_step(run)
     if stage == 0 and is_due(run, run.step):
         write_record(run)
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
     for i in range(_NP):
-        done = 0.0 if stage == 0 else scratch[4 * nv + i]
-        scratch[4 * nv + i] = done + weight * run.power[i]
+        done = 0.0 if stage == 0 else run.stage_work[i]
+        run.stage_work[i] = done + weight * run.power[i]
     add_stage_work(run, stage, weight)
     for j in range(run.nj):
-        average_stage_forces(joints(run)[j], contacts(run, j), stage, weight / dt)
+        average_stage_forces(run.joints[j], run.contacts[j], stage, weight / dt)
     ahead = dt if stage == 2 else 0.5 * dt
     advance_cages_by_stage(run, v, stage, weight, ahead)
     for i in range(nv):
         if stage == 0:
-            scratch[i] = q[i]
-            scratch[nv + i] = v[i]
-            scratch[2 * nv + i] = 0.0
-            scratch[3 * nv + i] = 0.0
-        scratch[2 * nv + i] += weight * v[i]
-        scratch[3 * nv + i] += weight * a[i]
+            stages[0, i] = q[i]
+            stages[1, i] = v[i]
+            stages[2, i] = 0.0
+            stages[3, i] = 0.0
+        stages[2, i] += weight * v[i]
+        stages[3, i] += weight * a[i]
         if stage == 3:
-            q[i] = scratch[i] + scratch[2 * nv + i]
-            v[i] = scratch[nv + i] + scratch[3 * nv + i]
+            q[i] = stages[0, i] + stages[2, i]
+            v[i] = stages[1, i] + stages[3, i]
         else:
-            q[i] = scratch[i] + ahead * v[i]
-            v[i] = scratch[nv + i] + ahead * a[i]
+            q[i] = stages[0, i] + ahead * v[i]
+            v[i] = stages[1, i] + ahead * a[i]
     if stage < 3:
         run.stage = stage + 1
         _prepare_evaluation(run, q, v, run.time + ahead, False)
@@ -204,7 +203,7 @@ def runge_kutta_4(run):
     run.stage = 0
     run.averaged = 1
     for i in range(_NP):
-        run.work[i] += scratch[4 * nv + i]
+        run.work[i] += run.stage_work[i]
     run.step += 1
     run.time = run.step * dt
     _prepare_evaluation(run, q, v, run.time, True)

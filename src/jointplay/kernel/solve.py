@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import contracted, internal
-from jointplay.kernel.access import drives, floats, frictions, gears, integers, joints, matrix
+from jointplay.kernel.access import flat, square
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import (
     add_contact_forces,
@@ -49,6 +49,7 @@ from jointplay.kernel.gear import (
     mark_gears,
     place_gears,
 )
+from jointplay.kernel.layout import BASE, ERROR, INERTIA, LAST, MARKS, PUSH, SPEED, STEP
 from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
@@ -63,11 +64,6 @@ LEAST_COMPLIANCE = 1e-14
 
 MOST_LISTED = 0.75
 """Where more than this part of all coordinates take part, all do: their rows lie there already."""
-
-(
-    SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, INERTIA, TRIALS,
-) = range(9)  # fmt: skip
-"""Rows of `trial`."""
 
 SINGLE = 6
 """Coordinates of one joint with clearance: loops of this length are compiled on their own."""
@@ -88,21 +84,21 @@ def find_pose(run, joint, q):
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
     else:
-        pose_of_frames(run, joint, joint.pose, floats(joint.jacobian, 6 * joint.nsupport))
+        pose_of_frames(run, joint, joint.pose, joint.jacobian)
 
 
 @internal
 def find_velocity_forces(run, q, half):
     """Find what depends on the velocity at q, and list the coordinates that it moves."""
     nv = run.nv
-    touched, place = integers(run.touched, nv), integers(run.place, nv)
-    marks = matrix(run.trial, TRIALS, nv)[MARKS]
+    touched, place = run.touched, run.place
+    marks = run.trial[MARKS]
     for i in range(nv):
         marks[i] = 0.0
     run.touching = 0
     place_bodies(run, q)
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         find_pose(run, joint, q)
         touching = find_gaps(run, j, joint)
         run.touching += 1 if touching else 0
@@ -114,21 +110,21 @@ def find_velocity_forces(run, q, half):
         if joint.bristles != 0:
             find_twist(joint, half)
             advance_bristles(run, j, joint, run.dt_before)
-        support = integers(joint.support, joint.nsupport)
+        support = joint.support
         for k in range(joint.nsupport):
             marks[support[k]] = 1.0
-    for row in frictions(run):
+    for row in run.frictions:
         marks[row.coordinate] = 1.0
-    for one in drives(run):
+    for one in run.drives:
         if one.implicit != 0:
             marks[one.coordinate] = marks[one.encoder] = 1.0
-    for gear in gears(run):
+    for gear in run.gears:
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
     if run.nl + run.nr > 0:
         place_gears(run, q)
         mark_gears(run, marks)
-        evaluate_loads(run, q, floats(run.v, nv), marks)
+        evaluate_loads(run, q, run.v, marks)
     n = 0
     for i in range(nv):
         if marks[i] != 0.0:
@@ -145,11 +141,11 @@ def find_velocity_forces(run, q, half):
 @internal
 def evaluate_velocity_forces(run, q, v):
     """Evaluate tau_c at state (q, v) into `velocity_forces`."""
-    tau = floats(run.velocity_forces, run.nv)
+    tau = run.velocity_forces
     for i in range(run.nv):
         tau[i] = 0.0
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         if joint.touching == 0:
             continue
         find_twist(joint, v)
@@ -170,11 +166,11 @@ def evaluate_velocity_forces(run, q, v):
 @internal
 def _evaluate_slopes(run, q, v):
     """Evaluate the Jacobian of tau_c at the last evaluated state into `slope`."""
-    slope = floats(run.slope, run.active * run.active)
-    for i in range(run.active * run.active):
+    slope = flat(run.slope)
+    for i in range(slope.size):
         slope[i] = 0.0
     for j in range(run.nj):
-        joint = joints(run)[j]
+        joint = run.joints[j]
         if joint.touching == 0:
             continue
         for r in range(6):
@@ -215,13 +211,13 @@ def add_rows(rows, factors, total, n, size):
 @inlined
 def _listed_compliance(run, n):
     """M^-1 of the coordinates that take part."""
-    return matrix(run.minv if n == run.nv else run.compliance, n, n)
+    return square(run.minv if n == run.nv else run.compliance, n)
 
 
 @inlined
 def _residual(run, h, n):
     """Write the residual of the velocity equation; returns its squared norm."""
-    trial = matrix(run.trial, TRIALS, run.nv)
+    trial = run.trial
     speed, base, inertia, error = trial[SPEED], trial[BASE], trial[INERTIA], trial[ERROR]
     add_rows(_listed_compliance(run, n), trial[PUSH], error, n, n)
     size = 0.0
@@ -235,8 +231,8 @@ def _residual(run, h, n):
 @internal
 def _evaluate_trial(run, q, v, h):
     """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
-    n, touched = run.active, integers(run.touched, run.nv)
-    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.velocity_forces, run.nv)
+    n, touched = run.active, run.touched
+    trial, tau = run.trial, run.velocity_forces
     for a in range(n):
         v[touched[a]] = trial[SPEED, a]
     evaluate_velocity_forces(run, q, v)
@@ -252,8 +248,8 @@ def _factor(run, h):
     By Gauss and Jordan's elimination in place, with exchange of rows.
     """
     n = run.active
-    inverse, exchanged = matrix(run.inverse, n, n), integers(run.exchanged, n)
-    compliance, slope = _listed_compliance(run, n), matrix(run.slope, n, n)
+    inverse, exchanged = run.inverse, run.exchanged
+    compliance, slope = _listed_compliance(run, n), run.slope
     # The transpose of M^-1 slope is the sum of rows of M^-1, which is symmetric.
     for a in range(n):
         row = inverse[a]
@@ -298,7 +294,7 @@ def _factor(run, h):
 @inlined
 def _newton_step(run, n):
     """Write the Newton step of the last factored matrix into `trial`."""
-    trial, inverse = matrix(run.trial, TRIALS, run.nv), matrix(run.inverse, n, n)
+    trial, inverse = run.trial, square(run.inverse, n)
     add_rows(inverse, trial[ERROR], trial[STEP], n, n)
     for a in range(n):
         trial[STEP, a] = -trial[STEP, a]
@@ -308,9 +304,7 @@ def _newton_step(run, n):
 @internal
 def _list_compliance(run, n):
     """Gather M^-1 of the coordinates that take part, if these are not all."""
-    nv = run.nv
-    touched, minv = integers(run.touched, nv), matrix(run.minv, nv, nv)
-    compliance = matrix(run.compliance, n, n)
+    touched, minv, compliance = run.touched, run.minv, run.compliance
     for a in range(n):
         row = minv[touched[a]]
         for b in range(n):
@@ -320,9 +314,7 @@ def _list_compliance(run, n):
 @inlined
 def _initial_guess(run, base, v, n):
     """Start from the velocities `v`; returns the squared tolerance of the residual."""
-    nv = run.nv
-    touched, minv = integers(run.touched, nv), matrix(run.minv, nv, nv)
-    trial = matrix(run.trial, TRIALS, nv)
+    touched, minv, trial = run.touched, run.minv, run.trial
     inertia = trial[INERTIA]
     least = 0.0
     for a in range(n):
@@ -340,7 +332,7 @@ def _initial_guess(run, base, v, n):
 @internal
 def _take_step(run, q, v, h, part):
     """Take a part of the Newton step; returns the squared residual there."""
-    trial = matrix(run.trial, TRIALS, run.nv)
+    trial = run.trial
     for a in range(run.active):
         trial[SPEED, a] = trial[LAST, a] + part * trial[STEP, a]
     return _evaluate_trial(run, q, v, h)

@@ -11,8 +11,7 @@ import pinocchio as pin
 from jointplay.contact.resultant import SEAT_ANSWERS
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
-from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS
-from jointplay.kernel.record import contact_statistics, record_columns
+from jointplay.kernel.record import contact_statistics
 from jointplay.kernel.sites import (
     PARTS,
     CarriedFrame,
@@ -21,11 +20,7 @@ from jointplay.kernel.sites import (
     JointSite,
     LoadSite,
 )
-from jointplay.kernel.solve import TRIALS
-from jointplay.kernel.words import AZIMUTHS, POWERS
-
-# A record of addresses, and the arrays to which it points: made, kept alive, and copied.
-
+from jointplay.kernel.words import AZIMUTHS
 
 FIXED = (
     *("dimensions", "dt", "reference_interval"),
@@ -39,50 +34,153 @@ CACHE_LINE = 8
 LEFT_OUT = "reference"
 """Array that a simulation makes again and no copy needs."""
 
+GIVEN = frozenset(
+    (
+        *("a", "found_minv", "found_free", "world_jacobian", "open_minv", "open_free"),
+        *("joints", "contacts", "loads", "drives", "servos", "frictions", "gears"),
+        *("refined_gears", "reference", "record", "windows", "copies", "bodies", "holds"),
+        *("loop_rows", "loop_residual", "loop_correction", "loop_minv"),
+        *("row_before", "row_after", "earlier_a"),
+    )
+)
+"""Arrays that a workspace is given, shares with Pinocchio, or has only if they are needed."""
 
-class PointerRecord:
-    """A record that points to arrays.
+
+class Workspace:
+    """The arrays of one run and the record through which the kernels reach them.
 
     Args:
-        kind: of the record.
-        rows: names of arrays of records, in which there are addresses, too.
+        data: Pinocchio's data of the run, whose results the kernels read in place.
+        nv: number of coordinates.
+        sites: one for each joint with clearance.
+        tables: drives, friction, gears and reference.
+        dt: time step [s].
+        every: steps between records.
+        rows: room for records.
+        loads: what else acts.
+        own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
 
     Attributes:
-        run: the record, an array of one.
+        run: of `layout.RUN`, shape (1,).
+        q, v: state, shape (nv,).
+        drives, servos, frictions, gears, refined_gears: records of what acts on single coordinates.
+        contacts: records of the contacts, shape (nj, width).
+        record: what was recorded, a row each.
+        fields: columns of a record by quantity.
+        middle: q and v in the middle of the macro step that is planned, shape (nv,).
+        inverse_mass: Pinocchio's, its upper triangle, shape (nv, nv).
     """
 
-    def __init__(self, kind: np.dtype, rows: Collection[str]) -> None:
-        """Have the record, all zero."""
-        self.run = np.zeros(1, kind)
-        self._kept: list[np.ndarray] = []  # what the record points to must live as long
+    def __init__(
+        self,
+        data: pin.Data,
+        nv: int,
+        sites: Sequence[JointSite],
+        tables: CoordinateTables,
+        dt: float,
+        every: int,
+        rows: int,
+        own_acceleration: bool,
+        loads: Sequence[LoadSite] = (),
+    ) -> None:
+        """Allocate, and fill in the record."""
+        self.run = np.zeros(1, layout.RUN)
+        self._kept: list[np.ndarray] = []  # what records point to must live as long
         self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
-        self._changing: list[np.ndarray] = []  # those that a macro step changes
-        self._addresses: dict[str, set[str]] = {"run": set(), **{name: set() for name in rows}}
+        self._own_acceleration = own_acceleration
+        self.sites, self.load_sites = tuple(sites), tuple(loads)
+        # Views of single fields: to look a field up costs more than to read it.
+        self._row, self._step = self.run["row"], self.run["step"]
+        self._time, self._status = self.run["time"], self.run["status"]
+        self._macros = self.run["macros"]
+        rolling = any(site.record["resultant"][0] for site in sites)
+        self._set(
+            nv=nv,
+            nj=len(sites),
+            width=max((len(site.parameters) for site in sites), default=0),
+            nd=len(tables.drives),
+            ns=len(tables.servos),
+            nf=len(tables.frictions),
+            ng=len(tables.gears),
+            nr=len(tables.refined_gears),
+            nl=len(loads),
+            nu=tables.reference.shape[1] // 3,
+            nref=tables.nodes,
+            cages=len(sites) if rolling else 0,
+            load_columns=sum(load.size for load in loads),
+            every=every,
+            dt=dt,
+            dt_before=dt,
+            reference_interval=tables.interval,
+        )
+        self.fields = self._place_columns()
+        for name in layout.ARRAYS[layout.RUN].keys() - GIVEN:
+            self._allocate(name)
+        names = ("q", "v", "half", "tau", "drive", "angular")
+        self.q, self.v, self.half, self.tau, self.drive, self.angular = (
+            self._arrays[name] for name in names
+        )
+        path = self._arrays["path"]
+        self.middle = (path[layout.MIDDLE], path[layout.MIDDLE_SPEED])
+        self._link_pinocchio(data)
+        self._take_tables(tables)
+        self.joints, self.contacts = self._allocate("joints"), self._allocate("contacts")
+        for name in ("shortest", "gap", "gap_min", "deepest"):
+            self.contacts[name] = np.inf
+        self.loads = self._allocate("loads")
+        self.sliding_work: list[np.ndarray] = []
+        """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
+        for index, load in enumerate(loads):
+            self._write_load(index, load, data)
+        for j, site in enumerate(sites):
+            self._write_joint(j, site, data)
+        self.windows = np.zeros((0, 2))
+        self.record = np.zeros((rows, int(self.run["record_columns"][0])))
+        self.kept_elsewhere = 0
+        """Records that are no longer in memory, see `release_records`."""
+        through_frames = (
+            any(site.carriers is not None for site in sites) or self.loads["frames"].any()
+        )
+        self._set(through_frames=int(through_frames))
+        self._place_records()
 
     def _set(self, **fields: float) -> None:
         for name, value in fields.items():
             self.run[name] = value
 
-    def _set_pointer(self, name: str, array: np.ndarray) -> np.ndarray:
+    def _place_columns(self) -> dict[str, slice]:
+        """Tell the kernels where the quantities of a record are; returns that by name."""
+        fields, at = {}, 0
+        for place, (name, shape) in enumerate(layout.ROW.items()):
+            size = math.prod(layout.extents(shape, self.run[0]))
+            self.run["columns"][0, place] = at
+            fields[name] = slice(at, at + size)
+            at += size
+        self._set(record_columns=at)
+        return fields
+
+    def _point(self, name: str, array: np.ndarray) -> np.ndarray:
         """Let the record's field `name` point to an array."""
+        _check(layout.RUN, self.run[0], name, array)
         self.run[name] = array.ctypes.data
         self._kept.append(array)
         self._arrays[name] = array
-        self._addresses["run"].add(name)
         return array
 
-    def _allocate(self, name: str, *shape: int) -> np.ndarray:
+    def _allocate(self, name: str) -> np.ndarray:
         """Let the record's field `name` point to an array of zeros, which begins a cache line."""
-        size = math.prod(shape)
-        room = np.zeros(size + CACHE_LINE)
-        first = -(room.ctypes.data // room.itemsize) % CACHE_LINE
-        return self._set_pointer(name, room[first : first + size].reshape(shape))
+        declared = layout.ARRAYS[layout.RUN][name]
+        shape = layout.extents(declared.room, self.run[0])
+        line = 8 * CACHE_LINE
+        size = math.prod(shape) * declared.kind.itemsize
+        room = np.zeros(size + line, np.uint8)
+        first = -room.ctypes.data % line
+        return self._point(name, room[first : first + size].view(declared.kind).reshape(shape))
 
-    def _set_row_pointers(
-        self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str
-    ) -> None:
+    def _point_row(self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str) -> None:
         """Let fields of one of an array of records point to arrays, to be `called` so."""
         for name, array in arrays.items():
+            _check(row.dtype, row, name, array)
             row[name] = array.ctypes.data
             self._kept.append(array)
             self._arrays[called.format(name)] = array
@@ -91,21 +189,13 @@ class PointerRecord:
         own = {name: array for name, array in self._arrays.items() if name != LEFT_OUT}
         return own | {"run": self.run}
 
-    def _copy_arrays(self) -> dict[str, np.ndarray]:
-        """Copies of all arrays by name, without `LEFT_OUT`; addresses are zero."""
-        copies = {name: array.copy() for name, array in self._owned_arrays().items()}
-        for name, fields in self._addresses.items():
-            for field in fields:
-                copies[name][field] = 0
-        return copies
-
     def _write_back(
         self,
         kept: Mapping[str, np.ndarray],
         state: Mapping[str, Mapping[str, float]],
         fixed: Collection[str],
     ) -> None:
-        """Write what `_copy_arrays` found into the arrays.
+        """Write what `snapshot` found into the arrays.
 
         Sizes, places and addresses are not taken from it: it can come from a file, and compiled
         code goes by them wherever they lead.
@@ -128,8 +218,9 @@ class PointerRecord:
                 raise JointplayError(f"the state of {name!r} is not that of this simulation")
         writes = []
         for name, array in own.items():
+            addresses = layout.ADDRESSES.get(array.dtype, ())
             for field in array.dtype.names or ("",):
-                if field in self._addresses.get(name, ()) or (field or name.split(".")[0]) in fixed:
+                if field in addresses or (field or name.split(".")[0]) in fixed:
                     continue
                 source, target = kept[name], array
                 if field:
@@ -144,159 +235,28 @@ class PointerRecord:
         for target, source in writes:
             np.copyto(target, source)
 
-
-class Workspace(PointerRecord):
-    """The arrays of one run and the record through which the kernels reach them.
-
-    Args:
-        data: Pinocchio's data of the run, whose results the kernels read in place.
-        nv: number of coordinates.
-        sites: one for each joint with clearance.
-        tables: drives, friction, gears and reference.
-        dt: time step [s].
-        every: steps between records.
-        rows: room for records.
-        loads: what else acts.
-        own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
-
-    Attributes:
-        q, v: state, shape (nv,).
-        drives, servos, frictions, gears, refined_gears: records of what acts on single coordinates.
-        contacts: records of the contacts, shape (nj, width).
-        record: what was recorded, a row each.
-        middle: q and v in the middle of the macro step that is planned, shape (nv,).
-        inverse_mass: Pinocchio's, its upper triangle, shape (nv, nv).
-    """
-
-    def __init__(
-        self,
-        data: pin.Data,
-        nv: int,
-        sites: Sequence[JointSite],
-        tables: CoordinateTables,
-        dt: float,
-        every: int,
-        rows: int,
-        own_acceleration: bool,
-        loads: Sequence[LoadSite] = (),
-    ) -> None:
-        """Allocate, and fill in the record."""
-        width = max((len(site.parameters) for site in sites), default=0)
-        super().__init__(layout.RUN, ("joints", "loads"))
-        self._own_acceleration = own_acceleration
-        self._addresses["run"] |= {"record", "windows"}
-        cages = len(sites) if any(site.record["resultant"][0] for site in sites) else 0
-        refined = len(tables.refined_gears)
-        self.fields, columns = record_columns(nv, len(sites), width, loads, cages, refined)
-        # Views of single fields: to look a field up costs more than to read it.
-        self._row, self._step = self.run["row"], self.run["step"]
-        self._time, self._status = self.run["time"], self.run["status"]
-        self._macros = self.run["macros"]
-        self._make_state(nv)
-        self._make_solve(nv)
-        self._link_pinocchio(data, nv, own_acceleration)
-        self._make_tables(tables, nv)
-        self.joints = self._set_pointer("joints", np.zeros(len(sites), layout.JOINT))
-        self.contacts = self._set_pointer("contacts", np.zeros((len(sites), width), layout.CONTACT))
-        for name in ("shortest", "gap", "gap_min", "deepest"):
-            self.contacts[name] = np.inf
-        self.loads = self._set_pointer("loads", np.zeros(len(loads), layout.LOAD))
-        self.sites, self.load_sites = tuple(sites), tuple(loads)
-        self.sliding_work: list[np.ndarray] = []
-        """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
-        for index, load in enumerate(loads):
-            self._write_load(index, load, data)
-        for j, site in enumerate(sites):
-            self._write_joint(j, site, data)
-        self.windows = np.zeros((0, 2))
-        self.record = np.zeros((rows, columns))
-        self.kept_elsewhere = 0
-        """Records that are no longer in memory, see `release_records`."""
-        through_frames = (
-            any(site.carriers is not None for site in sites) or self.loads["frames"].any()
-        )
-        self._set(
-            nv=nv,
-            nj=len(sites),
-            width=width,
-            nl=len(loads),
-            record_columns=columns,
-            cages=cages,
-            every=every,
-            dt=dt,
-            dt_before=dt,
-            through_frames=int(through_frames),
-        )
-        self._place_records()
-
-    def _make_state(self, nv: int) -> None:
-        """Room for the state, for what acts on it, and for what the macro steps know of it."""
-        self.q, self.v, self.tau = (self._allocate(name, nv) for name in ("q", "v", "tau"))
-        self.half, self.drive = self._allocate("half", nv), self._allocate("drive", nv)
-        self._changing += [self.q, self.v, self.half, self.drive, self.tau]
-        self._changing += [
-            self._allocate(name, nv) for name in ("velocity_forces", "load_forces", "free")
-        ]
-        self._changing.append(self._allocate("pushed", 3, nv))
-        self._changing.append(self._allocate("minv", nv, nv))
-        self._changing += [self._allocate("free_rate", nv), self._allocate("minv_rate", nv, nv)]
-        for name in ("free_middle", "free_slope", "free_curve"):
-            self._allocate(name, nv)
-        for name in ("minv_middle", "minv_slope", "minv_curve"):
-            self._allocate(name, nv, nv)
-        path = self._allocate("path", ROWS, nv)
-        self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
-
-    def _make_solve(self, nv: int) -> None:
-        """Room for the velocity solve, and for Runge-Kutta."""
-        for name in ("compliance", "slope"):
-            self._allocate(name, nv, nv)
-        self._changing.append(self._allocate("inverse", nv, nv))
-        self._allocate("trial", TRIALS, nv)
-        self._allocate("scratch", 4 * nv + len(POWERS))
-        for name in ("touched", "place", "exchanged"):
-            self._set_pointer(name, np.zeros(nv, np.int64))
-
-    def _link_pinocchio(self, data: pin.Data, nv: int, own_acceleration: bool) -> None:
+    def _link_pinocchio(self, data: pin.Data) -> None:
         """Let the kernels read what Pinocchio finds."""
-        self.inverse_mass = self._set_pointer("found_minv", data.Minv)
-        self._set_pointer("found_free", data.ddq)
-        self._set_pointer("jacobian", data.J)
-        if own_acceleration:
-            self.acceleration = self._allocate("a", nv)
-            self._changing.append(self.acceleration)
-        else:
-            self.acceleration = self._set_pointer("a", data.ddq)
+        self.inverse_mass = self._point("found_minv", data.Minv)
+        self._point("found_free", data.ddq)
+        self._point("world_jacobian", data.J)
+        own = self._own_acceleration
+        self.acceleration = self._allocate("a") if own else self._point("a", data.ddq)
 
-    def _make_tables(self, tables: CoordinateTables, nv: int) -> None:
+    def _take_tables(self, tables: CoordinateTables) -> None:
         """Let the kernels read what acts on single coordinates."""
-        self.drives = self._set_pointer("drives", tables.drives)
-        self.angular = self._allocate("angular", nv)
+        self.drives = self._point("drives", tables.drives)
         prescribed = self.drives["armature"] > 0.0
-        weights = self._allocate("weights", nv)
+        weights = self._arrays["weights"]
         weights[:] = 1.0
         weights[self.drives["coordinate"][prescribed]] = 0.0
-        self.servos = self._set_pointer("servos", tables.servos)
-        self._changing.append(self.servos)
-        self.frictions = self._set_pointer("frictions", tables.frictions)
-        self.gears = self._set_pointer("gears", tables.gears)
-        self.refined_gears = self._set_pointer("refined_gears", tables.refined_gears)
-        self._changing.append(self.refined_gears)
-        self.reference = self._set_pointer(
-            "reference", np.ascontiguousarray(tables.reference, float)
-        )
+        self._set(prescribed=int(prescribed.any()))
+        self.servos = self._point("servos", tables.servos)
+        self.frictions = self._point("frictions", tables.frictions)
+        self.gears = self._point("gears", tables.gears)
+        self.refined_gears = self._point("refined_gears", tables.refined_gears)
+        self.set_reference_block(tables.reference, 0)
         self._nodes = tables.nodes
-        self._set(
-            nu=self.reference.shape[1] // 3,
-            nd=len(self.drives),
-            ns=len(self.servos),
-            nf=len(self.frictions),
-            ng=len(self.gears),
-            nr=len(self.refined_gears),
-            nref=tables.nodes,
-            reference_interval=tables.interval,
-            prescribed=int(prescribed.any()),
-        )
 
     def _write_joint(self, j: int, site: JointSite, data: pin.Data) -> None:
         self.joints[j] = site.record[0]
@@ -309,7 +269,7 @@ class Workspace(PointerRecord):
             support, signs = joint["first"] + np.arange(6), np.ones(6, np.int64)
         else:
             assert site.signs is not None
-            support, signs = self._link_frames("joints", joint, site.carriers, site.signs, data)
+            support, signs = self._link_frames(joint, site.carriers, site.signs, data)
         joint["nsupport"] = len(support)
         arrays = {
             "dimensions": np.array([*site.dimensions, *(0.0,) * 4]),
@@ -319,12 +279,10 @@ class Workspace(PointerRecord):
             "sliding_work": self.sliding_work[j],
             "elements": np.zeros(SEAT_ANSWERS if joint["resultant"] else 1),
         }
-        self._set_row_pointers(joint, arrays, "{}." + str(j))
-        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law"}
-        self._addresses["joints"] |= {"film_law", "element_law"}
+        self._point_row(joint, arrays, "{}." + str(j))
 
     def _link_frames(
-        self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
+        self, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
     ) -> tuple[np.ndarray, np.ndarray]:
         """Let a joint or load be reached through its frames; returns support and signs."""
         for part, (index, placement) in zip(PARTS, carriers, strict=True):
@@ -334,12 +292,15 @@ class Workspace(PointerRecord):
                 row[f"{part}_{name}"] = view.ctypes.data
                 self._kept.append(view)
             row[f"{part}_placement"] = [*placement.rotation.ravel(), *placement.translation]
-            self._addresses[kind] |= {f"{part}_rotation", f"{part}_translation"}
         support = np.flatnonzero(signs)
         return support, signs[support].astype(np.int64)
 
     def _write_load(self, index: int, site: LoadSite, data: pin.Data) -> None:
         load = self.loads[index]
+        load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
+        load["ninputs"], load["noutputs"] = len(site.inputs), len(site.outputs)
+        load["nanswers"], load["nbounds"] = site.size, len(site.bounds)
+        load["nrates"] = len(site.inputs) if site.carriers is None else 6
         arrays = {
             "numbers": site.numbers,
             "elastic": np.zeros((2, site.size)),
@@ -350,10 +311,9 @@ class Workspace(PointerRecord):
         if site.carriers is None:
             arrays["place"], arrays["rate"] = np.zeros(len(site.inputs)), np.zeros(len(site.inputs))
             arrays["out"] = np.zeros(site.size)
-            self._changing.append(arrays["out"])
         else:
             assert site.signs is not None
-            support, signs = self._link_frames("loads", load, site.carriers, site.signs, data)
+            support, signs = self._link_frames(load, site.carriers, site.signs, data)
             n = len(support)
             arrays |= {"support": support.astype(np.int64), "signs": signs}
             arrays["jacobian"] = np.zeros((6, n))
@@ -363,11 +323,7 @@ class Workspace(PointerRecord):
             here = self.loads.ctypes.data + index * layout.LOAD.itemsize
             for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
                 load[name] = here + places[field][1]
-        self._set_row_pointers(load, arrays, "load.{}." + str(index))
-        self._addresses["loads"] |= {*arrays, "law", "place", "rate", "out"}
-        load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
-        load["ninputs"], load["noutputs"] = len(site.inputs), len(site.outputs)
-        load["bounded"] = int(bool(site.bounds))
+        self._point_row(load, arrays, "load.{}." + str(index))
 
     def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
         """Let the kernels, not Pinocchio, compute the poses of the bodies that carry joints.
@@ -377,8 +333,9 @@ class Workspace(PointerRecord):
             carried: bearing and journal, in turn, of every joint that is reached through frames;
                 then both frames of every load that acts between two.
         """
-        self._set_pointer("bodies", bodies)
-        self._allocate("jacobian", len(self.q), 6)
+        self._set(nb=len(bodies), through_frames=0)
+        self._point("bodies", bodies)
+        self._allocate("world_jacobian")
         frames = iter(carried)
         sites: list[JointSite | LoadSite] = [*self.sites, *self.load_sites]
         for joint, site in zip([*self.joints, *self.loads], sites, strict=True):
@@ -389,7 +346,6 @@ class Workspace(PointerRecord):
                 joint[f"{part}_rotation"] = body["rotation"].ctypes.data
                 joint[f"{part}_translation"] = body["origin"].ctypes.data
                 joint[f"{part}_placement"] = place
-        self._set(nb=len(bodies), through_frames=0)
 
     def turn_body(self, coordinate: int, turn: np.ndarray) -> None:
         """Let the body that a coordinate turns have this orientation in its parent at zero.
@@ -409,37 +365,34 @@ class Workspace(PointerRecord):
         Args:
             holds: of `layout.HOLD`.
         """
-        nv, rows = len(self.q), 3 * len(holds)
-        self._set_pointer("holds", holds)
-        self.run["open_minv"], self.run["open_free"] = (
-            self.run["found_minv"],
-            self.run["found_free"],
-        )
-        self._addresses["run"] |= {"open_minv", "open_free"}
-        for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
-            self._arrays[f"open_{name}"] = self._arrays[f"found_{name}"]
-        self._allocate("found_free", nv)
-        for name in ("found_minv", "loop_minv"):
-            self._allocate(name, nv, nv)
-        for name, shape in {
-            "loop_rows": (rows, nv),
-            "loop_residual": (2, rows),
-            "loop_correction": (2, nv),
-        }.items():
-            self._allocate(name, *shape)
         self._set(nh=len(holds))
+        self._point("holds", holds)
+        for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
+            self._point(f"open_{name}", self._arrays[f"found_{name}"])
+            self._allocate(f"found_{name}")
+        for name in ("loop_rows", "loop_residual", "loop_correction", "loop_minv"):
+            self._allocate(name)
 
     def state(self) -> list[np.ndarray]:
         """All arrays that a macro step changes, but for the records: to come back to a state."""
         records = [self.run, self.joints, self.contacts, self.loads]
-        return [*records, *self._changing, *self.sliding_work]
+        changing = [
+            self._arrays[name]
+            for name, declared in layout.ARRAYS[layout.RUN].items()
+            if declared.changes and name in self._arrays and (name != "a" or self._own_acceleration)
+        ]
+        out = [array for name, array in self._arrays.items() if name.startswith("load.out.")]
+        return [*records, *changing, *out, *self.sliding_work]
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Copies of all that the run has written, by name: to come back to it in another process.
 
         The table of the reference is left out; addresses are zero.
         """
-        copies = self._copy_arrays()
+        copies = {name: array.copy() for name, array in self._owned_arrays().items()}
+        for copy in copies.values():
+            for field in layout.ADDRESSES.get(copy.dtype, ()):
+                copy[field] = 0
         copies["written"] = self.record[: self.rows - self.kept_elsewhere].copy()
         copies["kept_elsewhere"] = np.array(self.kept_elsewhere)
         return copies
@@ -525,7 +478,7 @@ class Workspace(PointerRecord):
         """Let drives go by another part of the reference, which begins with its node `first`."""
         self.reference = self._arrays["reference"] = np.ascontiguousarray(reference, float)
         before = first * self.reference.strides[0]
-        self.run["reference"] = self.reference.ctypes.data - before
+        self._set(reference=self.reference.ctypes.data - before)
 
     def record_windows(self, windows: Sequence[tuple[int, int]]) -> None:
         """Record every step from the first to the last of each of these pairs of steps, too."""
@@ -543,9 +496,8 @@ class Workspace(PointerRecord):
 
     def keep_copies(self) -> None:
         """Have room to come back to the start of a macro step, and between states for records."""
-        for name in ("row_before", "row_after"):
-            self._allocate(name, self.record.shape[1])
-        self._changing.append(self._allocate("earlier_a", 3, len(self.q)))
+        for name in ("row_before", "row_after", "earlier_a"):
+            self._allocate(name)
         arrays = [array for array in self.state() if array.size]
         self._copies = [array.copy() for array in arrays]
         table = [
@@ -554,7 +506,6 @@ class Workspace(PointerRecord):
         ]
         self._copy_table = np.array(table, np.int64)
         self._set(copies=self._copy_table.ctypes.data, ncopies=len(table))
-        self._addresses["run"].add("copies")
 
     @property
     def unresolved(self) -> int:
@@ -604,3 +555,11 @@ class Workspace(PointerRecord):
     def contact_statistics(self) -> dict[str, np.ndarray]:
         """Per joint and contact, (nj, width): see `record.contact_statistics`."""
         return contact_statistics(self.contacts)
+
+
+def _check(record: np.dtype, row: np.ndarray, name: str, array: np.ndarray) -> None:
+    """See that an array is what `layout` declares, for compiled code takes it for that."""
+    declared = layout.ARRAYS[record].get(name)
+    if declared is not None:
+        size = math.prod(layout.extents(declared.room, row))
+        assert (array.dtype, array.size) == (declared.kind, size), (name, array.shape, size)
