@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.contact import resultant
+from jointplay.contact import elastic, resultant
 from jointplay.core.errors import JointplayError
 from jointplay.design.static_budget import budget
 from jointplay.loads.drive import Prescribed
@@ -146,7 +146,7 @@ def test_a_guides_wrench_is_the_gradient_of_its_energy():
     def answer(twist):
         pose = np.concatenate([[*twist[:3]], (_rotation(twist[3:]) @ _rotation(begin)).ravel()])
         pose[:3] += place
-        return resultant.answers(joint.law, joint.resultant, pose[None])[0]
+        return elastic.answers(joint.law, joint.resultant, pose[None])[0]
 
     place, begin = np.array([1e-5, -2e-5, 0.3]), np.array([1e-3, -2e-3, 3e-3])
     wrench, step = answer(np.zeros(6))[:6], np.array([1e-8] * 3 + [1e-6] * 3)
@@ -171,7 +171,7 @@ def test_a_curve_is_followed_and_stores_its_area():
     poses = np.zeros((3, 12))
     poses[:, 3:] = np.eye(3).ravel()
     poses[:, 0] = [0.5e-5, -2e-5, 4e-5]
-    found = resultant.answers(joint.law, joint.resultant, poses)
+    found = elastic.answers(joint.law, joint.resultant, poses)
     assert found[:, 0] == pytest.approx([-55.0, 320.0, -740.0])
     areas = [0.5 * 50 * 0.5e-5, 0.5e-3 + 1e-5 * 200, 0.5e-3 + 2e-5 * 300 + 1e-5 * 600]
     springs = 0.5e6 * poses[:, 0] ** 2
@@ -185,7 +185,7 @@ def test_a_matrix_couples_directions():
     turned = np.zeros(6)
     turned[0], turned[4] = 1e-6, 1e-4
     pose = np.concatenate([turned[:3], _rotation(turned[3:]).ravel()])
-    wrench = resultant.answers(joint.law, joint.resultant, pose[None])[0, :6]
+    wrench = elastic.answers(joint.law, joint.resultant, pose[None])[0, :6]
     assert wrench[:5] == pytest.approx(-whole @ turned[:5], rel=1e-6, abs=1e-6)
 
 
@@ -349,7 +349,7 @@ def test_a_mounts_wrench_is_the_gradient_of_its_energy():
 
     def answer(twist):
         pose = np.concatenate([place + twist[:3], (_rotation(twist[3:]) @ begin).ravel()])
-        return resultant.answers(joint.law, joint.resultant, pose[None])[0]
+        return elastic.answers(joint.law, joint.resultant, pose[None])[0]
 
     place, begin = np.array([1e-5, -2e-5, 2e-5]), _rotation(np.array([0.3, -0.2, 0.5]))
     step = np.array([1e-8] * 3 + [1e-6] * 3)

@@ -23,7 +23,6 @@ from jointplay.joints import SphericalClearance
 from jointplay.motion import rosbag
 from jointplay.paper import scara
 from jointplay.result.certificate import alone
-from jointplay.result.thinning import thinned
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +87,7 @@ def test_contacts_that_a_joint_does_not_have_give_no_column():
 
 
 def test_fewer_records_keep_the_peaks_between_them(result):
-    thin = thinned(result, 300)
+    thin = result.thinned(300)
     assert thin.time.tolist() == pytest.approx([0.0, 0.03, 0.06, 0.09, 0.1])
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
     kept = np.linalg.norm(thin["joint_force_peak"].values[:, 0], axis=1)
@@ -101,7 +100,7 @@ def test_fewer_records_keep_the_peaks_between_them(result):
     assert len(result.to_dataframe(every=300)) == 5
     for wrong in (0, -1, 2.5, True):
         with pytest.raises(JointplayError, match=r"every must be a whole number"):
-            thinned(result, wrong)
+            result.thinned(wrong)
 
 
 def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
@@ -205,7 +204,7 @@ def test_messages_are_those_of_ros(result, bagged):
         for name, (_, fields) in get_types_from_msg(definition(kind), kind).items():
             assert fields == store.fielddefs[name][1], name
     with AnyReader([bagged], default_typestore=store) as reader:
-        assert reader.message_count == 1 + 5 * len(thinned(result, 200).time)
+        assert reader.message_count == 1 + 5 * len(result.thinned(200).time)
         for connection, _, raw in reader.messages():
             kind = connection.msgtype
             assert store.deserialize_cdr(raw, kind).header.stamp.sec == 0
@@ -224,7 +223,7 @@ def test_trajectory_files_have_the_fields_of_the_message(result, tmp_path):
 def test_bags_come_back_as_motions(result, tmp_path):
     path = result.export(tmp_path / "r.mcap", every=10)
     names = ["joint_a", "joint_b.yaw", "stroke", "joint_c"]
-    expected = thinned(result, 10)["q"].sel(coordinate=names)
+    expected = result.thinned(10)["q"].sel(coordinate=names)
     for topic in (None, "/joint_states", "/joint_trajectory"):
         motion = Motion.from_mcap(path, topic)
         assert motion.joints == ("joint_a", "joint_b", "stroke", "joint_c")
@@ -433,7 +432,7 @@ def test_rerun_recordings_hold_the_robot_and_all_numbers(result, tmp_path):
         raise AssertionError(f"{entity} has no {name}")
 
     force = column("/force/joint_b", "Arrows3D:vectors").to_pylist()
-    thin = thinned(result, 100)
+    thin = result.thinned(100)
     work = column("/histories/drive_work", "Scalars:scalars").to_pylist()
     assert [value[0] for value in work] == thin["drive_work"].values.tolist()
     times = column("/histories/drive_work", "time").cast("int64").to_numpy()

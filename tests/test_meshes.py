@@ -15,7 +15,7 @@ import jointplay as jp
 from jointplay import JointplayError
 from jointplay.mechanism import meshes
 from jointplay.mechanism.meshes import parts_of, surface
-from jointplay.mechanism.robots import survey
+from jointplay.mechanism.survey import survey
 from jointplay.mechanism.visuals import look, mesh_folders
 
 

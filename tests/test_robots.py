@@ -19,6 +19,7 @@ from jointplay.analysis import inputs
 from jointplay.cli import main
 from jointplay.core.errors import MissingName
 from jointplay.mechanism import robots
+from jointplay.mechanism.survey import survey
 
 STEP = 2e-6
 """The weight of an arm jams the journal of a shoulder; at 1e-5 s its friction feeds energy [s]."""
@@ -71,7 +72,7 @@ def with_play(name, joint, **fields):
         "radial_clearance": 5e-5,
         "axial_clearance": 5e-5,
     }
-    found = robots.survey(name)
+    found = survey(name)
     clearance = {joint: RevoluteClearance(**bearing | fields)}
     return Mechanism(found.path, clearance, allow_unphysical=found.unphysical)
 
@@ -88,7 +89,7 @@ def short_motion(mechanism, duration=0.02):
 
 @pytest.mark.parametrize("name", ARMS)
 def test_revolute_joints_are_those_that_people_know(name):
-    found = robots.survey(name)
+    found = survey(name)
     turning = ("revolute", "continuous")
     assert [joint for joint, kind in found.moving.items() if kind in turning] == JOINTS[name]
     assert found.serial
@@ -177,7 +178,7 @@ def test_resolve_takes_paths_and_names():
 
 
 def test_every_robot_is_surveyed():
-    found = {name: robots.survey(name) for name in robots.robots()}
+    found = {name: survey(name) for name in robots.robots()}
     for name, robot in found.items():
         root = ElementTree.parse(robot.path).getroot()
         joints = {j.get("name"): j.get("type") for j in root.findall("joint")}
@@ -196,7 +197,7 @@ def test_every_robot_is_surveyed():
 
 
 def test_all_impossible_inertias_are_named_at_once():
-    found = robots.survey("talos_left_arm")
+    found = survey("talos_left_arm")
     with pytest.raises(JointplayError) as error:
         Mechanism(found.path)
     assert len(found.unphysical) == 2
@@ -360,7 +361,7 @@ def test_a_motion_that_nobody_gave_keeps_from_limits_of_speed_and_of_followers(n
     from jointplay.scenario.robot import robot_scenario
     from jointplay.scenario.settings import Setting
 
-    allowed = Setting(("robot", "allow_unphysical"), list(robots.survey(name).unphysical), "test")
+    allowed = Setting(("robot", "allow_unphysical"), list(survey(name).unphysical), "test")
     simulation = robot_scenario(name, settings=[allowed], ideal=True).simulation()
     motion, entries = simulation.motion, simulation.mechanism.description.joints
     places, speeds, _ = motion(np.linspace(0.0, motion.duration, 2001))
@@ -398,7 +399,7 @@ def command(line, capsys):
     ],
 )
 def test_every_robot_is_run_and_budgeted_or_says_what_is_missing(name, tmp_path, capsys):
-    found = robots.survey(name)
+    found = survey(name)
     entries = found.mechanism.description.joints
     allowed = ["--allow-unphysical=all"] if found.unphysical else []
     budget = ["budget", name, "--clearance", "0.1 mm", *allowed]

@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.core.files import temporary
-from jointplay.mechanism.robots import survey
+from jointplay.mechanism.survey import survey
 
 SHIPPED_STEP = 1e-6
 """Step of the slider-crank's own scenario [s]: at 10 µs its impacts last few steps."""

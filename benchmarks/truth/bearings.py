@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.optimize import linprog, root
 
 import jointplay as jp
-from jointplay.contact import resultant
+from jointplay.contact import elastic, resultant
 from jointplay.core.files import temporary
 from jointplay.core.tables import Table
 from jointplay.simulation.run import Run
@@ -222,7 +222,7 @@ def energies(cases):
             if state.energy == 0.0:
                 continue
             pose = np.concatenate([centre, axes.ravel()])[None]
-            out = resultant.answers(bearing.law, bearing.resultant, pose, cage)[0]
+            out = elastic.answers(bearing.law, bearing.resultant, pose, cage)[0]
             taken = bearing.resultant[resultant.RATIO] * out[resultant.CAGE_SLOPE]
             wrench = state.wrench.copy()
             wrench[3:] += taken * axes[:, 2]  # the cage stands

@@ -14,6 +14,8 @@ are loaded when a name is first used, so that `import jointplay` costs nothing.
 
 import lazy_loader
 
+from jointplay import conveniences as _conveniences  # noqa: F401 - it provides them
+
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

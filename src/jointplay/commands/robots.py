@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
-    from jointplay.mechanism.robots import Survey
+    from jointplay.mechanism.survey import Survey
     from jointplay.mechanism.urdf import Description
 
 
@@ -30,11 +30,12 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print all robots, arms first, or one."""
     from jointplay.mechanism import robots
+    from jointplay.mechanism.survey import survey
 
     if options.name is not None:
-        print(_detail(robots.survey(options.name)))
+        print(_detail(survey(options.name)))
         return 0
-    surveys = [robots.survey(name) for name in robots.robots()]
+    surveys = [survey(name) for name in robots.robots()]
     arms = [robot for robot in surveys if robot.serial]
     others = [robot for robot in surveys if not robot.serial]
     print("\n".join(["ARMS (revolute joints on one path)", *map(_entry, arms)]))

@@ -378,7 +378,8 @@ def explain(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
     from jointplay.commands import run_scenario
-    from jointplay.scenario.robot import LABEL, is_robot
+    from jointplay.mechanism.robots import is_robot
+    from jointplay.scenario.robot import LABEL
 
     target = options.urdf or options.target
     if not options.resume and (target is None or options.urdf or is_robot(target)):
@@ -392,8 +393,8 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     Raises:
         JointplayError: options that do not go together, or what they name is not there.
     """
+    from jointplay.mechanism.robots import is_robot
     from jointplay.scenario import Scenario
-    from jointplay.scenario.robot import is_robot
     from jointplay.scenario.settings import parse
 
     if options.target is not None and options.urdf is not None:

@@ -210,12 +210,17 @@ class _Summaries:
         self.results = {case: self.results[case] for case in self.items if case in self.results}
 
     def _load(self, case: str) -> None:
-        from jointplay.result.thinning import load_some
+        from jointplay.result import thinning
+        from jointplay.result.result import Result
 
         path = self.items[case].path
         if case in self.results or not path.exists():
             return
-        result = load_some(path, self.scenario.trust, self.only)
+        trust = self.scenario.trust
+        if path.stat().st_size < thinning.LARGE_FILE:
+            result = Result.load(path, trust)
+        else:
+            result = Result.load(path, trust, most=thinning.SUMMARY_RECORDS, only=self.only)
         # What was run, rather than built once more from the file, recorded as seldom as this is.
         every = json.loads(result.dataset.attrs["simulation"])["record_every"]
         result.simulation = replace(self.simulations[case], record_every=every)

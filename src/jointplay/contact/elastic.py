@@ -21,6 +21,8 @@ sine of the angle along the axis of the turn, and changes with the angular veloc
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +43,7 @@ from jointplay.contact.resultant import (
     MOUNT,
     NODES,
     SEAT,
+    SEAT_ANSWERS,
     SEATED,
     SPRINGS,
     SUM,
@@ -339,3 +342,35 @@ def forces_at(law, numbers, poses, cage, out):
 
 _SOURCES = (__file__, resultant.__file__, rolling.__file__, compiler.__file__)
 stamp(forces_at, map(Path, _SOURCES))
+
+
+def answers(
+    law: int, numbers: Sequence[float], poses: np.ndarray, cage: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """What a law answers at many poses, all exact.
+
+    Args:
+        law: `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or `MOUNT`.
+        numbers: of the joint.
+        poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
+        cage: azimuth of the first element, (n,) [rad].
+
+    Returns:
+        (n, `SEAT_ANSWERS`), see `rolling.find_element_forces`.
+    """
+    found = np.zeros((len(poses), SEAT_ANSWERS))
+    turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()
+    forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, found)
+    return found
+
+
+@cache
+def address(law: int) -> int:
+    """Machine address of a law, for the time loop."""
+    from numba import types
+
+    from jointplay.contact.compiled import compiled_function  # the time loop's alone
+
+    array = types.CPointer(types.float64)
+    signature = types.void(array, array, array, types.int64)
+    return int(compiled_function(FUNCTIONS[law], signature).address)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -123,41 +122,6 @@ def spring_numbers(
         room = [0.0] * (NODES - len(curve))
         numbers += [float(len(curve)), *places, *room, *forces, *room]
     return tuple(numbers)
-
-
-def answers(
-    law: int, numbers: Sequence[float], poses: np.ndarray, cage: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """What a law answers at many poses, all exact.
-
-    Args:
-        law: `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or `MOUNT`.
-        numbers: of the joint.
-        poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
-        cage: azimuth of the first element, (n,) [rad].
-
-    Returns:
-        (n, `SEAT_ANSWERS`), see `rolling.find_element_forces`.
-    """
-    from jointplay.contact.elastic import forces_at
-
-    found = np.zeros((len(poses), SEAT_ANSWERS))
-    turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()
-    forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, found)
-    return found
-
-
-@cache
-def address(law: int) -> int:
-    """Machine address of a law, for the time loop."""
-    from numba import types
-
-    from jointplay.contact.compiled import compiled_function
-    from jointplay.contact.elastic import FUNCTIONS
-
-    array = types.CPointer(types.float64)
-    signature = types.void(array, array, array, types.int64)
-    return int(compiled_function(FUNCTIONS[law], signature).address)
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,28 @@
-"""Imports at the moment of need: of upper layers by lower ones, and of libraries that are extras.
+"""What lower layers get from upper ones, and libraries that are extras.
 
-Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies: such
-conveniences name their home instead of importing it.
+Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies: the
+package itself, which is above all layers, provides such `conveniences`.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from jointplay.core.errors import JointplayError
 
+_provided: dict[str, Callable[[], Any]] = {}
 
-def load_object(address: str) -> Any:
-    """The object at "module:name" of this package, such as ``plots:Plots``."""
-    module, _, name = address.partition(":")
-    return getattr(importlib.import_module(f"jointplay.{module}"), name)
+
+def provide(import_it: Callable[[], Any]) -> None:
+    """Have lower layers find by the function's name what it imports when it is first needed."""
+    _provided[import_it.__name__] = import_it
+
+
+def provided(name: str) -> Any:
+    """What an upper layer has under this name."""
+    return _provided[name]()
 
 
 def how_to_install(name: str) -> str:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_a
-from jointplay.core.imports import load_object
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -28,7 +28,7 @@ class Kind:
     """A kind of file that results are written to."""
 
     maker: str
-    """Address of its `Maker`."""
+    """Module and name of its `Maker`."""
     suffixes: tuple[str, ...]
     """Endings of its files; the first is the usual one."""
     about: str
@@ -36,26 +36,20 @@ class Kind:
 
 
 KINDS = {
-    "csv": Kind("exports.table:csv", (".csv",), "all histories as a table, one row a record"),
-    "parquet": Kind("exports.table:parquet", (".parquet",), "the same table, typed and compressed"),
+    "csv": Kind("table:csv", (".csv",), "all histories as a table, one row a record"),
+    "parquet": Kind("table:parquet", (".parquet",), "the same table, typed and compressed"),
     "trajectory": Kind(
-        "exports.trajectory:trajectory",
+        "trajectory:trajectory",
         (".yaml", ".yml", ".csv"),
         "joint positions: ROS 2 JointTrajectory (YAML), or a CSV that is a motion",
     ),
-    "mcap": Kind(
-        "exports.bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"
-    ),
+    "mcap": Kind("bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"),
     "plotjuggler": Kind(
-        "exports.layouts:plotjuggler", (".xml",), "layout of charts of the bag for PlotJuggler 3"
+        "layouts:plotjuggler", (".xml",), "layout of charts of the bag for PlotJuggler 3"
     ),
-    "foxglove": Kind(
-        "exports.layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"
-    ),
-    "fmu": Kind(
-        "exports.fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"
-    ),
-    "rerun": Kind("exports.rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
+    "foxglove": Kind("layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"),
+    "fmu": Kind("fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"),
+    "rerun": Kind("rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
 }
 """Kinds of file by name."""
 
@@ -76,7 +70,7 @@ def export(
         result: what is written.
         path: the file; its ending must be one of the kind's.
         to: one of `KINDS`; None tells it by the file's ending (.csv is the table).
-        every: only each n-th record and the last; peaks keep what lies between (`thinned`).
+        every: only each n-th record and the last; peaks keep what lies between.
         overwrite: whether a file of that name is replaced.
         progress: whether to show a bar.
         options: of the kind: ``inputs`` and ``period`` of an fmu (`exports.fmu.fmu`).
@@ -90,13 +84,12 @@ def export(
     """
     require_a("result", result, "Result")
     kind = check(path, to, overwrite)
-    from jointplay.result.thinning import thinned
-
-    maker: Maker = load_object(KINDS[kind].maker)
+    module, _, name = KINDS[kind].maker.partition(":")
+    maker: Maker = getattr(import_module(f"jointplay.exports.{module}"), name)
     given = {name: value for name, value in options.items() if value is not None}
     if given and kind != "fmu":
         raise JointplayError(f"{', '.join(given)}: only an fmu has that, got a {kind} file")
-    content = maker(thinned(result, every), Path(path).suffix.lower(), progress, **given)
+    content = maker(result.thinned(every), Path(path).suffix.lower(), progress, **given)
     return files.write(path, content, overwrite=overwrite)
 
 

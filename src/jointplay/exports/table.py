@@ -17,7 +17,6 @@ import numpy as np
 from jointplay import exports
 from jointplay.core.imports import extra
 from jointplay.result.result import Result
-from jointplay.result.thinning import thinned
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +65,7 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     """
     import pandas as pd
 
-    histories = columns(thinned(result, every))
+    histories = columns(result.thinned(every))
     table = pd.DataFrame({name: values for name, (values, _) in histories.items()})
     table.attrs = {
         "units": {name: unit for name, (_, unit) in histories.items()},

@@ -579,8 +579,10 @@ class RollingBearing(WholeLawJoint):
         )
 
     def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
+        from jointplay.contact.elastic import answers
+
         pose = np.concatenate([centre, axes.ravel()])[None]
-        out = resultant.answers(self.law, self.resultant, pose, cage)[0]
+        out = answers(self.law, self.resultant, pose, cage)[0]
         loads, angles = self.element_loads(centre, axes[:, 2], cage)
         stiffness = out[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6).copy()
         return BearingState(out[:6].copy(), float(out[resultant.ENERGY]), loads, angles, stiffness)
@@ -628,10 +630,12 @@ class RollingBearing(WholeLawJoint):
         self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
     ) -> np.ndarray:
         """By how much the outer ring is displaced in its seat, and leans, (..., 5) [m, 1]."""
+        from jointplay.contact.elastic import answers
+
         poses = np.zeros((*centre.shape[:-1], 12))
         poses[..., :3], poses[..., [5, 8, 11]] = centre, axis
         turns = np.broadcast_to(cage, centre.shape[:-1]).reshape(-1)
-        found = resultant.answers(self.law, self.resultant, poses.reshape(-1, 12), turns)
+        found = answers(self.law, self.resultant, poses.reshape(-1, 12), turns)
         return found[:, resultant.SEAT :].reshape(*centre.shape[:-1], resultant.WAYS)
 
     def _tangent(
@@ -641,6 +645,8 @@ class RollingBearing(WholeLawJoint):
 
         Unlike `BearingState.stiffness` it has what loads do by turning with their contacts.
         """
+        from jointplay.contact.elastic import answers
+
         steps = 1e-3 * depth * np.array([1.0] * 3 + [2.0 / self.d_pitch] * 3)
         poses = []
         for k in range(6):
@@ -648,7 +654,7 @@ class RollingBearing(WholeLawJoint):
                 move = way * np.eye(6)[k]
                 turned = _rotation(move[3:]) @ axes
                 poses.append(np.concatenate([centre + move[:3], turned.ravel()]))
-        ends = resultant.answers(self.law, self.resultant, np.array(poses), cage)[:, :6]
+        ends = answers(self.law, self.resultant, np.array(poses), cage)[:, :6]
         fall: np.ndarray = ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
         return fall
 

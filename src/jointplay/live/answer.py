@@ -29,7 +29,6 @@ from jointplay.loads.drive import Drive
 from jointplay.mechanism.tree import BodyMotion, Tree
 from jointplay.player import scene
 from jointplay.result.result import Result
-from jointplay.result.thinning import thinned
 from jointplay.result.variables import TERMS
 from jointplay.simulation.run import Run
 
@@ -260,7 +259,7 @@ def cycle_message(
     if twin is not None:
         full_error = np.linalg.norm(deviation(result, twin).values, axis=1)
         full_turn = np.linalg.norm(deviation(result, twin, "tool_orientation").values, axis=1)
-    few = thinned(result, max(-(-len(result.time) // SHOWN), 1))
+    few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
     kept = np.searchsorted(result.time, few.time)
     columns = Columns(bytearray(), {})
     columns.put("time", few.time)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
-from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.urdf import as_option
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 _NO_INERTIA = 1e-12
 """An entry on the mass matrix's diagonal that is no larger is none [kg m^2 or kg]."""

@@ -27,7 +27,6 @@ from jointplay.core.errors import (
     require_vector,
     within,
 )
-from jointplay.core.imports import load_object
 from jointplay.core.schema import Described, choice, plain, quantity
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
@@ -568,8 +567,9 @@ class Mechanism(Overview, Described):
         return self._geometry(collisions=True)
 
     def _geometry(self, collisions: bool) -> pin.GeometryModel:
-        seen = load_object("mechanism.visuals:look")(self, collisions=collisions)
-        return load_object("mechanism.visuals:geometry_model")(self, seen)
+        from jointplay.mechanism.visuals import geometry_model, look
+
+        return geometry_model(self, look(self, collisions=collisions))
 
     def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
         """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
@@ -584,7 +584,9 @@ class Mechanism(Overview, Described):
         Raises:
             JointplayError: a given folder does not exist, or loops cannot be closed.
         """
-        return load_object("mechanism.visuals:visualizer")(self, meshes, open)
+        from jointplay.mechanism.visuals import visualizer
+
+        return visualizer(self, meshes, open)
 
     def owner(self, index: int) -> str | None:
         """Name of the joint whose coordinates Pinocchio's joint `index` has; None of the ground."""

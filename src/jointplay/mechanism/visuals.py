@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlparse
 
 import coal
@@ -24,9 +24,11 @@ import pinocchio as pin
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import is_folder
 from jointplay.mechanism.loop import assemble
-from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.meshes import Colour, Parts, Surface, readable, surface
 from jointplay.mechanism.model import parse
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 TONES: tuple[Colour, ...] = ((0.79, 0.83, 0.87, 1.0), (0.66, 0.72, 0.79, 1.0))
 """Of links without colour, by turns, so that one can be told from the next."""

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.analysis.twins import ideal_simulation, is_twin
-from jointplay.contact import resultant
+from jointplay.contact import elastic, resultant
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.core.units import round_below
 from jointplay.design.levers import sources
@@ -164,7 +164,7 @@ def _most_loaded(
         Both in bearing axes, the place from the ring's centre, shape (n, 3) [m].
     """
     pose = np.hstack([centre, rotation.reshape(-1, 9)])
-    found = resultant.answers(bearing.law, bearing.resultant, pose, cage)
+    found = elastic.answers(bearing.law, bearing.resultant, pose, cage)
     c, s, h = found[:, resultant.COSINE], found[:, resultant.SINE], found[:, resultant.PLACE]
     across, along = found[:, resultant.ACROSS], found[:, resultant.ALONG]
     radius = 0.5 * (bearing.d_pitch - across * bearing.d_element)

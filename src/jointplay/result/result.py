@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Collection
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +14,11 @@ import numpy as np
 from jointplay.contact.trust import showing, trusting
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_a, require_whole
-from jointplay.core.imports import load_object
+from jointplay.core.imports import provided
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
+from jointplay.result.thinning import thin
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,7 +131,7 @@ class Result:
     @property
     def plot(self) -> Plots:
         """Figures of this result: `result.plot.orbit()`, `.forces()`, `.deviation()` ..."""
-        plots: Plots = load_object("plots:Plots")(self)
+        plots: Plots = provided("plots")(self)
         return plots
 
     @property
@@ -149,7 +150,7 @@ class Result:
         Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
         units. `every`: only each n-th record and the last; peaks cover what lies between.
         """
-        frame: pd.DataFrame = load_object("exports.table:dataframe")(self, every)
+        frame: pd.DataFrame = provided("dataframe")(self, every)
         return frame
 
     def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
@@ -180,12 +181,12 @@ class Result:
         Raises:
             JointplayError: see there.
         """
-        written: Path = load_object("exports:export")(self, path, to, **options)
+        written: Path = provided("export")(self, path, to, **options)
         return written
 
     def _repr_html_(self) -> str:
         """What a notebook shows: how the run ended, its figures, a small picture."""
-        page: str = load_object("exports.notebook:page")(self)
+        page: str = provided("notebook_page")(self)
         return page
 
     @cached_property
@@ -199,7 +200,7 @@ class Result:
         Raises:
             JointplayError: its inputs do not make a simulation.
         """
-        kind: type[Simulation] = load_object("simulation:Simulation")
+        kind: type[Simulation] = provided("simulation")
         with trusting(self.trust), showing():
             try:
                 return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
@@ -225,7 +226,14 @@ class Result:
         return files.write(path, netcdf.pack(self.dataset), overwrite=overwrite)
 
     @classmethod
-    def load(cls, path: str | Path, trust: Collection[str] = (), every: int = 1) -> Result:
+    def load(
+        cls,
+        path: str | Path,
+        trust: Collection[str] = (),
+        every: int = 1,
+        most: int | None = None,
+        only: Collection[str] | None = None,
+    ) -> Result:
         """Read a file that `save` or a long run wrote.
 
         A file runs no code. If it names a law of the user's own, `simulation` finds it only among
@@ -236,14 +244,32 @@ class Result:
             trust: modules, such as ``"my_laws"``, that may be imported when the file names them.
             every: only each n-th record and the last, peaks covering what lies between: the result
                 of a run that recorded so seldom. A file of any size then fits into memory.
+            most: records at most, about, in place of `every`.
+            only: histories that are wanted, if not all records are; None: all.
 
         Raises:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
-        if require_whole("every", every, 1) == 1:
+        if require_whole("every", every, 1) == 1 and most is None:
             return cls.read(path, trust, netcdf.load)
-        loaded: Result = load_object("result.thinning:load")(path, trust, every)
-        return loaded
+        with cls.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
+            if most is not None:
+                every = max(-(-dataset.sizes["time"] // most), 1)
+            made = thin(dataset, every, only)
+        simulation = json.loads(made.attrs["simulation"])
+        simulation["record_every"] *= every
+        made.attrs["simulation"] = json.dumps(simulation)
+        return cls(made, trust)
+
+    def thinned(self, every: int) -> Result:
+        """Each n-th record and the last one, what lay between covered as by `thinning.thin`.
+
+        Raises:
+            JointplayError: `every` is not a whole number from 1 on.
+        """
+        if require_whole("every", every, 1) == 1 or self.dataset.sizes["time"] < 2:
+            return self
+        return Result(thin(self.dataset, every), self.trust)
 
     @classmethod
     def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:

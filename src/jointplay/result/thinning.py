@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
-
-from jointplay.core.errors import require_whole
-from jointplay.result import netcdf
-from jointplay.result.result import Result
 
 _LARGEST, _SMALLEST, _STRONGEST = "normal_force_peak", "gap_min", "joint_force_peak"
 """Variables that cover the time since the last record, by how two of them make one."""
@@ -27,68 +20,11 @@ SUMMARY_RECORDS = 50_000
 """Records of a long run that are read for its summary and figures, about."""
 
 
-def thinned(result: Result, every: int) -> Result:
-    """Each n-th record and the last one.
+def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -> xr.Dataset:
+    """Each n-th record of a dataset and the last one, read a piece of a variable at a time.
 
     What covers the time since the last record (``*_peak``, ``gap_min``) covers that since the last
     one kept.
-
-    Args:
-        result: with all its records, in memory or opened lazily; it is not changed.
-        every: n, at least 1.
-
-    Raises:
-        JointplayError: `every` is not a whole number from 1 on.
-    """
-    if require_whole("every", every, 1) == 1 or result.dataset.sizes["time"] < 2:
-        return result
-    return Result(thin(result.dataset, every), result.trust)
-
-
-def load(
-    path: str | Path,
-    trust: Collection[str] = (),
-    every: int = 1,
-    most: int | None = None,
-    only: Collection[str] | None = None,
-) -> Result:
-    """A file as if it had been recorded less often; memory holds only what is returned.
-
-    Args:
-        path, trust, every: see `Result.load`.
-        most: records at most, about, in place of `every`.
-        only: histories that are wanted; None: all.
-
-    Raises:
-        JointplayError: see `Result.load`.
-    """
-    require_whole("every", every, 1)
-    with Result.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
-        if most is not None:
-            every = max(-(-dataset.sizes["time"] // most), 1)
-        made = thin(dataset, every, only)
-    simulation = json.loads(made.attrs["simulation"])
-    simulation["record_every"] *= every
-    made.attrs["simulation"] = json.dumps(simulation)
-    return Result(made, trust)
-
-
-def load_some(
-    path: Path, trust: Collection[str] = (), only: Collection[str] | None = None
-) -> Result:
-    """A result with no more than about `SUMMARY_RECORDS` records; see `Result.load`.
-
-    Args:
-        path, trust: see there.
-        only: histories that are wanted, if the file is large.
-    """
-    if path.stat().st_size < LARGE_FILE:
-        return Result.load(path, trust)
-    return load(path, trust, most=SUMMARY_RECORDS, only=only)
-
-
-def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -> xr.Dataset:
-    """The same of a dataset, read a piece of a variable at a time.
 
     Args:
         dataset: of a result.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import resultant
+from jointplay.contact import elastic, resultant
 from jointplay.geometry import Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.kernel import POWERS
@@ -359,7 +359,7 @@ def contact_variables(
             )
         else:
             cage[:, j] = records.recorded("cage")[:, j]
-            found = resultant.answers(joint.law, joint.resultant, poses, cage[:, j])
+            found = elastic.answers(joint.law, joint.resultant, poses, cage[:, j])
             gap[:, j, at[0]], loaded[:, j] = (
                 -found[:, resultant.DEEPEST],
                 found[:, resultant.LOADED],

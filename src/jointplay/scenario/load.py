@@ -17,7 +17,7 @@ from jointplay.core.files import is_file, read_text
 from jointplay.core.schema import check, fields_of, make, unknown_key
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import not_lost, toml_text
-from jointplay.mechanism.robots import SHIPPED, resolve
+from jointplay.mechanism.robots import SHIPPED, is_robot, resolve
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree, with_names
@@ -154,15 +154,12 @@ class Scenario(Overview):
         require_a("path", path, "str", "Path")
         if str(path).startswith(SHIPPED):
             path = resolve(str(path), Path())
-        elif not is_file(Path(path)):
-            from jointplay.scenario.robot import is_robot
-
-            if is_robot(str(path)):
-                raise JointplayError(
-                    f"{str(path)!r} is a robot, and a scenario is needed: a file (.toml) that says "
-                    "besides which joints have play, and how it moves; jointplay init writes one "
-                    "to start from"
-                )
+        elif not is_file(Path(path)) and is_robot(str(path)):
+            raise JointplayError(
+                f"{str(path)!r} is a robot, and a scenario is needed: a file (.toml) that says "
+                "besides which joints have play, and how it moves; jointplay init writes one "
+                "to start from"
+            )
         return cls(read_text(Path(path), "scenario"), path, trust, settings)
 
     def simulation(

@@ -14,7 +14,7 @@ from jointplay.core.schema import one_of
 from jointplay.core.tables import few
 from jointplay.core.units import round_below
 from jointplay.kernel.integrators import DEFAULT
-from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
+from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve
 from jointplay.mechanism.urdf import Description, read
 from jointplay.result.settings import Integration, Recording
 from jointplay.scenario.load import Scenario
@@ -55,19 +55,6 @@ MARGIN = 1.2
 def _there(place: str) -> bool:
     """Whether there is a file of this name, which may be one that none can have."""
     return files.is_file(Path(place))
-
-
-def is_robot(place: str) -> bool:
-    """Whether `place` names a robot rather than a scenario file."""
-    if place.startswith(PREFIX) or place.lower().endswith((".urdf", ".xml", ".xacro")):
-        return True
-    if place.lower().endswith(".toml") or _there(place):
-        return False
-    try:
-        robot_urdf(place)
-    except JointplayError:  # who then finds no file either says what this says
-        return False
-    return True
 
 
 def robot_scenario(

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
-from jointplay.contact import resultant
+from jointplay.contact import elastic, resultant
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
@@ -66,7 +66,7 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     record["bristles"] = joint.friction.bristles
     record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
     if joint.resultant is not None:
-        record["resultant"], record["element_law"] = 1, resultant.address(joint.law)
+        record["resultant"], record["element_law"] = 1, elastic.address(joint.law)
         record["cage"] = joint.resultant[resultant.CAGE]
     record["wearing"] = len(joint.wear.widths) if joint.wear else 0
     record["limit"] = -joint.depth_limit
@@ -119,7 +119,7 @@ def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndar
     joint = mechanism.clearance[name]
     assert joint.resultant is not None
     centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
-    found = resultant.answers(joint.law, joint.resultant, centred[None])[0]
+    found = elastic.answers(joint.law, joint.resultant, centred[None])[0]
     stiffness = found[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
     jacobian = mechanism.relative_jacobian(name, q)
     inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))

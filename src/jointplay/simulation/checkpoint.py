@@ -9,14 +9,13 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.contact.trust import trusting
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import differences, short
@@ -55,18 +54,20 @@ def save(run: Run, path: Path) -> Path:
     return files.write(path, out.getvalue(), overwrite=True, announced=False)
 
 
-def resume(path: Path, trust: Collection[str]) -> Run:
-    """See `Simulation.resume`."""
-    from jointplay.simulation.run import Run
-    from jointplay.simulation.simulation import Simulation
+def resume(path: Path, made: Callable[[dict[str, Any], Path | None], Run]) -> Run:
+    """A run as it was left, see `Simulation.resume`.
 
+    Args:
+        path: the checkpoint.
+        made: from the description of a simulation, and where its records are if that is on disk,
+            to a run of it.
+    """
     arrays, head = read(path)
     with _naming_checkpoint(path):
         # It names a file beside it, which must hold records of this very run: nothing else is read,
         # written or deleted because a checkpoint says so.
         records = None if head["records"] is None else path.with_name(head["records"]["file"])
-        with trusting(trust):
-            run = Run(Simulation.from_description(head["simulation"]), records=records)
+        run = made(head["simulation"], records)
         _restore(run, arrays, head)
     return run
 

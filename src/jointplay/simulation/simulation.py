@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
+from jointplay.contact.trust import trusting
 from jointplay.core.errors import JointplayError, require_a, require_non_negative, require_table
-from jointplay.core.imports import load_object
+from jointplay.core.imports import provided
 from jointplay.core.schema import check_fields, unknown_key
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
@@ -182,7 +183,12 @@ class Simulation(Overview, Inputs):
         Raises:
             JointplayError: no such file, damaged, or of another version.
         """
-        return checkpoint.resume(Path(path), trust)
+
+        def made(description: dict[str, Any], records: Path | None) -> Run:
+            with trusting(trust):
+                return Run(Simulation.from_description(description), records=records)
+
+        return checkpoint.resume(Path(path), made)
 
     def run_to(self, path: str | Path, progress: bool = False, resume: bool = False) -> Result:
         """Simulate with the histories on disk: memory does not grow with the length of the run.
@@ -224,7 +230,7 @@ class Simulation(Overview, Inputs):
         """
         result = Run(self, progress).finish(progress, check_step)
         if (certify or estimate) and result.status == Status.COMPLETED:
-            find_errors = load_object("analysis.certification:errors_if_possible")
+            find_errors = provided("errors_of_run")
             try:
                 found = find_errors(result, certify, simulation=self, progress=progress)
             except KeyboardInterrupt:

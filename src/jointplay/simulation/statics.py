@@ -13,7 +13,7 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import resultant
+from jointplay.contact import elastic, resultant
 from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address
 from jointplay.core.compiler import njit, pointer
@@ -241,7 +241,7 @@ class _ElasticElements(ElasticJoint):
         self.reach = float(np.linalg.norm(joint.outline.size))
 
     def _look(self, poses: np.ndarray) -> np.ndarray:
-        return resultant.answers(self._law, self._numbers, poses, self._cage)
+        return elastic.answers(self._law, self._numbers, poses, self._cage)
 
     def energy(self, pose: np.ndarray) -> float:
         """See `ElasticJoint.energy`."""
