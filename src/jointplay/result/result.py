@@ -18,7 +18,6 @@ from jointplay.core.imports import provided
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
-from jointplay.result.thinning import thin
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -252,6 +251,8 @@ class Result:
         """
         if require_whole("every", every, 1) == 1 and most is None:
             return cls.read(path, trust, netcdf.load)
+        from jointplay.result.thinning import thin
+
         with cls.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
             if most is not None:
                 every = max(-(-dataset.sizes["time"] // most), 1)
@@ -269,6 +270,8 @@ class Result:
         """
         if require_whole("every", every, 1) == 1 or self.dataset.sizes["time"] < 2:
             return self
+        from jointplay.result.thinning import thin
+
         return Result(thin(self.dataset, every), self.trust)
 
     @classmethod
