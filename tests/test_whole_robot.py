@@ -13,18 +13,10 @@ from conftest import body, joint
 
 from jointplay.cli import main
 from jointplay.core.errors import JointplayError
-from jointplay.design.reduced_files import to_sdf
+from jointplay.design.random_copies import draw, drawn, intervals
+from jointplay.design.reduced_files import reach, to_sdf, to_urdf
+from jointplay.design.reduced_mjcf import compile_robot, find_play, find_reach
 from jointplay.design.reduction import Reduction, reduce_all
-from jointplay.design.whole_robot import (
-    compile_robot,
-    draw,
-    drawn,
-    find_play,
-    find_reach,
-    intervals,
-    reach,
-    to_ros2,
-)
 from jointplay.joints import RevoluteClearance
 from jointplay.loads.drive import Servo
 from jointplay.mechanism.gear import Gear
@@ -153,7 +145,7 @@ def test_the_urdf_has_play_and_ros2_controls_tags_and_is_read_by_others(
     mechanism, reductions, tmp_path
 ):
     written = tmp_path / "robot.urdf"
-    written.write_text(to_ros2(mechanism, reductions))
+    written.write_text(to_urdf(mechanism, *reductions))
     robot = yourdfpy.URDF.load(str(written), load_meshes=False)
     model = pin.buildModelFromUrdf(str(written))
     assert {"a_play", "b_play"} <= set(robot.joint_map) & set(model.names)
@@ -173,7 +165,7 @@ def test_a_urdfs_own_tags_of_ros2_control_stay(path, reductions, tmp_path):
     tags = '<ros2_control name="mine" type="system"><joint name="a"/></ros2_control></robot>'
     own.write_text(path.read_text().replace("</robot>", tags))
     gears = {n: Gear(x, 0.05, 2e3, 2.0) for n, x in PLAYS.items()}
-    text = to_ros2(Mechanism(own, {}, gears=gears), reductions)
+    text = to_urdf(Mechanism(own, {}, gears=gears), *reductions)
     (system,) = ElementTree.fromstring(text).findall("ros2_control")
     assert system.get("name") == "mine"
     assert [one.get("name") for one in system.findall("joint")] == ["a", "a_play", "b_play"]
@@ -352,10 +344,8 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
             "mjcf, sdf, urdf, usd would have no play",
         ),
         (["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"], "--tilt"),
-        (["--joint", "a=0.1 mm"], "mjcf, sdf, urdf would have no play: the clearance of a"),
+        (["--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play: the clearance of a"),
         (["--clearance", "0.1 mm"], "got none: name it, or add --all"),
-        (["--joint", "a", *OPTIONS, "--batch", "2"], "--batch is for a whole robot"),
-        (["--joint", "a", *OPTIONS, "--format", "usd"], "--format usd is for a whole robot"),
         (["--all", "--joint", "c=0.1 mm"], "cannot be represented by a hinge"),
     ],
 )
@@ -399,6 +389,7 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     assert {one.name for one in (tmp_path / "o").iterdir()} == {
         "robot.sdf",
         "robot.urdf",
+        "robot.yaml",
         "robot.json",
     }
     assert main([*order, "--format", "mjcf", "--out", str(tmp_path / "p")]) == 2

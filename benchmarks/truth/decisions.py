@@ -22,7 +22,7 @@ from common import folder_of, require
 import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.design.poses import along_motion, over_workspace
-from jointplay.design.reduced_files import follow, to_mjcf
+from jointplay.design.reduced_mjcf import compile_robot, follow
 from jointplay.design.reduction import reduce
 from jointplay.design.static_budget import budget
 from jointplay.mechanism.robots import robot_urdf
@@ -150,8 +150,11 @@ def reductions(quick: bool) -> list[str]:
             other = reduce(mechanism, joint, pose, amplitude=amplitude, period=period)
             spent = time.process_time() - begun
             past = replace(fitted, history=other.history)
-            seen = follow(to_mjcf(mechanism, fitted), past)
-            lean = follow(to_mjcf(mechanism, fitted, tilt=True), past).lean_error
+            stiff, leaning = (
+                compile_robot(mechanism, [fitted], pose, tilt) for tilt in (False, True)
+            )
+            seen = follow(stiff.mjcf([fitted]), past, stiff.meshes)
+            lean = follow(leaning.mjcf([fitted]), past, leaning.meshes).lean_error
             rows.append(
                 f"| {joint} | {amplitude:g} rad, {period:g} s | {1e6 * fitted.angle_error:.0f} | "
                 f"{1e6 * seen.error:.0f} | {1e6 * seen.rms:.0f} | {1e3 * fitted.tilt_error:.2f} | "

@@ -31,13 +31,13 @@ FORMATS = {
     "usd": [".usda"],
 }
 """Endings of the files of each format."""
-WHOLE = {name: endings[:1] for name, endings in FORMATS.items()}
-"""The same of a whole robot, whose URDF has the tags of ros2_control instead of a YAML."""
+PARAMETERS = (".yaml", ".json")
+"""Those that random copies have not: `batch.csv` has their numbers."""
 NEEDS = {
-    ".xml": ("mujoco", "MuJoCo compiles the URDF"),
-    ".usda": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
+    "mjcf": ("mujoco", "MuJoCo compiles the URDF"),
+    "usd": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
 }
-"""Packages that a whole robot's formats need, and for what."""
+"""Packages that formats need, and for what."""
 LEANS = ("mjcf", "json")
 """Formats that can hold the lean of an axis."""
 STEM = "robot"
@@ -59,11 +59,11 @@ def add(commands: Any) -> None:
         "ROS, Newton",
         description="Fit a hinge with dead band, stiffness, damping and friction to the full "
         "model of one joint's play, by reversals about a pose, and write it as MJCF "
-        "(MuJoCo), SDF (Gazebo), URDF and YAML, JSON with ranges for domain "
+        "(MuJoCo), SDF (Gazebo), URDF and YAML (ROS), USD (Newton), JSON with ranges for domain "
         "randomisation. The dead band about the axis comes from the gear; the "
         "bearing contributes friction and tilt, which --tilt writes. --joint names the joint. "
-        "With --all: the play of all joints in one file of each format, USD with Newton's schemas "
-        "among them, and random copies of it (--batch). See docs/decisions.md.",
+        "With --all: the play of all joints in one file of each format. --batch adds random "
+        "copies. See docs/decisions.md.",
         epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
         'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
     )
@@ -94,7 +94,7 @@ def add(commands: Any) -> None:
     )
     add_switch(group, "--check", "run the MJCF in MuJoCo and compare it with the full model")
     add_option(group, "--out DIR", "folder for the files", required=True)
-    group = parser.add_argument_group("whole robot")
+    group = parser.add_argument_group("whole robot, random copies")
     add_switch(group, "--all", "write all joints with play into one file of each format")
     add_option(
         group, "--batch N", "write N copies besides, their play, friction and stiffness random"
@@ -129,87 +129,111 @@ def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
     if options.spread is not None:
         require_non_negative("--spread", options.spread, "")
-    return _run_all(options) if options.all else _run_one(options)
-
-
-def _run_one(options: argparse.Namespace) -> int:
-    """Reduce one joint."""
-    for option in ("batch", "seed", "identified", "plugin"):
-        if getattr(options, option) is not None:
-            raise JointplayError(f"--{option} is for a whole robot: add --all")
-    if "usd" in options.format:
-        raise JointplayError("--format usd is for a whole robot: add --all")
-    if len(options.joint) != 1:
-        raise JointplayError(
-            f"--joint must name one joint, got {len(options.joint) or 'none'}: name it, or add "
-            "--all, which reduces every joint that has play"
-        )
-    from jointplay.joints.bearings import is_designation
-
-    joint, length = name_and_value(options.joint[0], is_value=is_designation)
-    stem = joint.replace("/", "_")
-    formats, notes = _formats(options, list(FORMATS)[:-1])
+    count = _copies(options)
+    joint = None if options.all else _joint(options)
+    stem = STEM if joint is None else joint.replace("/", "_")
+    formats, notes = _formats(options)
     endings = [ending for one in formats for ending in FORMATS[one]]
-    names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]
-    out = Outputs(options.out, [*names, "reversals.png"])
-    from jointplay.design import reduced_files
-    from jointplay.design.reduction import reduce
-    from jointplay.plots.design import reversals
+    width = len(str(count))
+    copies = [f"{stem}_{i:0{width}d}" for i in range(1, count + 1)]
+    names = [f"{stem}{ending}" for ending in endings]
+    names += [f"{one}{ending}" for one in copies for ending in endings if ending not in PARAMETERS]
+    names += ["batch.csv"] * bool(count) + ["reversals.png"] * (joint is not None)
+    from jointplay.mechanism.meshes import FOLDER
+
+    out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
+    from jointplay.design import random_copies, reduced_files
+    from jointplay.design.reduction import reduce, reduce_all
 
     if options.spread is None:
         options.spread = reduced_files.SPREAD
-
-    scenario = str(options.robot).endswith(".toml")
-    if length is None and options.clearance is None:
-        options.joint = []  # its play is the scenario's, or its gear's alone
     options.pose = [options.pose or ""]
+    scenario = str(options.robot).endswith(".toml")
     work = task(options)
-    if not (options.joint or scenario or joint in work.mechanism.gears):
+    if not (joint is None or options.joint or scenario or joint in work.mechanism.gears):
         raise JointplayError(
             "--clearance or --gear is missing: without play there is nothing to reduce"
         )
     mechanism = _with_gear(options, work.mechanism, scenario)
-    _require_play(options, mechanism, [joint], formats)
+    play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
+    _require_play(options, mechanism, play, formats)
+    found = None
+    if options.identified is not None:
+        found = random_copies.read_identified(options.identified, mechanism.joints)
     out.claim()
     pose = _pose(mechanism, work)
-    model = reduce(
-        mechanism,
-        joint,
-        pose,
-        **given(options, "amplitude", "period"),
-        progress=not options.quiet,
-    )
-    print("\n".join([*work.notes, str(model), *notes]))
-    if options.tilt and model.tilt_error > model.tilt > 0.0:
-        print(
-            "note: the error of the lean exceeds its dead band: its load does not turn the journal "
-            "to the rim (a side force presses both rims to one side, or nothing does); leave "
-            "--tilt out"
-        )
-    servos = _servos(options, work)
+    how = given(options, "amplitude", "period") | {"progress": not options.quiet}
+    if joint is None:
+        reductions, refused = reduce_all(mechanism, pose, **how)
+        notes += [f"not reduced: {why}" for why in refused.values()]
+    else:
+        reductions = [reduce(mechanism, joint, pose, **how)]
+    servos = _servos(options, work) if "mjcf" in formats else {}
     if servos:
-        print(f"servos (MJCF): {', '.join(servos)}")
-    mjcf = reduced_files.to_mjcf(
-        mechanism, model, encoder=options.encoder, tilt=options.tilt, servos=servos
+        notes.append(f"servos (MJCF): {', '.join(servos)}")
+    leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
+    shown = _overview(reductions, leaning) if joint is None else str(reductions[0])
+    print("\n".join([*work.notes, shown]))
+    writer = _Writer(options, mechanism, reductions, pose, endings)
+    written, own = reduced_files.reach(mechanism, reductions, pose, leaning)
+    notes.append(
+        f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
+        f"budget's worst case is {1e3 * own.worst[0]:.5g} mm"
+        + _unwritten(mechanism, reductions, leaning)
     )
-    makers: dict[str, Callable[[], str]] = {
-        ".xml": lambda: mjcf,
-        ".sdf": lambda: reduced_files.to_sdf(mechanism, model),
-        ".urdf": lambda: reduced_files.to_urdf(mechanism, model),
-        ".yaml": lambda: reduced_files.to_yaml(model, options.encoder),
-        ".json": lambda: reduced_files.to_json(model, options.encoder, options.spread),
-    }
-    contents: dict[str, Any] = {name: makers[Path(name).suffix]() for name in names}
-    contents["reversals.png"] = reversals(model)
+    for one in reductions:
+        if one.joint in leaning and one.tilt_error > one.tilt:
+            notes.append(
+                f"note: the error of the lean of {one.joint} exceeds its dead band: its load does "
+                "not turn the journal to the rim (a side force presses both rims to one side, or "
+                "nothing does); leave --tilt out"
+            )
+    contents: dict[str, Any] = writer.files(stem, reductions, servos)
+    if "urdf" in formats:
+        contents[f"{stem}.yaml"] = reduced_files.to_yaml(reductions, options.encoder)
+    if "json" in formats:
+        contents[f"{stem}.json"] = reduced_files.to_json(
+            reductions, options.encoder, options.spread
+        )
+    if count:
+        compiled = "mjcf" in formats
+        ranges = random_copies.intervals(
+            mechanism, reductions, options.spread, found, servos, leaning if compiled else ()
+        )
+        values = random_copies.draw(ranges, count, options.seed or 0)
+        for name, row in zip(copies, values, strict=True):
+            ones = random_copies.drawn(reductions, ranges, row)
+            contents |= writer.files(name, ones, random_copies.drawn_servos(servos, ranges, row))
+        contents["batch.csv"] = random_copies.table(ranges, values, copies).csv(17)
+        known = [one.label for one in ranges if one.origin == "identified"]
+        assumed = f"within +-{100.0 * options.spread:g} %, assumed"
+        if known:
+            assumed = f"within the intervals of {', '.join(known)}, all others {assumed}"
+        print(f"{count} random copies, uniform {assumed}")
+    if joint is not None:
+        from jointplay.plots.design import reversals
+
+        contents["reversals.png"] = reversals(reductions[0])
+    print("\n".join([*notes, *writer.notes]))
+    writer.write_meshes()
     out.write(contents)
     if options.check:
-        _compare(mjcf, model)
+        mjcf = contents[f"{stem}.xml"]
+        _check(mjcf, writer.meshes, reductions)
+        if leaning:
+            from jointplay.design.reduced_mjcf import find_reach
+
+            moved = find_reach(mjcf, writer.meshes, mechanism.tool, pose, own.direction[0])
+            print(
+                f"MuJoCo: the axes' lean moves the tool by {1e3 * moved:.5g} mm along the "
+                "budget's worst direction"
+            )
     return 0
 
 
-def _run_all(options: argparse.Namespace) -> int:
-    """Reduce all joints that have play, into one file of each format."""
-    count = 0 if options.batch is None else options.batch
+def _copies(options: argparse.Namespace) -> int:
+    """How many random copies are wanted."""
+    count: int = 0 if options.batch is None else options.batch
     if options.batch is not None and count < 1:
         raise JointplayError(f"--batch must be at least 1, got {count}")
     if options.seed is not None and options.seed < 0:
@@ -219,82 +243,22 @@ def _run_all(options: argparse.Namespace) -> int:
             raise JointplayError(f"--{option} is for random copies: add --batch N")
     if count and options.spread == 0.0 and options.identified is None:
         raise JointplayError("--spread 0 makes all copies alike: give one above 0, or --identified")
-    endings, notes = _endings(options)
-    width = len(str(count))
-    copies = [f"{STEM}_{i:0{width}d}" for i in range(1, count + 1)]
-    stems = [STEM, *copies]
-    names = [f"{stem}{ending}" for stem in stems for ending in endings if ending != ".json"]
-    names += [f"{STEM}.json"] * (".json" in endings) + ["batch.csv"] * bool(count)
-    from jointplay.design import reduced_files, whole_robot
+    return count
 
-    if options.spread is None:
-        options.spread = reduced_files.SPREAD
-    out = Outputs(options.out, names + [whole_robot.MESHES] * (".xml" in endings))
-    from jointplay.design.reduction import reduce_all
 
-    options.pose = [options.pose or ""]
-    work = task(options)
-    mechanism = _with_gear(options, work.mechanism, str(options.robot).endswith(".toml"))
-    play = [*mechanism.clearance, *mechanism.gears]
-    _require_play(options, mechanism, play, _formats(options, list(WHOLE))[0])
-    found = None
-    if options.identified is not None:
-        found = whole_robot.read_identified(options.identified, mechanism.joints)
-    out.claim()
-    pose = _pose(mechanism, work)
-    reductions, refused = reduce_all(
-        mechanism, pose, **given(options, "amplitude", "period"), progress=not options.quiet
-    )
-    notes += [f"not reduced: {why}" for why in refused.values()]
-    servos = _servos(options, work)
-    if servos and ".xml" in endings:
-        notes.append(f"servos (MJCF): {', '.join(servos)}")
-    leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
-    print("\n".join([*work.notes, _overview(reductions, leaning)]))
-    writer = _Writer(options, mechanism, reductions, pose, endings)
-    written, own = whole_robot.reach(mechanism, reductions, pose, leaning)
-    notes.append(
-        f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
-        f"budget's worst case is {1e3 * own.worst[0]:.5g} mm"
-        + _unwritten(mechanism, reductions, leaning)
-    )
-    contents = writer.files(STEM, reductions, servos)
-    if ".json" in endings:
-        contents[f"{STEM}.json"] = writer.parameters()
-    if count:
-        ranges = whole_robot.intervals(
-            mechanism,
-            reductions,
-            options.spread,
-            found,
-            servos if writer.compiles else {},
-            leaning if writer.compiles else (),
+def _joint(options: argparse.Namespace) -> str:
+    """The one joint that is named; if it has no clearance of its own, it is no option any more."""
+    if len(options.joint) != 1:
+        raise JointplayError(
+            f"--joint must name one joint, got {len(options.joint) or 'none'}: name it, or add "
+            "--all, which reduces every joint that has play"
         )
-        values = whole_robot.draw(ranges, count, options.seed or 0)
-        for name, row in zip(copies, values, strict=True):
-            ones = whole_robot.drawn(reductions, ranges, row)
-            contents |= writer.files(name, ones, whole_robot.drawn_servos(servos, ranges, row))
-        contents["batch.csv"] = whole_robot.table(ranges, values, copies).csv(17)
-        known = [one.label for one in ranges if one.origin == "identified"]
-        assumed = f"within +-{100.0 * options.spread:g} %, assumed"
-        if known:
-            assumed = f"within the intervals of {', '.join(known)}, all others {assumed}"
-        print(f"{count} random copies, uniform {assumed}")
-    print("\n".join([*notes, *writer.notes]))
-    writer.write_meshes()
-    out.write(contents)
-    if options.check:
-        _check_all(contents, writer, reductions)
-        if leaning:
-            direction = own.direction[0]
-            found_reach = whole_robot.find_reach(
-                contents[f"{STEM}.xml"], writer.meshes, mechanism.tool, pose, direction
-            )
-            print(
-                f"MuJoCo: the axes' lean moves the tool by {1e3 * found_reach:.5g} mm along the "
-                "budget's worst direction"
-            )
-    return 0
+    from jointplay.joints.bearings import is_designation
+
+    joint, length = name_and_value(options.joint[0], is_value=is_designation)
+    if length is None and options.clearance is None:
+        options.joint = []  # its play is the scenario's, or its gear's alone
+    return joint
 
 
 def _unwritten(mechanism: Any, reductions: list[Any], leaning: list[str]) -> str:
@@ -311,20 +275,34 @@ def _unwritten(mechanism: Any, reductions: list[Any], leaning: list[str]) -> str
     return f"; not written: {', '.join(parts)}" if parts else ""
 
 
-def _formats(options: argparse.Namespace, able: list[str]) -> tuple[list[str], list[str]]:
-    """Formats to write, and which of those that nobody asked for cannot hold what --tilt writes.
+def _formats(options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """Formats to write, and why some that nobody asked for are left out.
 
     Raises:
-        JointplayError: one that was asked for cannot.
+        JointplayError: a format that was asked for cannot hold what --tilt writes, or needs a
+            package that is missing, or --check does.
     """
-    chosen = list(dict.fromkeys(options.format or able))
+    from importlib.util import find_spec
+
+    chosen, notes = list(dict.fromkeys(options.format or FORMATS)), []
     upright = [one for one in chosen if options.tilt and one not in LEANS]
-    if not upright:
-        return chosen, []
-    can = f"the lean of an axis, which --tilt writes, is held by {' and '.join(LEANS)} only"
-    if options.format:
-        raise JointplayError(f"--format {upright[0]} with --tilt: {can}")
-    return [one for one in chosen if one in LEANS], [f"no {', '.join(upright)}: {can}"]
+    if upright:
+        can = f"the lean of an axis, which --tilt writes, is held by {' and '.join(LEANS)} only"
+        if options.format:
+            raise JointplayError(f"--format {upright[0]} with --tilt: {can}")
+        chosen = [one for one in chosen if one in LEANS]
+        notes.append(f"no {', '.join(upright)}: {can}")
+    for name, (package, use) in NEEDS.items():
+        if name not in chosen or find_spec(package) is not None:
+            continue
+        text = f"{use}, and the package {package} is missing: {how_to_install('simulators')}"
+        if options.format:
+            raise JointplayError(text)
+        chosen.remove(name)
+        notes.append(f"no {name}: {text}")
+    if options.check and "mjcf" not in chosen:
+        raise JointplayError("--check runs the MJCF in MuJoCo: it needs --format mjcf and mujoco")
+    return chosen, notes
 
 
 def _require_play(
@@ -360,31 +338,8 @@ def _require_play(
     )
 
 
-def _endings(options: argparse.Namespace) -> tuple[list[str], list[str]]:
-    """Endings of the files to write, and which formats are left out because a package is missing.
-
-    Raises:
-        JointplayError: a format that was asked for, or --check, needs the package.
-    """
-    from importlib.util import find_spec
-
-    formats, notes = _formats(options, list(WHOLE))
-    endings = [WHOLE[one][0] for one in formats]
-    for ending, (package, use) in NEEDS.items():
-        if ending not in endings or find_spec(package) is not None:
-            continue
-        text = f"{use}, and the package {package} is missing: {how_to_install('simulators')}"
-        if options.format:
-            raise JointplayError(text)
-        endings.remove(ending)
-        notes.append(f"no {STEM}{ending}: {text}")
-    if options.check and ".xml" not in endings:
-        raise JointplayError("--check runs the MJCF in MuJoCo: it needs --format mjcf and mujoco")
-    return endings, notes
-
-
 class _Writer:
-    """What writes a whole robot's files, for itself and for random copies."""
+    """What writes the files for simulators, of the robot itself and of random copies."""
 
     def __init__(
         self,
@@ -394,18 +349,20 @@ class _Writer:
         pose: dict[str, float],
         endings: list[str],
     ) -> None:
-        from jointplay.design import reduced_files, whole_robot
+        from jointplay.design import reduced_files
 
-        self.options, self.mechanism, self.reductions = options, mechanism, reductions
-        plugin = options.plugin or whole_robot.PLUGIN
+        self.out = Path(options.out)
+        plugin = options.plugin or reduced_files.PLUGIN
         self.notes: list[str] = []
         self.meshes: dict[str, bytes] = {}
         makers: dict[str, Callable[..., str]] = {
             ".sdf": lambda ones, _: reduced_files.to_sdf(mechanism, *ones),
-            ".urdf": lambda ones, _: whole_robot.to_ros2(mechanism, ones, plugin),
+            ".urdf": lambda ones, _: reduced_files.to_urdf(mechanism, *ones, plugin=plugin),
         }
         if ".xml" in endings:
-            compiled = whole_robot.compile_robot(mechanism, reductions, pose, options.tilt)
+            from jointplay.design.reduced_mjcf import compile_robot
+
+            compiled = compile_robot(mechanism, reductions, pose, options.tilt)
             self.notes += compiled.notes
             self.meshes = dict(compiled.meshes)
             makers[".xml"] = lambda ones, servos: compiled.mjcf(
@@ -415,41 +372,27 @@ class _Writer:
             from jointplay.design.usd import to_usd
 
             makers[".usda"] = lambda ones, _: to_usd(mechanism, *ones)
-        self.compiles = ".xml" in endings
-        """Whether a file for MuJoCo is among them."""
         self.makers = {ending: makers[ending] for ending in endings if ending in makers}
         follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
-        others = [name for name, (end,) in WHOLE.items() if end in (".sdf", ".usda")]
         if follow and {".sdf", ".usda"} & set(endings):
             self.notes.append(
-                f"{' and '.join(others)}: that {', '.join(follow)} mimic others is not represented"
+                f"sdf and usd: that {', '.join(follow)} mimic others is not represented"
             )
 
     def files(self, stem: str, reductions: list[Any], servos: dict[str, Any]) -> dict[str, str]:
-        """Contents by name, but for the JSON."""
+        """Contents by name."""
         makers = self.makers.items()
         return {f"{stem}{ending}": make(reductions, servos) for ending, make in makers}
-
-    def parameters(self) -> str:
-        """All joints' parameters and ranges as JSON."""
-        import json
-
-        from jointplay.design.reduced_files import to_json
-
-        encoder, spread = self.options.encoder, self.options.spread
-        joints = [json.loads(to_json(one, encoder, spread)) for one in self.reductions]
-        return json.dumps({"joints": joints}, indent=2) + "\n"
 
     def write_meshes(self) -> None:
         """Write the shapes of the MJCF."""
         from jointplay.core import files
-        from jointplay.design.whole_robot import MESHES
+        from jointplay.mechanism.meshes import FOLDER
 
-        folder = Path(self.options.out) / MESHES
         if self.meshes:
-            folder.mkdir()
+            (self.out / FOLDER).mkdir()
         for name, data in self.meshes.items():
-            files.write(folder / name, data)
+            files.write(self.out / FOLDER / name, data)
 
 
 def _overview(reductions: list[Any], leaning: list[str]) -> str:
@@ -467,21 +410,35 @@ def _overview(reductions: list[Any], leaning: list[str]) -> str:
     return str(Table(columns))
 
 
-def _check_all(contents: dict[str, Any], writer: _Writer, reductions: list[Any]) -> None:
-    """Push each link in MuJoCo, and print the play that it finds."""
-    from jointplay.design.whole_robot import find_play
+def _check(mjcf: str, meshes: dict[str, bytes], reductions: list[Any]) -> None:
+    """Run the MJCF in MuJoCo; print how it differs from the full model, and which play it has."""
+    from jointplay.design.reduced_mjcf import find_play, follow
 
-    found = find_play(contents[f"{STEM}.xml"], writer.meshes)
+    for one in reductions:
+        seen = follow(mjcf, one, meshes)
+        kept = "within" if seen.error <= one.angle_error else "beyond"
+        print(
+            f"MuJoCo: {one.joint}: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} "
+            f"the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+            f"{1e3 * seen.step:.3g} ms"
+        )
+        if seen.lean_error is not None:
+            kept = "within" if seen.lean_error <= one.tilt_error else "beyond"
+            print(
+                f"MuJoCo: {one.joint}: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, "
+                f"{kept} the stated {1e3 * one.tilt_error:.4g}"
+            )
+    found = find_play(mjcf, meshes)
     for one in reductions:
         if one.joint in found:
-            seen = found[one.joint]
+            pushed = found[one.joint]
             print(
-                f"MuJoCo: {one.joint} turns freely by {1e3 * seen.dead_band:.5g} mrad (written: "
-                f"{1e3 * one.dead_band:.5g}), then {seen.stiffness:.5g} N m/rad (written: "
+                f"MuJoCo: {one.joint} turns freely by {1e3 * pushed.dead_band:.5g} mrad (written: "
+                f"{1e3 * one.dead_band:.5g}), then {pushed.stiffness:.5g} N m/rad (written: "
                 f"{one.stiffness:.5g})"
             )
     if not found:
-        print("MuJoCo: the file loads; no joint has a dead band about its axis")
+        print("MuJoCo: no joint has a dead band about its axis")
 
 
 def _pose(mechanism: Any, work: Task) -> dict[str, float]:
@@ -504,25 +461,6 @@ def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
         joints = work.mechanism.joints
         drives |= dict.fromkeys(joints, own) if isinstance(own, Drive) else own
     return {name: one for name, one in drives.items() if isinstance(one, Servo)}
-
-
-def _compare(mjcf: str, model: Any) -> None:
-    """Run the MJCF in MuJoCo, and print how it differs from the full model."""
-    from jointplay.design import reduced_files
-
-    followed = reduced_files.follow(mjcf, model)
-    kept = "within" if followed.error <= model.angle_error else "beyond"
-    print(
-        f"MuJoCo: link's angle off by up to {1e6 * followed.error:.4g} urad, {kept} the stated "
-        f"{1e6 * model.angle_error:.4g}; {1e6 * followed.step_seconds:.3g} us a step of "
-        f"{1e3 * followed.step:.3g} ms"
-    )
-    if followed.lean_error is not None:
-        kept = "within" if followed.lean_error <= model.tilt_error else "beyond"
-        print(
-            f"MuJoCo: axis' lean off by up to {1e3 * followed.lean_error:.4g} mrad, {kept} the "
-            f"stated {1e3 * model.tilt_error:.4g}"
-        )
 
 
 def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> Any:

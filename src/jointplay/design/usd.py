@@ -9,20 +9,17 @@ Bodies have masses and no shapes.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.core.imports import extra
-from jointplay.design.reduced_files import Body, bodies, refuse_taken, rotor
+from jointplay.design.reduced_files import LEAST, Body, bodies
 from jointplay.design.reduction import Reduction
 from jointplay.mechanism.mechanism import Mechanism
 
 _PER_DEGREE = math.pi / 180.0
-_LEAST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
-"""Of bodies without mass, which no simulator takes, as in SDF."""
 
 
 def load_usd() -> tuple[Any, ...]:
@@ -42,32 +39,20 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
 
     Raises:
         JointplayError: a package is missing; a robot that cannot be held as a tree of single
-            joints; see `refuse_taken`.
+            joints; see `bodies`.
     """
     stage = _Stage(mechanism)
-    refuse_taken(mechanism, reductions)
-    reduced = {one.joint: one for one in reductions}
-    places, carriers = {"": pin.SE3.Identity()}, {"": stage.base}
-    for body in bodies(mechanism):
-        place = places[body.name] = places[body.parent] * body.placement
-        one = reduced.get(
-            body.name, Reduction(body.name, friction=body.friction, viscous=body.damping)
-        )
-        parent, child = carriers[body.parent], stage.body(f"{body.name}_link", place, body.inertia)
-        carriers[body.name] = child
-        at, motor = body.placement, child
-        if one.dead_band > 0.0:
-            turning = pin.Inertia(1e-6, np.zeros(3), rotor(body.axis, one.rotor_inertia))
-            motor = stage.body(f"{body.name}_motor", place, turning)
-            half = 0.5 * one.dead_band
-            play = stage.joint(
-                f"{body.name}_play", body, motor, child, pin.SE3.Identity(), (-half, half)
-            )
-            stiffness, damping = one.stiffness * _PER_DEGREE, one.damping * _PER_DEGREE
-            stage.newton(play, limitStiffness=stiffness, limitDamping=damping)
-        joint = stage.joint(body.name, body, parent, motor, at, body.limits)
+    paths = {"": stage.base}
+    for body in bodies(mechanism, reductions):
+        paths[body.link] = stage.body(body.link, body.place, body.inertia)
+        parent = "" if body.parent is None else body.parent.link
+        joint = stage.joint(body, paths[parent], paths[body.link])
         per = 1.0 if body.slides else _PER_DEGREE
-        stage.newton(joint, friction=one.friction, damping=one.viscous * per)
+        if body.stop is None:
+            stage.newton(joint, friction=body.friction, damping=body.damping * per)
+        else:
+            stiffness, damping = body.stop
+            stage.newton(joint, limitStiffness=stiffness * per, limitDamping=damping * per)
     return str(stage.stage.GetRootLayer().ExportToString())
 
 
@@ -94,7 +79,7 @@ class _Stage:
         scene.CreateGravityMagnitudeAttr(size)
         physics.ArticulationRootAPI.Apply(robot.GetPrim())
         robot.GetPrim().AddAppliedSchema("NewtonArticulationRootAPI")
-        self.base = self.body("base", pin.SE3.Identity(), _LEAST)
+        self.base = self.body("base", pin.SE3.Identity(), LEAST)
         fixed = physics.FixedJoint.Define(self.stage, f"{self.root}/{self._name('base_fixed')}")
         fixed.CreateBody1Rel().SetTargets([self.base])
 
@@ -123,7 +108,6 @@ class _Stage:
         )
         prim = body.GetPrim()
         self.physics.RigidBodyAPI.Apply(prim)
-        inertia = inertia if inertia.mass > 0.0 else _LEAST
         moments, axes = np.linalg.eigh(inertia.inertia)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         mass = self.physics.MassAPI.Apply(prim)
@@ -133,30 +117,19 @@ class _Stage:
         mass.CreatePrincipalAxesAttr(self._turned(axes, self.gf.Quatf))
         return prim.GetPath()
 
-    def joint(
-        self,
-        name: str,
-        body: Body,
-        parent: Any,
-        child: Any,
-        place: pin.SE3,
-        limits: Iterable[float],
-    ) -> Any:
-        """Add a joint about the body's axis, which is z of its frames; its prim.
-
-        `place` is the child's frame in the parent's.
-        """
+    def joint(self, body: Body, parent: Any, child: Any) -> Any:
+        """Add the joint that moves a body, about z of its frames; its prim."""
         kind = self.physics.PrismaticJoint if body.slides else self.physics.RevoluteJoint
-        joint = kind.Define(self.stage, f"{self.root}/{self._name(name)}")
+        joint = kind.Define(self.stage, f"{self.root}/{self._name(body.name)}")
         joint.CreateBody0Rel().SetTargets([parent])
         joint.CreateBody1Rel().SetTargets([child])
         joint.CreateAxisAttr(self.physics.Tokens.z)
         upright = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), body.axis).matrix()
-        joint.CreateLocalPos0Attr(self.gf.Vec3f(*place.translation.tolist()))
-        joint.CreateLocalRot0Attr(self._turned(place.rotation @ upright, self.gf.Quatf))
+        joint.CreateLocalPos0Attr(self.gf.Vec3f(*body.placement.translation.tolist()))
+        joint.CreateLocalRot0Attr(self._turned(body.placement.rotation @ upright, self.gf.Quatf))
         joint.CreateLocalPos1Attr(self.gf.Vec3f(0.0))
         joint.CreateLocalRot1Attr(self._turned(upright, self.gf.Quatf))
-        low, high = limits
+        low, high = body.limits
         if np.isfinite([low, high]).all():
             per = 1.0 if body.slides else 1.0 / _PER_DEGREE
             joint.CreateLowerLimitAttr(low * per)

@@ -11,11 +11,11 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from xml.parsers import expat
 
-import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, require_a
 from jointplay.joints import VIRTUAL_LINK
+from jointplay.mechanism.elements import Element, put, put_inertial
 from jointplay.mechanism.mechanism import Mechanism
 
 LIMIT_FACTOR = 2.0
@@ -94,9 +94,7 @@ def _spans(data: bytes) -> list[tuple[str, int, int]]:
     return spans
 
 
-def _chain(
-    mechanism: Mechanism, name: str, original: ElementTree.Element
-) -> list[ElementTree.Element]:
+def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
     """Joints and links, from the parent's side to the child's."""
     joint = mechanism.clearance[name]
     if max(joint.play(second_order=False).reach) == 0.0:
@@ -109,29 +107,29 @@ def _chain(
     # The mechanism turned the child's frame back from the bearing's: this is the way there.
     axes = mechanism.model.frames[child].placement.rotation.T
     carried = mechanism.model.inertias[mechanism.model.getJointId(name)].mass
-    chain: list[ElementTree.Element] = []
+    chain: list[Element] = []
     link = entry.parent
     for freedom in joint.freedoms:
         group = VIRTUAL_LINK.index(freedom) // 3
         axis = axes[:, "xyz".index(freedom) if group == 0 else 2 - VIRTUAL_LINK[3:].index(freedom)]
         if freedom == joint.drive_coordinate:
-            element = ElementTree.Element("joint", original.attrib)
+            element = Element("joint", original.attrib)
             element.extend(e for e in original if e.tag not in ("parent", "child", "origin"))
             if original.get("type") == "floating":
                 element.set("type", "continuous")
             if element.find("axis") is None:
-                _add(element, "axis", xyz=axis)
+                put(element, "axis", xyz=axis)
         else:
             kind = "revolute" if group else "prismatic"
-            element = ElementTree.Element("joint", name=f"{name}.{freedom}", type=kind)
-            _add(element, "axis", xyz=axis)
+            element = Element("joint", name=f"{name}.{freedom}", type=kind)
+            put(element, "axis", xyz=axis)
             room = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
-            _add(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
+            put(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
         ends = [
-            ElementTree.Element("parent", link=link),
-            ElementTree.Element("child", link=following),
+            Element("parent", link=link),
+            Element("child", link=following),
         ]
         if not chain and (origin := original.find("origin")) is not None:
             ends.append(origin)
@@ -139,28 +137,14 @@ def _chain(
             element.insert(place, end)
         chain.append(element)
         if not last:
-            chain.append(
-                _ball(following, max(MASS_FRACTION * carried, LEAST_MASS), joint.half_width)
-            )
+            mass = max(MASS_FRACTION * carried, LEAST_MASS)
+            chain.append(Element("link", name=following))
+            put_inertial(chain[-1], pin.Inertia.FromSphere(mass, joint.half_width))
         link = following
     return chain
 
 
-def _ball(name: str, mass: float, radius: float) -> ElementTree.Element:
-    link = ElementTree.Element("link", name=name)
-    inertial = ElementTree.SubElement(link, "inertial")
-    _add(inertial, "mass", value=mass)
-    moment = 0.4 * mass * radius**2
-    _add(inertial, "inertia", ixx=moment, ixy=0.0, ixz=0.0, iyy=moment, iyz=0.0, izz=moment)
-    return link
-
-
-def _add(element: ElementTree.Element, tag: str, **values: float | np.ndarray) -> None:
-    text = {key: " ".join(f"{x + 0.0:.17g}" for x in np.ravel(v)) for key, v in values.items()}
-    ElementTree.SubElement(element, tag, text)
-
-
-def _written(chain: Iterable[ElementTree.Element]) -> str:
+def _written(chain: Iterable[Element]) -> str:
     parts = []
     for element in chain:
         ElementTree.indent(element, "  ", 1)

@@ -6,15 +6,14 @@ that is a frame for its cameras, the fingers of a hand.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import MissingName
-from jointplay.mechanism.seats import origin_of, place_of, read_again
-from jointplay.mechanism.urdf import Description
+from jointplay.mechanism.elements import Element, origin_of, place_of
+from jointplay.mechanism.urdf import Description, read_again
 from jointplay.mechanism.vocabulary import numbers
 
 _OF_FIXED = ("parent", "child")
@@ -59,7 +58,7 @@ def _nearest_to_zero(description: Description, name: str) -> float:
     return 0.0 if lower is None or upper is None else min(max(0.0, lower), upper)
 
 
-def _fix(joint: ElementTree.Element, turns: bool, position: float) -> None:
+def _fix(joint: Element, turns: bool, position: float) -> None:
     """Make a joint fixed where it is at `position` [rad or m]."""
     place = place_of(joint)
     if position:

@@ -8,7 +8,6 @@ joints, which is what remains of them in the ideal mechanism. The frame NAME_tip
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import replace
@@ -22,9 +21,17 @@ from jointplay.core.tables import few
 from jointplay.core.units import readable
 from jointplay.joints import Clearance, hinge_of_beam
 from jointplay.mechanism.beams import FlexibleLink, section
+from jointplay.mechanism.elements import (
+    Element,
+    origin_of,
+    place_of,
+    put,
+    put_fixed,
+    put_inertial,
+    set_end,
+)
 from jointplay.mechanism.loop import Loop
-from jointplay.mechanism.seats import add_fixed, origin_of, place_of, read_again, set_end
-from jointplay.mechanism.urdf import Description
+from jointplay.mechanism.urdf import Description, read_again
 
 HINGE, TIP = "_hinge_", "_tip"
 """What is appended to a link's name: of its hinges, with a number, and of the frame at its end."""
@@ -106,9 +113,9 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     for tag in ("visual", "collision", "inertial"):
         for one in link.findall(tag):
             link.remove(one)
-    elements = [link, *(ElementTree.SubElement(root, "link", name=one) for one in pieces[1:])]
+    elements = [link, *(put(root, "link", name=one) for one in pieces[1:])]
     for k, element in enumerate(elements):
-        element.append(_inertial(inertias[k]))
+        put_inertial(element, inertias[k])
         middle = pin.SE3(axes, start + 0.5 * (bounds[k] + bounds[k + 1]) * along)
         seen = frames[k].actInv(middle)
         for tag in ("visual", "collision"):
@@ -117,10 +124,10 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
                 shape.append(deepcopy(colour))
             element.append(shape)
     for k, hinge in enumerate(hinges):
-        add_fixed(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
-    ElementTree.SubElement(root, "link", name=f"{name}{TIP}")
+        put_fixed(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
+    put(root, "link", name=f"{name}{TIP}")
     there = frames[-1].actInv(pin.SE3(np.eye(3), end))
-    add_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", there)
+    put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", there)
     for joint in held:
         place = place_of(joint)
         k = flexible.segments if joint is last else piece_at(place.translation)
@@ -141,8 +148,8 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
 
 
 def _end(
-    name: str, flexible: FlexibleLink, held: list[ElementTree.Element]
-) -> tuple[ElementTree.Element | None, np.ndarray]:
+    name: str, flexible: FlexibleLink, held: list[Element]
+) -> tuple[Element | None, np.ndarray]:
     """Joint at which the beam ends, if it does at one, and the point."""
     if flexible.tip is not None:
         return None, np.array(flexible.tip)
@@ -180,7 +187,7 @@ def _axes(along: np.ndarray, flexible: FlexibleLink) -> np.ndarray:
 
 
 def _inertias(
-    link: ElementTree.Element,
+    link: Element,
     flexible: FlexibleLink,
     frames: list[pin.SE3],
     bounds: np.ndarray,
@@ -206,7 +213,7 @@ def _inertias(
     return found, (given.mass, rest)
 
 
-def _given_inertia(link: ElementTree.Element) -> pin.Inertia | None:
+def _given_inertia(link: Element) -> pin.Inertia | None:
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -221,24 +228,11 @@ def _given_inertia(link: ElementTree.Element) -> pin.Inertia | None:
     return place_of(inertial).act(own)
 
 
-def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
-    element = ElementTree.Element("inertial")
-    element.append(origin_of(pin.SE3(np.eye(3), inertia.lever)))
-    ElementTree.SubElement(element, "mass", value=repr(float(inertia.mass)))
-    tensor = {
-        f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertia.inertia[i, j]))
-        for i in range(3)
-        for j in range(i, 3)
-    }
-    ElementTree.SubElement(element, "inertia", tensor)
-    return element
-
-
-def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> ElementTree.Element:
+def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> Element:
     """What a piece looks like: its section, filled."""
-    element = ElementTree.Element(tag)
+    element = Element(tag)
     element.append(origin_of(place))
-    geometry = ElementTree.SubElement(element, "geometry")
+    geometry = put(element, "geometry")
     if flexible.section is None:
         radius = math.sqrt(2.0) * (flexible.gyration_radius or 0.0)
         form, width, height = "rod", 2.0 * radius, 2.0 * radius
@@ -246,10 +240,9 @@ def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> E
         own = section(flexible.section)
         form, (width, height) = own.form, own.size
     if form in ("tube", "rod"):
-        sizes = {"radius": f"{0.5 * width:.17g}", "length": f"{length:.17g}"}
-        ElementTree.SubElement(geometry, "cylinder", sizes)
+        put(geometry, "cylinder", radius=0.5 * width, length=length)
     else:
-        ElementTree.SubElement(geometry, "box", size=f"{width:.17g} {height:.17g} {length:.17g}")
+        put(geometry, "box", size=(width, height, length))
     return element
 
 
@@ -310,7 +303,7 @@ def _words(flexible: FlexibleLink, length: float, kept: tuple[float, float]) -> 
     return "; ".join(parts)
 
 
-def _link_of(joint: ElementTree.Element, end: str) -> str:
+def _link_of(joint: Element, end: str) -> str:
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
 

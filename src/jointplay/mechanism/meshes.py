@@ -27,6 +27,9 @@ from jointplay.core.errors import JointplayError
 FORMATS = (".dae", ".obj", ".stl")
 """Mesh files that are read."""
 
+FOLDER = "meshes"
+"""Of meshes beside a file for a simulator."""
+
 MOST_BYTES = 200_000_000
 """Largest mesh file that is read; those of robots have a few megabytes."""
 

@@ -8,7 +8,7 @@ import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -605,6 +605,27 @@ def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
     found = ((link.get("name", ""), link.find("inertial")) for link in root.findall("link"))
     faults = {name: _fault(name, one) for name, one in found if one is not None}
     return {name: fault for name, fault in faults.items() if fault}
+
+
+def read_again(
+    description: Description, root: ElementTree.Element, what: str, *names: str
+) -> Description:
+    """The URDF with changed elements.
+
+    Raises:
+        JointplayError: one of `names`, which are those of new links and joints, is taken; `what`
+            needs it.
+    """
+    for name in names:
+        if name in (*description.links, *description.joints):
+            raise JointplayError(
+                f"the URDF already has a {name!r}: a {what} needs this name. To change a {what}, "
+                "build the mechanism from its own URDF again"
+            )
+    text = ElementTree.tostring(root, encoding="unicode")
+    # Its inertias have been checked, and some allowed although no body has them.
+    made = parse(text, description.path, list(impossible_inertias(root)))
+    return replace(made, stored=description.stored)
 
 
 def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:

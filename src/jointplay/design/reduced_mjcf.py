@@ -1,66 +1,42 @@
-"""A whole robot with the play of all its joints, for other simulators, and random copies of it.
+"""A robot with the play of its joints as MJCF, compiled by MuJoCo, and what it does there.
 
 The MJCF is the robot's own URDF as MuJoCo compiles it, shapes included. In series with each joint
 J that has a dead band stands a hinge `J_play` about the same axis, in the same body: J is the
 motor, loaded with its rotor's inertia, and J_play is what the link lags behind. A tendon whose
-spring has a dead band holds J_play; a second tendon, J plus J_play, is the link's angle and has
-the friction of bearing and joint. A journal that leans has two more hinges, J.pitch and J.roll,
-which a tendon, J.rim, keeps within the bore.
+spring has a dead band holds J_play, for MuJoCo has none inside an actuator; a second tendon, J plus
+J_play, is the link's angle and has the friction of bearing and joint. A journal that leans has two
+more hinges, J.pitch and J.roll, which a tendon, J.rim, keeps within the bore.
 """
 
 from __future__ import annotations
 
 import copy
-import json
 import math
+import sys
+import time as clock
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName, require_non_negative
-from jointplay.core.tables import Column, Table
-from jointplay.design.levers import LeanPlay, TurnPlay
-from jointplay.design.reduced_files import (
-    bodies,
-    check_encoder,
-    check_servos,
-    dc_motor,
-    document,
-    explain,
-    lean_axes,
-    load_mujoco,
-    put,
-    put_rim,
-    refuse_taken,
-    rotor_inertia,
-    servo_friction,
-    with_play,
-)
-from jointplay.design.reduction import LONGEST_STEP_S, Reduction
-from jointplay.design.static_budget import Budget, budget, farthest
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.imports import extra
+from jointplay.design.reduced_files import bodies, check_encoder, refuse_taken
+from jointplay.design.reduction import LONGEST_STEP_S, SETTLED, Reduction
 from jointplay.loads.drive import Servo
+from jointplay.mechanism.elements import Element, put
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.meshes import readable
+from jointplay.mechanism.meshes import FOLDER, readable
 from jointplay.mechanism.visuals import find_mesh, mesh_folders
 
-MESHES = "meshes"
-"""Folder of the shapes, beside the MJCF."""
-PLUGIN = "gz_ros2_control/GazeboSimSystem"
-"""Hardware of ros2_control's tags, if no other is named: Gazebo's."""
-QUANTITIES = {
-    "half_play": "rad",
-    "friction": "N m",
-    "stiffness": "N m/rad",
-    "motor_friction": "N m",
-    "tilt": "rad",
-}
-"""What is drawn of each joint, and in which unit; the last two only MJCF has, the servo's friction
-and how far the axis can lean."""
+_STIFF = np.array([0.99, 0.9999, 1e-6])
+"""MuJoCo's impedance of the bore: as stiff as it bears."""
+_HELD = 1e6
+"""Inertia of what moves as prescribed, when models are compared [kg m^2]."""
 _RESOLVED = 0.2
 """Time step by the time in which the stiffest teeth swing through a radian of phase."""
 _COMPILER = {
@@ -80,9 +56,9 @@ class CompiledRobot:
     """A robot that MuJoCo compiled, with hinges for the dead bands but without numbers of play."""
 
     mechanism: Mechanism
-    root: ElementTree.Element
+    root: Element
     meshes: Mapping[str, bytes]
-    """Files of shapes (STL) by name, which belong into the folder `MESHES`."""
+    """Files of shapes (STL) by name, which belong into the folder `FOLDER`."""
     mass: np.ndarray
     """Mass matrix at the pose, without rotors, (nv, nv)."""
     dofs: Mapping[str, int]
@@ -233,7 +209,7 @@ def compile_robot(
         for first, second in touching:
             spec.add_exclude(bodyname1=first, bodyname2=second)
         model = spec.compile()
-        spec.meshdir = MESHES
+        spec.meshdir = FOLDER
         made = ElementTree.fromstring(spec.to_xml())
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
@@ -253,7 +229,7 @@ def compile_robot(
     return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes), names)
 
 
-def _meshes(mechanism: Mechanism, root: ElementTree.Element) -> tuple[dict[str, bytes], list[str]]:
+def _meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
     """Files of the URDF's meshes as STL, named in `root` instead; shapes without one go."""
     import trimesh
 
@@ -313,7 +289,7 @@ def _edit(
             moved.add_joint(name=f"{one.joint}.{part}", type=kind, axis=axis)
         end = one.half_length * body.axis
         moved.add_site(name=f"{one.joint}.rim", pos=end)
-        holder = spec.joint(body.parent).parent if body.parent else spec.worldbody
+        holder = spec.worldbody if body.parent is None else spec.joint(body.parent.name).parent
         holder.add_site(name=f"{one.joint}.bore", pos=body.placement.act(end))
     ideal = mechanism.ideal()
     tool = ideal.model.frames[ideal.tool_frame]
@@ -361,15 +337,21 @@ class PlayFound:
 
 
 def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
-    """The model of a written MJCF, without gravity, friction and contacts."""
+    """The model of a written MJCF, without contacts between shapes."""
     try:
         model = mujoco.MjModel.from_xml_string(
-            text, {f"{MESHES}/{k}": v for k, v in meshes.items()}
+            text, {f"{FOLDER}/{k}": v for k, v in meshes.items()}
         )
     except ValueError as error:
         raise JointplayError(f"MuJoCo cannot load the MJCF: {error}") from None
-    model.opt.gravity[:] = 0.0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return model
+
+
+def _load_bare(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
+    """As `_load`, without gravity and friction."""
+    model = _load(mujoco, text, meshes)
+    model.opt.gravity[:] = 0.0
     model.tendon_frictionloss[:] = 0.0
     model.dof_frictionloss[:] = 0.0
     return model
@@ -387,7 +369,7 @@ def find_play(
         JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
-    model = _load(mujoco, text, meshes)
+    model = _load_bare(mujoco, text, meshes)
     found = {}
     for index in range(model.ntendon):
         tendon = model.tendon(index)
@@ -424,28 +406,6 @@ def find_play(
     return found
 
 
-def reach(
-    mechanism: Mechanism,
-    reductions: Iterable[Reduction],
-    pose: Mapping[str, float],
-    leaning: Iterable[str] = (),
-) -> tuple[float, Budget]:
-    """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
-
-    Of both the worst case. Files have no travel of journals aside and along.
-
-    Args:
-        leaning: joints whose axes lean in the files.
-    """
-    found = budget(mechanism, pose)
-    bands = {one.joint: one.dead_band for one in reductions}
-    tilts = {one.joint: one.tilt for one in reductions if one.joint in set(leaning)}
-    plays = [LeanPlay(tilts.get(name, 0.0)) for name in mechanism.clearance]
-    turns = [TurnPlay(0.5 * bands.get(name, 0.0)) for name in mechanism.gears]
-    written = replace(found.sources, plays=(*plays, *turns))
-    return float(farthest(written, turn=False)[0][0]), found
-
-
 _PUSH_N, _CROSSING_S = 100.0, 0.05
 """Force by which MuJoCo's tool is pushed, and time in which journals lean from side to side."""
 
@@ -471,7 +431,7 @@ def find_reach(
         JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
-    model = _load(mujoco, text, meshes)
+    model = _load_bare(mujoco, text, meshes)
     leans = [
         int(model.jnt_dofadr[i])
         for i in range(model.njnt)
@@ -503,225 +463,218 @@ def find_reach(
     return 0.5 * (ends[1] - ends[0])
 
 
-# ROS.
-
-
-def to_ros2(mechanism: Mechanism, reductions: Sequence[Reduction], plugin: str = PLUGIN) -> str:
-    """The robot's own URDF with the play of all joints and ros2_control's tags.
-
-    Motors have the command interface ``effort`` and a transmission of 1, for the numbers are those
-    of the joint's side of the gear; hinges of play are only read. If the URDF has tags of
-    ros2_control of its own, only the hinges of play are added to the first of them.
-
-    Args:
-        plugin: of the hardware, such as ``mock_components/GenericSystem``.
+def check_servos(
+    mechanism: Mechanism, servos: Mapping[str, Servo], reductions: Iterable[Reduction]
+) -> None:
+    """Refuse servos that MuJoCo's ``dcmotor`` cannot stand for.
 
     Raises:
-        JointplayError: see `refuse_taken`.
+        MissingName: a servo of a joint that is none.
+        JointplayError: a servo whose encoder is on the link of a joint with play.
     """
-    root = with_play(mechanism, reductions)
-    system = root.find("ros2_control")
-    if system is None:
-        system = put(root, "ros2_control", name=mechanism.description.path.stem, type="system")
-        ElementTree.SubElement(put(system, "hardware"), "plugin").text = plugin
-        for name in mechanism.joints:
-            mimics = mechanism.description.joints[name].mimics
-            _interfaces(system, name, () if mimics else ("effort",))
-        for name in mechanism.joints:
-            if not mechanism.description.joints[name].mimics:
-                _transmission(system, name)
-    for one in reductions:
-        if one.dead_band > 0.0:
-            _interfaces(system, f"{one.joint}_play", ())
-    return document(root)
+    loose = {one.joint for one in reductions if one.dead_band > 0.0}
+    for name, servo in servos.items():
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints)
+        if name in loose and servo.encoder == "link":
+            raise JointplayError(
+                f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can only "
+                'control what it turns, the motor: give its encoder as "motor", or no servo'
+            )
 
 
-def _interfaces(system: ElementTree.Element, joint: str, commands: Sequence[str]) -> None:
-    """A joint that is read, and commanded in these ways."""
-    element = put(system, "joint", name=joint)
-    for command in commands:
-        put(element, "command_interface", name=command)
-    for state in ("position", "velocity", "effort"):
-        put(element, "state_interface", name=state)
+def dc_motor(servo: Servo) -> dict[str, Any]:
+    """Attributes of MuJoCo's ``dcmotor`` for a servo.
+
+    MuJoCo's controller asks for a torque and cuts it to what the supply's voltage gives at the
+    present speed; ours sets a voltage. Both are the same motor with the gains P k/R and
+    D k/R + k^2/R, the back-EMF taking the latter's second part. What is lost: dead band, counts of
+    the encoder, sampling.
+
+    Its input is the goal [rad]; with a D gain a second one is the goal's speed times D / (D + k).
+    """
+    gain = servo.p_gain * servo.stall
+    damping = servo.d_gain * servo.stall + servo.braking
+    return {
+        "motorconst": servo.torque_constant,
+        "resistance": servo.resistance,
+        "input": "pos vel" if servo.d_gain > 0.0 else "pos",
+        "controller": (gain, 0.0, damping, 0.0, 0.0, servo.voltage),
+    }
 
 
-def _transmission(system: ElementTree.Element, joint: str) -> None:
-    element = put(system, "transmission", name=f"{joint}_transmission")
-    kind = "transmission_interface/SimpleTransmission"
-    ElementTree.SubElement(element, "plugin").text = kind
-    put(element, "actuator", name=f"{joint}_actuator", role="actuator1")
-    held = put(element, "joint", name=joint, role="joint1")
-    ElementTree.SubElement(held, "mechanical_reduction").text = "1.0"
+def explain(servo: Servo) -> str:
+    """What a reader of the file must know of its actuator."""
+    words = [f"servo: goal [rad], at most {servo.voltage:g} V"]
+    if servo.d_gain > 0.0:
+        part = servo.d_gain / (servo.d_gain + servo.torque_constant)
+        words.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
+    lost = []
+    if servo.band > 0.0:
+        lost.append(f"dead band {servo.band:g} rad")
+    if servo.resolution > 0.0:
+        lost.append(f"counts of {servo.resolution:g} rad")
+    if servo.period is not None:
+        lost.append(f"sampling every {servo.period:g} s")
+    if lost:
+        words.append("not represented: " + ", ".join(lost))
+    return f" {'; '.join(words)} "
 
 
-# Random copies.
+def servo_friction(servo: Servo | None) -> dict[str, float]:
+    """Dry and viscous friction of a servo's motor."""
+    if servo is None:
+        return {"frictionloss": 0.0, "damping": 0.0}
+    return {"frictionloss": servo.friction, "damping": servo.viscous}
+
+
+def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
+    """On the joint's side; zero without a gear [kg m^2]."""
+    gear = mechanism.gears.get(joint)
+    return 0.0 if gear is None else gear.rotor_inertia
+
+
+def lean_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
+    """Axes of the hinges across a joint's own, unit vectors (3,), by the ends of their names."""
+    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    first /= np.linalg.norm(first)
+    return {"pitch": first, "roll": np.cross(axis, first)}
+
+
+def put_rim(tendon: Element, reduction: Reduction, step: float) -> None:
+    """Append the tendon that holds the sites `J.rim` and `J.bore` together as the bore does.
+
+    Args:
+        step: of the file [s]; the bore is as stiff as it bears.
+    """
+    rim = put(
+        tendon,
+        "spatial",
+        name=f"{reduction.joint}.rim",
+        limited="true",
+        range=(0.0, reduction.half_length * reduction.tilt),
+        solreflimit=(2.0 * step, 1.0),
+        solimplimit=_STIFF,
+    )
+    for end in ("bore", "rim"):
+        put(rim, "site", site=f"{reduction.joint}.{end}")
 
 
 @dataclass(frozen=True)
-class Interval:
-    """From where to where a number of a joint is drawn, each value as likely as any other."""
+class Followed:
+    """How MuJoCo's link followed the full model's."""
 
-    joint: str
-    quantity: str
-    """Of `QUANTITIES`."""
-    low: float
-    high: float
-    origin: str
-    """``identified``, or ``assumed``."""
+    time: np.ndarray
+    """[s]."""
+    angle: np.ndarray
+    """Of MuJoCo's link [rad]."""
+    error: float
+    """Largest difference of the link's angle [rad]."""
+    rms: float
+    """[rad]."""
+    step_seconds: float
+    """Computing time of a step [s]."""
+    step: float
+    """Time step [s]."""
+    lean_error: float | None = None
+    """Largest difference of the axis' lean, a vector, after a tenth of the time [rad]; None if the
+    file's joint cannot lean."""
 
-    @property
-    def label(self) -> str:
-        """Head of its column."""
-        return f"{self.joint} {self.quantity} [{QUANTITIES[self.quantity]}]"
+
+def load_mujoco() -> Any:
+    """The package mujoco; what it warns of is written to stderr.
+
+    By itself it writes that to a file in the folder that one happens to be in.
+
+    Raises:
+        JointplayError: it cannot be imported.
+    """
+    with extra("simulators", "mujoco"):
+        import mujoco
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(_warn)
+    return mujoco
 
 
-def intervals(
-    mechanism: Mechanism,
-    reductions: Iterable[Reduction],
-    spread: float,
-    identified: Mapping[str, Any] | None = None,
-    servos: Mapping[str, Servo] = MappingProxyType({}),
-    leaning: Iterable[str] = (),
-) -> list[Interval]:
-    """Intervals of half play, friction, stiffness and lean of each joint, and its servo's friction.
+def _warn(text: str) -> None:
+    print(f"MuJoCo: {text}", file=sys.stderr)
+
+
+def follow(
+    text: str, reduction: Reduction, meshes: Mapping[str, bytes] = MappingProxyType({})
+) -> Followed:
+    """Load the MJCF in MuJoCo, move a motor as the full model's, and compare the links.
+
+    The other joints stand as in the full model's run.
 
     Args:
-        spread: half width, relative, of what was not identified: an assumption.
-        identified: what `Identification.describe` says, the contents of ``identified.json``.
-            Gear play, gear compliance and dry friction are taken as they are; the coefficient of
-            friction scales the bearing's part of the friction. A clearance gives no dead band about
-            the axis, and is not drawn; the lean is, within the spread.
-        leaning: joints whose axes lean in the files.
+        text: what `CompiledRobot.mjcf` wrote.
+        reduction: of the joint, with the history to compare with, such as another run's.
+        meshes: shapes by name.
 
     Raises:
-        JointplayError: a negative spread, or one of 100 % or more, for which play would vanish;
-            nothing that was identified belongs to the joints with play.
+        JointplayError: MuJoCo is not installed, or cannot load the file.
     """
-    require_non_negative("spread", spread, "")
-    if spread >= 1.0:
-        raise JointplayError(f"the spread must be below 100 %, got {100.0 * spread:g} %")
-    known = {} if identified is None else _known(identified)
-    found, used, leaning = [], 0, set(leaning)
-    for one in reductions:
-        own = mechanism.description.joints[one.joint].friction
-        numbers = {"half_play": 0.5 * one.dead_band}
-        numbers |= {"friction": one.friction, "stiffness": one.stiffness}
-        numbers["motor_friction"] = servo_friction(servos.get(one.joint))["frictionloss"]
-        numbers["tilt"] = one.tilt if one.joint in leaning else 0.0
-        ends = {k: (x * (1.0 - spread), x * (1.0 + spread)) for k, x in numbers.items()}
-        mine = {name: row for (joint, name), row in known.items() if joint == one.joint}
-        better = {}
-        if "gear_play" in mine and one.dead_band > 0.0:
-            low, high, _ = mine["gear_play"]
-            better["half_play"] = (0.5 * low, 0.5 * high)
-        if "gear_compliance" in mine and one.dead_band > 0.0 and mine["gear_compliance"][0] > 0.0:
-            low, high, _ = mine["gear_compliance"]
-            better["stiffness"] = (1.0 / high, 1.0 / low)
-        if {"dry_friction", "friction"} & set(mine):
-            bearing = max(one.friction - own, 0.0)
-            dry = mine.get("dry_friction", (own, own, own))
-            low, high, nominal = mine.get("friction", (1.0, 1.0, 1.0))
-            better["friction"] = (
-                dry[0] + bearing * low / nominal,
-                dry[1] + bearing * high / nominal,
-            )
-        used += len(better)
-        for quantity in QUANTITIES:
-            low, high = better.get(quantity, ends[quantity])
-            origin = "identified" if quantity in better else "assumed"
-            if high > 0.0 or quantity in better:
-                found.append(Interval(one.joint, quantity, low, high, origin))
-    if known and not used:
-        rows = ", ".join(f"{joint} {name.replace('_', ' ')}" for joint, name in known)
-        names = ", ".join(one.joint for one in reductions)
-        raise JointplayError(
-            f"nothing that was identified ({rows}) is drawn for the joints {names}: gear play, "
-            "gear compliance, dry friction and friction are"
-        )
-    return found
+    mujoco = load_mujoco()
+    model = _load(mujoco, text, meshes)
+    data = mujoco.MjData(model)
+    joint, past = reduction.joint, reduction.history
+    time, step = past["time"], float(model.opt.timestep)
+    grid = np.arange(time[0], time[-1], step)
+    motor = np.interp(grid, time, past["motor"])
+    free = [f"{joint}{part}" for part in ("_play", ".pitch", ".roll")]
+    held, wanted, play = [], [], None
+    for index in range(model.njnt):
+        name = model.joint(index).name
+        if name not in free:
+            held.append(index)
+            stands = np.full(len(grid), reduction.pose.get(name, 0.0))
+            wanted.append(motor if name == joint else stands)
+        elif name == free[0]:
+            play = index
+    goals = np.array(wanted).T
+    at, dof = model.jnt_qposadr[held], model.jnt_dofadr[held]
+    model.dof_armature[dof] = _HELD
+    mujoco.mj_setConst(model, data)
+    data.qpos[at] = goals[0]
+    data.qvel[dof] = (goals[1] - goals[0]) / step
+    link = [int(model.joint(joint).qposadr[0])]
+    if play is not None:
+        link.append(int(model.jnt_qposadr[play]))
+        data.qpos[link[1]] = past["full"][0] - motor[0]
+        speed = (past["full"][1] - past["full"][0]) / (time[1] - time[0])
+        data.qvel[model.jnt_dofadr[play]] = speed - (motor[1] - motor[0]) / step
+    angle = np.empty(len(grid))
+    angle[0] = data.qpos[link].sum()
+    sites = [f"{joint}.{end}" for end in ("rim", "bore")]
+    named = {model.site(index).name for index in range(model.nsite)}
+    leans = "lean" in past and named.issuperset(sites)
+    lean = np.zeros((len(grid), 3))
+    begun = clock.process_time()
+    for i in range(1, len(grid)):
+        speed = (goals[i] - data.qpos[at]) / step
+        data.qfrc_applied[dof] = _HELD * (speed - data.qvel[dof]) / step
+        mujoco.mj_step(model, data)
+        angle[i] = data.qpos[link].sum()
+        if leans:
+            rim, bore = (data.site(name).xpos for name in sites)
+            lean[i] = (rim - bore) / reduction.half_length
+    spent = clock.process_time() - begun
+    difference = angle - np.interp(grid, time, past["full"])
+    return Followed(
+        grid,
+        angle,
+        float(np.abs(difference).max()),
+        float(np.sqrt(np.mean(difference**2))),
+        spent / max(len(grid) - 1, 1),
+        step,
+        _lean_difference(grid, lean, past) if leans else None,
+    )
 
 
-def _known(identified: Mapping[str, Any]) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Interval and the scenario's value of what was identified, by joint and name."""
-    rows = identified.get("unknowns") if isinstance(identified, Mapping) else None
-    if not isinstance(rows, list):
-        raise JointplayError("this is no file of jointplay identify: it has no list 'unknowns'")
-    found = {}
-    for row in rows:
-        if not {"low", "high", "joint", "unknown"} <= set(row):
-            continue  # the measurement could not tell
-        low, high = float(row["low"]), float(row["high"])
-        nominal = float(row.get("scenario") or row.get("found") or 1.0)
-        found[str(row["joint"]), str(row["unknown"])] = (low, high, nominal)
-    if not found:
-        raise JointplayError("nothing was identified: no unknown in the file has an interval")
-    return found
-
-
-def read_identified(path: str | Path, joints: Iterable[str]) -> dict[str, Any]:
-    """What `jointplay identify` wrote as ``identified.json``, of a robot with these joints.
-
-    Raises:
-        MissingName: it is about a joint that the robot does not have.
-        JointplayError: it cannot be read, or is another file.
-    """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise JointplayError(f"cannot read {str(path)!r}: {error}") from None
-    except ValueError as error:
-        raise JointplayError(f"{str(path)!r} is no JSON: {error}") from None
-    names = list(joints)
-    try:
-        known = _known(data)
-    except JointplayError as error:
-        raise JointplayError(f"{str(path)!r}: {error}") from None
-    for joint, _ in known:
-        if joint and joint not in names:
-            raise MissingName("joint", joint, names)
-    return dict(data)
-
-
-def draw(ranges: Sequence[Interval], count: int, seed: int) -> np.ndarray:
-    """Values within the intervals, each as likely as any other, shape (count, len(ranges)) [SI].
-
-    Raises:
-        JointplayError: fewer than one copy, or a negative seed.
-    """
-    if count < 1:
-        raise JointplayError(f"a batch has at least one copy, got {count}")
-    if seed < 0:
-        raise JointplayError(f"the seed must not be negative, got {seed}")
-    low, high = np.array([[one.low, one.high] for one in ranges]).reshape(-1, 2).T
-    return low + (high - low) * np.random.default_rng(seed).random((count, len(ranges)))
-
-
-def drawn(
-    reductions: Iterable[Reduction], ranges: Sequence[Interval], row: np.ndarray
-) -> list[Reduction]:
-    """The joints with the values of a row of `draw`."""
-    changes: dict[str, dict[str, Any]] = {}
-    for one, value in zip(ranges, row, strict=True):
-        if one.quantity == "motor_friction":
-            continue
-        name = "dead_band" if one.quantity == "half_play" else one.quantity
-        factor = 2.0 if one.quantity == "half_play" else 1.0
-        changes.setdefault(one.joint, {})[name] = factor * float(value)
-    return [replace(one, **changes.get(one.joint, {})) for one in reductions]
-
-
-def drawn_servos(
-    servos: Mapping[str, Servo], ranges: Sequence[Interval], row: np.ndarray
-) -> dict[str, Servo]:
-    """The servos with the friction of a row of `draw`."""
-    values = zip(ranges, row, strict=True)
-    found = {one.joint: float(x) for one, x in values if one.quantity == "motor_friction"}
-    return {k: replace(s, friction=found[k]) if k in found else s for k, s in servos.items()}
-
-
-def table(ranges: Sequence[Interval], values: np.ndarray, names: Sequence[str]) -> Table:
-    """What was drawn, a row for each copy [SI]."""
-    columns = [Column("copy", names)]
-    for one, drawn in zip(ranges, values.T, strict=True):
-        columns.append(Column(one.label, drawn, key=one.label))
-    return Table(columns)
+def _lean_difference(grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]) -> float:
+    """Largest difference of leans (n, 3), the beginning left aside, in which one falls."""
+    wanted = np.column_stack([np.interp(grid, past["time"], one) for one in past["lean"].T])
+    settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
+    away = np.linalg.norm(lean - wanted, axis=1)[settled]
+    return float(away.max())

@@ -1,0 +1,80 @@
+"""Elements of URDF and of other XML about robots, their numbers written in full."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+Element = ElementTree.Element
+
+
+def put(parent: Element, tag: str, **values: Any) -> Element:
+    """Append an element with attributes: text, or numbers and lists of them."""
+    texts = {name: written(value) for name, value in values.items()}
+    return ElementTree.SubElement(parent, tag, texts)
+
+
+def written(value: Any) -> str:
+    """Text as it is; numbers so that they read back the same."""
+    if isinstance(value, str):
+        return value
+    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(value))
+
+
+def document(root: Element) -> str:
+    """The text of an XML file, indented."""
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def put_inertial(link: Element, inertia: pin.Inertia, axes: pin.SE3 | None = None) -> None:
+    """Append the inertial of a link.
+
+    Args:
+        inertia: in the link's frame, or in `axes`, then about their origin.
+        axes: in the link's frame.
+    """
+    inertial = put(link, "inertial")
+    place = pin.SE3(np.eye(3), inertia.lever) if axes is None else axes
+    if not place.isIdentity(0.0):
+        inertial.append(origin_of(place))
+    put(inertial, "mass", value=inertia.mass)
+    put(inertial, "inertia", **moments(inertia.inertia))
+
+
+def moments(matrix: np.ndarray) -> dict[str, float]:
+    """The entries of an inertia (3, 3) by their names, ixx to izz."""
+    pairs = [("xyz"[i], "xyz"[k], matrix[i, k]) for i in range(3) for k in range(i, 3)]
+    return {f"i{a}{b}": float(value) for a, b, value in pairs}
+
+
+def put_fixed(root: Element, name: str, parent: str, child: str, place: pin.SE3) -> None:
+    """Append a fixed joint with the child at `place` in the parent."""
+    joint = put(root, "joint", name=name, type="fixed")
+    joint.append(origin_of(place))
+    put(joint, "parent", link=parent)
+    put(joint, "child", link=child)
+
+
+def set_end(joint: Element, end: str, link: str) -> None:
+    """Let an end of a joint be another link."""
+    for one in joint.findall(end):
+        one.set("link", link)
+
+
+def place_of(element: Element) -> pin.SE3:
+    """Where the origin of a joint or of an inertial is."""
+    origin = element.find("origin")
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = ([float(x) for x in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+
+
+def origin_of(place: pin.SE3) -> Element:
+    """The element that says so."""
+    xyz, rpy = place.translation, pin.rpy.matrixToRpy(place.rotation)
+    return Element("origin", {"xyz": written(xyz), "rpy": written(rpy)})
