@@ -133,3 +133,23 @@ def test_a_word_is_given_once():
         add(Load, other)
     with pytest.raises(jp.JointplayError, match="int cannot be added to Load"):
         add(Load, int)
+
+
+def test_a_plan_and_a_measure_are_a_function_each(pendulum, tmp_path):
+    measure, plan = addition("measure").longest_flight, addition("plan").one_at_a_time
+    play = {"swing": jp.RevoluteClearance(**PLAY)}
+    base = jp.Simulation(
+        jp.Mechanism(pendulum, play), duration=0.02, drive=jp.loads.Free(), judge_from=0.0
+    )
+    cases = plan(base, 2.0, duration=0.02, step=1e-5)
+    study = jp.Study(cases, jp.study.Measure(measure), jp.study.Memory())
+    here = dict(study.outcomes(jobs=1))
+    assert list(here) == ["base", "duration up", "duration down", "step up", "step down"]
+    assert all(
+        0.0 < value <= case.duration
+        for value, case in zip(here.values(), cases.values(), strict=True)
+    )
+    assert jp.Study(cases, jp.study.Measure(measure)).run(jobs=2) == list(here.values())
+    assert here["base"] == measure(base.run())
+    # What the store has does not run again.
+    assert dict(jp.Study(cases, pytest.fail, study.store).outcomes()) == {}

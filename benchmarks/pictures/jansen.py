@@ -20,8 +20,9 @@ import numpy as np
 from common import DOCS, folder_of, require
 
 import jointplay as jp
-from jointplay.analysis.uncertainty import salib, sobol_indices, standard_error
+from jointplay.analysis.uncertainty import sobol_indices, standard_error
 from jointplay.contact import Ambrosio
+from jointplay.study.axes import points
 
 SCENARIO = DOCS / "gallery" / "jansen.toml"
 CASES = {"knee": ("knee",), "knee and rocker": ("knee", "rocker_pin")}
@@ -137,15 +138,15 @@ def feedback(case: str, runs: int, jobs: int) -> str:
 
 def sensitivity(samples: int, phases: int, jobs: int) -> list[str]:
     """Sobol indices of force and wear: means of a few runs of other phases at each point."""
-    names, bounds = tuple(RANGES), list(RANGES.values())
-    problem = {"num_vars": len(names), "names": names, "bounds": bounds}
-    points = salib("sample").sample(problem, samples, calc_second_order=False, seed=0)
+    names = tuple(RANGES)
+    low, high = np.array(list(RANGES.values())).T
+    drawn = low + points("saltelli", samples, len(names), seed=0) * (high - low)
     work = [
         (
             machine("knee", k / phases, clearance=1e-3 * c, friction=mu, rate=rate, load=load),
             CASES["knee"],
         )
-        for c, mu, rate, load in points
+        for c, mu, rate, load in drawn
         for k in range(phases)
     ]
     found = gather(work, jobs, "sensitivity")

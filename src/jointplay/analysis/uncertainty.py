@@ -186,14 +186,14 @@ class SobolIndices:
     """Half-width of its interval, shape (d,)."""
 
 
-def salib(part: str) -> Any:
-    """SALib's module for Sobol designs (``sample``) or their indices (``analyze``).
+def salib() -> Any:
+    """SALib's module for Sobol indices.
 
     Raises:
         JointplayError: it is not installed.
     """
     with extra("sensitivity", "SALib"):
-        return import_module(f"SALib.{part}.sobol")
+        return import_module("SALib.analyze.sobol")
 
 
 def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
@@ -209,7 +209,7 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
     Raises:
         JointplayError: SALib is not installed, or a value is missing.
     """
-    sobol = salib("analyze")
+    sobol = salib()
     y = np.asarray(values, float).ravel()
     missing = int(np.count_nonzero(~np.isfinite(y)))
     if missing or len(y) % (len(names) + 2):

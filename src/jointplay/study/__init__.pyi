@@ -4,6 +4,7 @@ from .plan import plan_of as plan_of
 from .run import run_plan as run_plan
 from .run import sweep as sweep
 from .shares import sensitivity as sensitivity
+from .study import Measure as Measure
 from .study import Memory as Memory
 from .study import Store as Store
 from .study import Study as Study

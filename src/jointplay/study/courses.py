@@ -24,9 +24,10 @@ from jointplay.mechanism.impact import fitting_step
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
+from jointplay.result.result import Result
 from jointplay.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.study import Memory, Study, run_to_the_end
+from jointplay.study.study import Measure, Memory, Study
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def traces(
     keys = [_key(one) for one in simulations]
     plan = dict(zip(keys, simulations, strict=True))
     store = Memory[Trace]() if keep is None else Folder(keep, plan)
-    Study(plan, _course, store).run(jobs, progress, desc=what)
+    Study(plan, Measure(_course), store).run(jobs, progress, desc=what)
     return [store[key] for key in keys]
 
 
@@ -152,9 +153,7 @@ class Folder(Memory[Trace]):
         files.write(self.path / f"{key}.npz", content.getvalue(), overwrite=True, announced=False)
 
 
-def _course(simulation: Simulation) -> Trace:
-    seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
-    result = run_to_the_end(simulation, f"a run{seed}")
+def _course(result: Result) -> Trace:
     return Trace(
         np.asarray(result.time),
         result["tool_position"].values.copy(),

@@ -39,6 +39,7 @@ from jointplay.core.tables import Column, Table
 from jointplay.design.levers import GEAR
 from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.axes import points
 from jointplay.study.courses import (
     MOST_RUNS,
     at_speed,
@@ -272,11 +273,9 @@ def sensitivity(
     base = _coarser(simulation)
     inputs = _inputs(base, spread, slowest, payload)
     names = [name for name, _, _ in inputs]
-    sample = salib("sample")
-    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    points = sample.sample(problem, samples, calc_second_order=False, seed=0)
+    salib()  # before anything runs
     work = []
-    for point in points:
+    for point in points("saltelli", samples, len(names), seed=0):
         one = base
         for (_, (low, high), change), x in zip(inputs, point, strict=True):
             one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from jointplay.core.processes import Pool, Serial, number_of
@@ -158,12 +159,30 @@ class Study(Generic[Item, Value]):
         return Pool(self.measure, number, kept=self.store.kept, name=self.name)
 
 
-def run_to_the_end(simulation: Simulation, words: str) -> Result:
+@dataclass(frozen=True)
+class Measure(Generic[Value]):
+    """What is wanted of simulations: each is run, and a function of its result is kept."""
+
+    of: Callable[[Result], Value]
+    """A function of a module, which other processes find."""
+    words: str = "a run"
+    """What a simulation is called where it fails."""
+    check_step: bool = False
+    """See `Run.finish`."""
+
+    def __call__(self, simulation: Simulation) -> Value:
+        """Run it to the end, and measure."""
+        seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
+        return self.of(run_to_the_end(simulation, f"{self.words}{seed}", self.check_step))
+
+
+def run_to_the_end(simulation: Simulation, words: str, check_step: bool = False) -> Result:
     """Simulate; what stops a run is said in the error, not in a warning before it.
 
     Args:
-        simulation: what is run, without a check of its step.
+        simulation: what is run.
         words: what it is called where it fails.
+        check_step: see `Run.finish`.
 
     Raises:
         KeyboardInterrupt: it was interrupted.
@@ -171,5 +190,5 @@ def run_to_the_end(simulation: Simulation, words: str) -> Result:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        result = simulation.run(check_step=False, estimate=False)
+        result = simulation.run(check_step=check_step, estimate=False)
     return result.completed(words)

@@ -38,7 +38,7 @@ from jointplay.joints import RollingBearing
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
 from jointplay.study.courses import MOST_RUNS, check_numbers
-from jointplay.study.study import Study
+from jointplay.study.study import Measure, Study
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -153,16 +153,14 @@ def wear_blocks(
         for block in range(blocks):
             machine = with_worn(simulation, worn)
             drawn = [replace(machine, seed=seed) for seed in seeds]
-            depths = Study(drawn, _run).run(jobs, bar)
+            depths = Study(
+                drawn, Measure(worn_depths, "a run with worn bores", check_step=True)
+            ).run(jobs, bar)
             rates = [{name: one[name] / cycles_per_run for name in worn} for one in depths]
             mean = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
             count = cycles_until((block + 1) / blocks, worn, mean)
             before, worn = worn, {name: worn[name] + count * mean[name] for name in worn}
             yield Block(count, before, worn, rates)
-
-
-def _run(simulation: Simulation) -> Depths:
-    return worn_depths(simulation.run(estimate=False).completed("a run with worn bores"))
 
 
 def check_blocks(blocks: int, runs: int, cycles_per_run: float, jobs: int | None) -> None:
