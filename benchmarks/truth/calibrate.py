@@ -96,12 +96,12 @@ def robot(seed: int) -> Robot:
             half, lean = 0.0, np.zeros(n)
         true[:, j] += offset + give * load[:, j] + half * lean
         true[:, j] += sine * np.sin(motor[:, j]) + cosine * np.cos(motor[:, j])
-        truth |= {f"offset {name}": offset, f"compliance {name}": give, f"play {name}": half}
-        truth |= {f"eccentricity {name} sin": sine, f"eccentricity {name} cos": cosine}
+        truth |= {f"{name} offset": offset, f"{name} compliance": give, f"{name} half-play": half}
+        truth |= {f"{name} eccentricity sin": sine, f"{name} eccentricity cos": cosine}
         if j and grows:
             moved = random.normal(0.0, 5e-4, 3)
             model.jointPlacements[j + 1].translation += moved
-            truth |= {f"placement {name} along {a}": x for a, x in zip("xyz", moved, strict=True)}
+            truth |= {f"{name} placement along {a}": x for a, x in zip("xyz", moved, strict=True)}
     places = []
     data = model.createData()
     for q in true:
@@ -130,19 +130,19 @@ def case(seed: int) -> list[dict]:
         inside = c.low <= truth <= c.high
         rows.append(
             {
-                "case": seed, "kind": c.term, "label": c.label, "truth": truth, "found": c.value,
-                "low": c.low, "high": c.high, "told": c.determined, "wrong": not inside,
-                "seconds": seconds,
+                "case": seed, "kind": c.unknown.name.split()[0], "label": c.label, "truth": truth,
+                "found": c.value, "low": c.low, "high": c.high, "told": c.identified,
+                "wrong": not inside, "seconds": seconds,
             }
         )  # fmt: skip
     for p in fit.play:
-        truth = one.truth[f"play {p.joint}"]
+        truth = one.truth[p.label]
         low, high = (p.low, p.high) if p.found else (0.0, p.upper)
         wrong = not low <= truth <= high
         rows.append(
             {
                 "case": seed, "kind": "joint's play" if p.found else "joint's bound",
-                "label": p.joint, "truth": truth, "found": p.half, "low": low, "high": high,
+                "label": p.joint, "truth": truth, "found": p.value, "low": low, "high": high,
                 "told": not p.reason, "wrong": wrong, "seconds": seconds,
             }
         )  # fmt: skip

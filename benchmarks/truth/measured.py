@@ -235,7 +235,7 @@ def tiago(repository: Repository, report: Report) -> dict[str, Calibration]:
             error=SCATTER,
         )
         report.say(f"encoder: {words}", *str(few).split("\n\n")[0].splitlines())
-        report.say(str(few["placement arm_5_joint along z"]))
+        report.say(str(few["arm_5_joint placement along z"]))
     report.say(
         "", "## Which encoder is right: share of the link's reading in what the poses show", ""
     )
@@ -243,7 +243,7 @@ def tiago(repository: Repository, report: Report) -> dict[str, Calibration]:
         robot, base, (), always=[OFFSET, PLACEMENT, RAIL, Term("link-encoder", ARM)],
         payloads=[GRIPPER], error=SCATTER,
     )  # fmt: skip
-    report.say(*(str(one) for one in share.coefficients if one.term == "link-encoder"))
+    report.say(*(str(one) for one in share.coefficients if one.unknown.name == "link-encoder"))
     report.say(
         "", "## Suspension, periodic errors of the motors' encoders: one after the other", ""
     )

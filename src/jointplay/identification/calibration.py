@@ -18,8 +18,8 @@ import numpy as np
 
 from jointplay.core import tables
 from jointplay.core.errors import JointplayError, MissingName, require_a
+from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import Table
-from jointplay.core.units import displayed
 from jointplay.identification.kinematic_model import (
     Column,
     Fitted,
@@ -28,7 +28,17 @@ from jointplay.identification.kinematic_model import (
     State,
     Term,
 )
+from jointplay.identification.least_squares import sandwich
+from jointplay.identification.selection import Gain, grown, improves, one_sided
 from jointplay.identification.static_poses import StaticPoses
+from jointplay.identification.unknowns import (
+    NORMAL,
+    Estimate,
+    Unknown,
+    by_label,
+    data,
+    listed,
+)
 from jointplay.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -36,12 +46,6 @@ if TYPE_CHECKING:
 
 TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
 """Causes that are tried if none are named."""
-CHANCE = 0.1
-"""Probability of chance below which a gain counts, one-sided."""
-LEAST_GAIN = 0.01
-"""Part by which held-back errors must shrink at least (RMS)."""
-RARER_SIGN = 0.05
-"""Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
 INFORMED = 0.5
 """Part of a prior's variance that the poses must take away, or they tell nothing."""
 LARGE = 1.2
@@ -53,35 +57,12 @@ TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
 """Of play, over the largest load of the joint, where they are sought."""
 _TURNS = ("rx", "ry", "rz")
 """Components of rotation vectors."""
-DRAWS, NORMAL, TWO_UNKNOWNS = 1000, 1.96, 5.99
-"""Of coefficients for an effect's interval; half of a 95 % interval in standard deviations; 95 %
-quantile of chi-square with two degrees of freedom, friction's and transition's."""
+_VAGUE = "base, tool or other causes do the same, or nothing shows it"
+DRAWS, TWO_UNKNOWNS = 1000, 5.99
+"""Of coefficients for an effect's interval; 95 % quantile of chi-square with two degrees of
+freedom, friction's and transition's."""
 SMOOTHINGS = (0.25, 1.0, 4.0)
 """Times a transition that is given, for which a bound must hold."""
-
-
-def improves(before: np.ndarray, after: np.ndarray, units: np.ndarray) -> tuple[bool, float, float]:
-    """Whether losses of held-back rows shrink by more than chance.
-
-    The mean of the differences over independent units (rows, points, groups) must exceed the
-    one-sided 90 % quantile of Student's t times its standard error, and the root of the mean loss
-    must shrink by one per cent.
-
-    Args:
-        before, after: squared weighted errors of the rows, shape (n,).
-        units: number of the unit of each row, shape (n,).
-
-    Returns:
-        Whether; the mean difference; what it had to exceed.
-    """
-    from scipy.stats import t
-
-    names = np.unique(units)
-    gains = np.array([np.mean(before[units == u] - after[units == u]) for u in names])
-    m = len(gains)
-    margin = np.inf if m < 2 else t.ppf(1.0 - CHANCE, m - 1) * gains.std(ddof=1) / np.sqrt(m)
-    smaller = np.sqrt(after.mean()) < (1.0 - LEAST_GAIN) * np.sqrt(before.mean())
-    return bool(gains.mean() > margin and smaller), float(gains.mean()), float(margin)
 
 
 @dataclass(frozen=True)
@@ -103,81 +84,6 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Coefficient:
-    """A fitted coefficient of a term that was kept; SI units."""
-
-    label: str
-    term: str
-    joint: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    """95 % interval."""
-    determined: bool
-    """Whether the poses say more of it than was assumed beforehand."""
-    correlated: str = ""
-    """The coefficient that it acts together with, if any."""
-
-    def __str__(self) -> str:
-        """One line."""
-        value, low, high = (_in_unit(x, self.unit) for x in (self.value, self.low, self.high))
-        text = f"{self.label:<40} {value:>16}  {low} to {high}"
-        return text + (f" (acts together with {self.correlated})" if self.correlated else "")
-
-
-@dataclass(frozen=True)
-class PlayBound:
-    """What the poses tell of a joint's half-play by the side of its load; SI units."""
-
-    joint: str
-    unit: str
-    half: float
-    low: float
-    high: float
-    """95 % interval."""
-    upper: float
-    """Upper bound, one-sided 95 %."""
-    reason: str
-    """Why this measurement cannot tell; empty if it can."""
-    found: bool
-    """Whether play predicts held-back poses better, and the interval excludes none."""
-
-    def __str__(self) -> str:
-        """One line."""
-        if self.reason:
-            return f"{self.joint:<20} this measurement cannot tell: {self.reason}"
-        half, low, high, upper = (
-            _in_unit(x, self.unit) for x in (self.half, self.low, self.high, self.upper)
-        )
-        if self.found:
-            return f"{self.joint:<20} half-play {half} ({low} to {high})"
-        return f"{self.joint:<20} no play told; half-play at most {upper} (95 %)"
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What a kept term moves the tool by, beyond what other places of base and tool would do."""
-
-    term: str
-    size: float
-    """RMS over the poses [m]."""
-    low: float
-    high: float
-    """95 % interval, by draws of its coefficients [m]."""
-
-    def __str__(self) -> str:
-        """One line."""
-        size, low, high = (1e3 * one for one in (self.size, self.low, self.high))
-        return f"{self.term:<40} {size:>9.3g} mm RMS  {low:.3g} to {high:.3g} mm"
-
-
-def _in_unit(value: float, unit: str) -> str:
-    factor, word = displayed(unit)
-    return f"{factor * value:.3g} {word}".strip()
-
-
-@dataclass(frozen=True)
 class Calibration:
     """What static poses tell of a mechanism; SI units."""
 
@@ -186,9 +92,9 @@ class Calibration:
     kept: tuple[Term, ...]
     steps: tuple[Step, ...]
     """All models that were tried, in order; the first has no causes but those always in it."""
-    coefficients: tuple[Coefficient, ...]
+    coefficients: tuple[Estimate, ...]
     """Of the terms that were kept, but play, of which `play` has what is told."""
-    play: tuple[PlayBound, ...]
+    play: tuple[Estimate, ...]
     """Of every joint of the chain, all candidates and everybody's play free."""
     error: tuple[float, float]
     """By which residuals of positions [m] and orientations [rad] were weighted."""
@@ -202,31 +108,29 @@ class Calibration:
     folds: str
     """What was held back, in words."""
     notes: tuple[str, ...] = ()
-    effects: tuple[Effect, ...] = ()
-    """Of the terms that were kept."""
+    effects: tuple[Estimate, ...] = ()
+    """What each term that was kept moves the tool by, RMS over the poses, beyond what other places
+    of base and tool would do [m]."""
     problem: Problem | None = field(default=None, repr=False)
 
     def step(self) -> Step:
         """The model that was kept."""
         return [one for one in self.steps if one.kept][-1]
 
-    def __getitem__(self, label: str) -> Coefficient:
-        """A coefficient by its label, such as ``"compliance elbow"``."""
-        for one in self.coefficients:
-            if one.label == label:
-                return one
-        raise MissingName("coefficient", label, [one.label for one in self.coefficients])
+    def __getitem__(self, label: str) -> Estimate:
+        """A coefficient by its label, such as ``"elbow compliance"``."""
+        return by_label(self.coefficients, label)
 
-    def play_of(self, joint: str) -> PlayBound:
-        """What is told of a joint's play."""
+    def play_of(self, joint: str) -> Estimate:
+        """What is told of a joint's half-play by the side of its load."""
         for one in self.play:
             if one.joint == joint:
                 return one
         raise MissingName("joint", joint, [one.joint for one in self.play])
 
-    def __str__(self) -> str:
-        """Tables of models, coefficients and play."""
-        turned = self.poses.orientation is not None
+    @property
+    def models(self) -> Table:
+        """The models that were tried, and their errors (RMS)."""
         columns = [
             tables.Column("model", [one.added for one in self.steps]),
             tables.Column("unknowns", [one.unknowns for one in self.steps]),
@@ -234,65 +138,43 @@ class Calibration:
         for what in ("training", "held back"):
             errors = np.array([getattr(one, what.replace(" ", "_")) for one in self.steps])
             columns.append(tables.Column(what, errors[:, 0], "m"))
-            if turned:
+            if self.poses.orientation is not None:
                 columns.append(tables.Column(f"{what}, turn", errors[:, 1], "rad"))
         columns.append(tables.Column("kept", ["yes" if one.kept else "no" for one in self.steps]))
-        lines = [*self.notes, str(Table(columns))]
-        lines.append(
+        return Table(columns)
+
+    def __str__(self) -> str:
+        """Tables of models, coefficients and play."""
+        lines = [
+            *self.notes,
+            str(self.models),
             f"{int(self.within.sum())} of {len(self.within)} held-back positions lie in their "
-            "predicted 95 % regions"
-        )
-        lines.append(
+            "predicted 95 % regions",
             f"held back: {self.folds}; a term is kept if the squared errors of held-back "
             f"{_unit_words(self.poses)} shrink by more than chance (one-sided 90 %) and their RMS "
-            "by 1 %"
-        )
+            "by 1 %",
+        ]
         if self.coefficients:
-            lines.append("")
-            lines.append(f"{'coefficient':<40} {'found':>16}  95 % interval")
-            lines += [str(one) for one in self.coefficients if one.determined]
-            if vague := [one.label for one in self.coefficients if not one.determined]:
-                lines.append(
-                    "not determined (they do what base, tool or others do, or nothing shows them): "
-                    + ", ".join(vague)
-                )
+            vague = f"not determined ({_VAGUE})"
+            lines += ["", listed(self.coefficients, "coefficient", vague)]
         if self.effects:
-            lines += ["", "the tool moves by, base and tool placed best without it:"]
-            lines += map(str, self.effects)
-        lines += ["", "play by the side of the load:", *map(str, self.play)]
+            head = "moves the tool by (RMS), base and tool placed best without it"
+            lines += ["", listed(self.effects, head)]
+        lines += ["", listed(self.play, "play by the side of the load")]
         return "\n".join(lines)
 
     @property
     def data(self) -> Table:
-        """All numbers [SI]."""
-        heads = ("kind", "name", "unit", "value", "low", "high", "kept", "why not")
-        rows: list[tuple[Any, ...]] = []
+        """Errors of all models, coefficients, effects and bounds of play [SI]."""
+        errors, turned = [], 1 if self.poses.orientation is None else 2
         for one in self.steps:
-            name = " + ".join(one.terms) or one.added
-            for what, (position, orientation) in (
-                ("training", one.training),
-                ("held back", one.held_back),
-            ):
-                rows.append((f"{what} position", name, "m", position, "", "", one.kept, ""))
-                if self.poses.orientation is not None:
-                    rows.append(
-                        (f"{what} orientation", name, "rad", orientation, "", "", one.kept, "")
-                    )
-        for c in self.coefficients:
-            rows.append(
-                ("coefficient", c.label, c.unit, c.value, c.low, c.high, c.determined, c.correlated)
-            )
-        for e in self.effects:
-            rows.append(("effect", e.term, "m", e.size, e.low, e.high, True, ""))
-        for p in self.play:
-            if p.reason:
-                rows.append(("half-play", p.joint, p.unit, "", "", "", False, p.reason))
-            else:
-                rows.append(("half-play", p.joint, p.unit, p.half, p.low, p.high, p.found, ""))
-                rows.append(
-                    ("half-play upper bound", p.joint, p.unit, p.upper, "", "", p.found, "")
-                )
-        return Table.of([(head, "") for head in heads], rows)
+            name, note = " + ".join(one.terms) or one.added, "kept" if one.kept else "not kept"
+            for what in ("training", "held_back"):
+                kinds = [("position", "m"), ("orientation", "rad")]
+                for (kind, unit), size in zip(kinds[:turned], getattr(one, what), strict=False):
+                    error = Unknown("", f"{what} {kind}: {name}", unit, np.nan)
+                    errors.append(Estimate(error, size, note=note))
+        return data([*errors, *self.coefficients, *self.effects, *self.play])
 
     @property
     def residuals(self) -> Table:
@@ -319,10 +201,9 @@ class Calibration:
             "error": {"position": self.error[0], "orientation": self.error[1]},
             "kept": [str(term) for term in self.kept],
             "models": [vars(one) | {"terms": list(one.terms)} for one in self.steps],
-            "coefficients": [dict(vars(one)) for one in self.coefficients],
-            "play": [
-                {k: None if v == np.inf else v for k, v in vars(one).items()} for one in self.play
-            ],
+            "coefficients": [one.describe() for one in self.coefficients],
+            "effects": [one.describe() for one in self.effects],
+            "play": [one.describe() for one in self.play],
             "notes": list(self.notes),
         }
 
@@ -442,37 +323,38 @@ class _Fits:
         self, made: list[Column], i: int, state: State, rows: np.ndarray
     ) -> tuple[Column, tuple[float, float]]:
         """The column of play that lowers the cost most, to first order, beside all others."""
-        problem = replace(self.base, columns=tuple(made))
-        one = problem.columns[i]
-        k = problem.first + i
+        problem, one = replace(self.base, columns=tuple(made)), made[i]
+        gains, _ = self.leanings(problem, i, state, rows)
+        chosen = self.leans(one)[int(gains.argmax())]
+        return replace(one, feature=self.poses.leaning(one.joint, *chosen)), chosen
+
+    def leanings(
+        self, problem: Problem, i: int, state: State, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What each friction and transition of the i-th column, of play, does to first order.
+
+        Beside all other unknowns, from a state without that play: by how much the cost falls, and
+        the half-play, shape (frictions and transitions,) each.
+        """
+        one, k = problem.columns[i], problem.first + i
         bare = replace(one, feature=np.ones(len(self.poses)))
-        unit = replace(problem, columns=(*made[:i], bare, *made[i + 1 :]))
+        unit = replace(problem, columns=(*problem.columns[:i], bare, *problem.columns[i + 1 :]))
         residual, slope = unit.residual(state, rows, jacobian=True)
         precision = problem.priors**-2.0
         others = np.delete(np.arange(slope.shape[1]), k)
         rest = slope[:, others]
         hessian = rest.T @ rest + np.diag(precision[others])
-        prior = precision * unit._from_priors(state)
-        step = np.linalg.solve(hessian, rest.T @ residual - prior[others])
-        left = residual - rest @ step
-        best, chosen = -np.inf, (0.0, 0.0)
-        for lean in self.leans(one):
-            feature = self.poses.leaning(one.joint, *lean)
-            own = slope[:, k] * self._over_residuals(problem, feature[rows], rows, len(residual))
-            across = rest.T @ own
-            size = own @ own - across @ np.linalg.solve(hessian, across) + precision[k]
-            gain = (own @ left) ** 2 / size
-            if gain > best:
-                best, chosen = gain, lean
-        return replace(one, feature=self.poses.leaning(one.joint, *chosen)), chosen
-
-    def _over_residuals(
-        self, problem: Problem, feature: np.ndarray, rows: np.ndarray, size: int
-    ) -> np.ndarray:
-        """A feature of the rows for each residual; of what relates rows, none."""
-        each = np.repeat(feature, 3)
-        whole = np.concatenate([each, each]) if problem.turned else each
-        return np.concatenate([whole, np.zeros(size - len(whole))])
+        prior = precision * unit.from_priors(state)
+        left = residual - rest @ np.linalg.solve(hessian, rest.T @ residual - prior[others])
+        features = self.poses.leaning(one.joint, *np.transpose(self.leans(one)))[rows]
+        # A feature for each component of a row's residual; of what relates rows, none.
+        each = np.tile(np.repeat(features, 3, axis=0), (2 if problem.turned else 1, 1))
+        own = slope[:, k, None] * np.pad(each, ((0, len(residual) - len(each)), (0, 0)))
+        across = rest.T @ own
+        size = np.sum(own**2, axis=0) + precision[k]
+        size -= np.sum(across * np.linalg.solve(hessian, across), axis=0)
+        along = left @ own
+        return along**2 / size, along / size
 
     def loss(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
         """Squared weighted errors of rows, shape (n,)."""
@@ -585,8 +467,9 @@ def calibrate(
     nominal = np.asarray(point, float)
     base = Problem(all_poses, (), start, nominal, point_width)
     count = len(candidates)
-    with _bar(progress, (count * (count + 1) // 2 + 1) * (len(groups) + 1)) as tick:
-        fits = _Fits(all_poses, base, groups, units, tick)
+    total = (count * (count + 1) // 2 + 1) * (len(groups) + 1)
+    with ProgressBar(total=total, desc="models", delay=2.0, disable=not progress) as bar:
+        fits = _Fits(all_poses, base, groups, units, bar.update)
         if error is None:
             base = replace(base, error=_estimated(fits, [*given, *candidates]))
             fits.base = base
@@ -602,20 +485,6 @@ def read_poses(mechanism: Mechanism, path: str | Path) -> StaticPoses:
     entries = mechanism.description.joints
     joints = {name: name in entries and entries[name].slides for name in mechanism.ideal().joints}
     return StaticPoses.from_csv(path, joints)
-
-
-def _bar(show: bool, total: int) -> Any:
-    """A progress bar that appears after two seconds, as a context with a function that counts."""
-    from contextlib import contextmanager
-
-    from jointplay.core.progress import ProgressBar
-
-    @contextmanager
-    def shown() -> Any:
-        with ProgressBar(total=total, desc="models", delay=2.0, disable=not show) as bar:
-            yield lambda: bar.update(1)
-
-    return shown()
 
 
 def _folds(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], np.ndarray, str]:
@@ -710,23 +579,12 @@ def _select(
 
 def _added(fits: _Fits, now: _Tried, candidates: Sequence[Term], steps: list[Step]) -> _Tried:
     """The model with candidates added, the best first, as long as one is better than chance."""
-    left = [term for term in candidates if fits.poses.columns(term)]
-    while left:
-        best: tuple[_Tried, Term, tuple[float, float]] | None = None
-        for term in left:
-            made = fits.tried([*now.terms, term])
-            better, *gain = improves(now.loss, made.loss, fits.units)
-            found = made, term, (gain[0], gain[1])
-            if better and (best is None or made.loss.mean() < best[0].loss.mean()):
-                found, best = best or found, found
-            if found is not best:
-                steps.append(found[0].step(f"+ {found[1].short}", False, found[2]))
-        if best is None:
-            break
-        now, term, gains = best
-        left.remove(term)
-        steps.append(now.step(f"+ {term.short}", True, gains))
-    return now
+
+    def tried(made: _Tried, term: Term, gain: Gain, kept: bool) -> None:
+        steps.append(made.step(f"+ {term.short}", kept, gain[1:]))
+
+    some = [term for term in candidates if fits.poses.columns(term)]
+    return grown(now, some, lambda one, term: fits.tried([*one.terms, term]), fits.units, tried)
 
 
 def _dropped(fits: _Fits, now: _Tried, given: int, steps: list[Step]) -> _Tried:
@@ -794,40 +652,29 @@ def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, 
     if problem.closure:
         slope, residual = slope[: 3 * n], residual[: 3 * n]
         owner = owner[: 3 * n]
-    scores = slope * residual[:, None]
-    names = np.unique(fits.units)
-    summed = np.array([scores[fits.units[owner] == u].sum(axis=0) for u in names])
-    m = len(names)
-    robust = covariance @ (summed.T @ summed * m / max(m - 1, 1)) @ covariance
-    wide = np.sqrt(np.maximum(np.diag(robust), 0.0))
+    robust, m = sandwich(covariance, slope, residual, fits.units[owner])
+    wide = np.sqrt(robust * m / max(m - 1, 1))
     two = np.maximum(t.ppf(0.975, free) * plain, t.ppf(0.975, max(m - 1, 4)) * wide)
     one = np.maximum(t.ppf(0.95, free) * plain, t.ppf(0.95, max(m - 1, 4)) * wide)
     return fits.excess * two, fits.excess * one, fits.excess**2 * stretch
 
 
-def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Coefficient, ...]:
-    """Of the terms that were kept, with intervals; of play see `_bounds`."""
-    rows = np.arange(len(fits.poses))
-    problem, fitted, _ = fits.problem(kept, rows, start)
+def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Estimate, ...]:
+    """Of the terms that were kept, with intervals; what is told of play stands in `_bounds`."""
+    problem, fitted, _ = fits.problem(kept, np.arange(len(fits.poses)), start)
     half, _, _ = _spread(fits, problem, fitted)
     made = []
     for i, column in enumerate(problem.columns):
-        k = problem.first + i
-        value = float(fitted.state.c[i])
-        low, high = value - half[k], value + half[k]
         if column.term.kind == "play":
-            continue  # what is told of it stands in one place, `_bounds`
+            continue
         told, _, other = _informed(problem, fitted, i)
-        name, kind, unit = column.label, column.term.kind, column.unit
-        made.append(
-            Coefficient(
-                name, kind, column.joint, unit, value, low, high, bool(told > INFORMED), other
-            )
-        )
+        reason, note = "" if told > INFORMED else _VAGUE, other and f"acts together with {other}"
+        value, width = float(fitted.state.c[i]), float(half[problem.first + i])
+        made.append(Estimate(column.unknown, value, width, reason, note=note))
     return tuple(made)
 
 
-def _effects(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Effect, ...]:
+def _effects(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Estimate, ...]:
     """Of the terms that were kept, on the tool's position."""
     n = len(fits.poses)
     problem, fitted, _ = fits.problem(kept, np.arange(n), start)
@@ -851,7 +698,9 @@ def _effects(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Effect, .
         drawn = random.multivariate_normal(value, covariance * np.outer(wider, wider), DRAWS)
         size = float(np.linalg.norm(moved @ value))
         low, high = np.quantile(np.linalg.norm(moved @ drawn.T, axis=0), [0.025, 0.975])
-        made.append(Effect(term.short, size, min(float(low), size), max(float(high), size)))
+        ends = min(float(low), size), max(float(high), size)
+        effect = Unknown("", term.short, "m", sought=False, fine=False)
+        made.append(Estimate(effect, size, ends=ends))
     return tuple(made)
 
 
@@ -860,28 +709,10 @@ def _over_leans(
 ) -> tuple[float, float]:
     """Ends of play's interval over all frictions and transitions that are not worse by more than
     the 95 % quantile of chi-square, of two unknowns; each fit to first order from the best one."""
-    column = problem.columns[i]
-    rows, k = fitted.rows, problem.first + i
-    bare = replace(column, feature=np.ones(len(fits.poses)))
-    unit = replace(problem, columns=(*problem.columns[:i], bare, *problem.columns[i + 1 :]))
-    zeroed = replace(
-        fitted.state, c=np.where(np.arange(len(problem.columns)) == i, 0.0, fitted.state.c)
-    )
-    residual, slope = unit.residual(zeroed, rows, jacobian=True)
-    precision = problem.priors**-2.0
-    prior = precision * unit._from_priors(zeroed)
-    found = []
-    for lean in fits.leans(column):
-        feature = fits.poses.leaning(column.joint, *lean)
-        own = slope.copy()
-        own[:, k] *= fits._over_residuals(problem, feature[rows], rows, len(residual))
-        hessian = own.T @ own + np.diag(precision)
-        gradient = own.T @ residual - prior
-        step = np.linalg.solve(hessian, gradient)
-        found.append((-float(gradient @ step), float(step[k])))
-    best = min(cost for cost, _ in found)
-    near = [value for cost, value in found if cost <= best + TWO_UNKNOWNS * stretch]
-    return min(near) - half, max(near) + half
+    c = np.where(np.arange(len(problem.columns)) == i, 0.0, fitted.state.c)
+    gains, values = fits.leanings(problem, i, replace(fitted.state, c=c), fitted.rows)
+    near = values[gains >= gains.max() - TWO_UNKNOWNS * stretch]
+    return float(near.min()) - half, float(near.max()) + half
 
 
 def _informed(problem: Problem, fitted: Fitted, i: int) -> tuple[float, float, str]:
@@ -896,12 +727,12 @@ def _informed(problem: Problem, fitted: Fitted, i: int) -> tuple[float, float, s
     own = together[problem.first :]
     if not len(own) or own.max() < TOGETHER:
         return told, float(own.max(initial=0.0)), ""
-    return told, float(own.max()), problem.columns[int(own.argmax())].label
+    return told, float(own.max()), problem.columns[int(own.argmax())].unknown.label
 
 
 def _bounds(
     fits: _Fits, kept: Sequence[Term], candidates: Sequence[Term], start: State
-) -> tuple[PlayBound, ...]:
+) -> tuple[Estimate, ...]:
     """What is told of every joint's play, with all candidates and everybody's play free."""
     poses, rows = fits.poses, np.arange(len(fits.poses))
     every = [*kept, *(one for one in candidates if one not in kept)]
@@ -913,31 +744,31 @@ def _bounds(
     predicted = {c.joint for term in kept if term.kind == "play" for c in poses.columns(term)}
     problem, fitted, _ = fits.problem(model, rows, start)
     half, side, stretch = _spread(fits, problem, fitted)
+    numbers = {c.joint: i for i, c in enumerate(problem.columns) if c.term.kind == "play"}
     made = []
     for joint in poses.known:
-        j = poses.chain.names.index(joint)
-        unit = "rad" if poses.chain.turns[j] else "m"
-        where = [
-            i for i, c in enumerate(problem.columns) if (c.term.kind, c.joint) == ("play", joint)
-        ]
-        if not where:
+        if joint not in numbers:
+            (column,) = poses.columns(Term("play", (joint,)))
             reason = "gravity does not load this joint"
-            made.append(PlayBound(joint, unit, 0.0, 0.0, 0.0, np.inf, reason, False))
+            made.append(Estimate(column.unknown, 0.0, reason=reason, found=False))
             continue
-        i = where[0]
-        k = problem.first + i
+        i = numbers[joint]
+        k, column = problem.first + i, problem.columns[i]
         value = float(fitted.state.c[i])
         low, high = value - half[k], value + half[k]
         upper = max(value, 0.0) + side[k]
-        column = problem.columns[i]
         if fits.sought(column):
             low, high = _over_leans(fits, problem, fitted, i, half[k], stretch)
             upper = max(upper, max(high - half[k], 0.0) + side[k])
         else:
             upper = max(upper, _smoothed(fits, problem, fitted.state, i))
-        reason = _why_not(poses, problem, fitted, i)
         seen = bool(joint in predicted and low > 0.0)
-        made.append(PlayBound(joint, unit, value, low, high, upper, "" if seen else reason, seen))
+        reason = "" if seen else _why_not(poses, problem, fitted, i)
+        made.append(
+            Estimate(
+                column.unknown, value, reason=reason, ends=(low, high), upper=upper, found=seen
+            )
+        )
     return tuple(made)
 
 
@@ -968,10 +799,8 @@ def _why_not(poses: Poses, problem: Problem, fitted: Fitted, i: int) -> str:
             f"{friction:.2g} {effort}"
         )
     side = poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * np.abs(load).max())
-    rarer = int(min((side > 0.5).sum(), (side < -0.5).sum()))
-    if rarer < max(RARER_SIGN * len(poses), 2.0):
-        times = "never" if not rarer else f"in only {rarer} of {len(poses)} poses"
-        return f"its load is on the other side {times}"
+    if said := one_sided(np.round(side)):
+        return said
     told, together, other = _informed(problem, fitted, i)
     if told < INFORMED:
         if other:

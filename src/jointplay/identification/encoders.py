@@ -8,22 +8,19 @@ came. A cause is kept only if it predicts poses better that the fit has not seen
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName, require_a
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.tables import Table
-from jointplay.core.units import displayed
-from jointplay.identification.calibration import (
-    RARER_SIGN,
-    TRANSITIONS,
-    improves,
-)
+from jointplay.identification.calibration import TRANSITIONS
 from jointplay.identification.kinematic_model import Poses
+from jointplay.identification.selection import Gain, grown, one_sided
 from jointplay.identification.static_poses import StaticPoses
+from jointplay.identification.unknowns import Estimate, Unknown, data, listed
 from jointplay.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -49,17 +46,6 @@ _EXCLUSIVE = ({"eccentricity", "two harmonics", "gain and jump"}, {"play", "play
 
 
 @dataclass(frozen=True)
-class Cause:
-    """A cause's coefficient, with its 95 % interval; SI units."""
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class EncoderDifference:
     """What explains the difference of a joint's two encoders, link less motor; SI units."""
 
@@ -70,15 +56,13 @@ class EncoderDifference:
     table: dict[str, float]
     """RMS of leave-one-out predictions by model, as causes joined by `` + ``."""
     kept: tuple[str, ...]
-    causes: tuple[Cause, ...]
+    causes: tuple[Estimate, ...]
     """Coefficients of what was kept, harmonics by amplitude."""
     friction: float
     transition: float
     """Of play, if kept [N m]; nan otherwise."""
-    play: Cause | None
-    """Half-play by the side of the load beside what was kept; None if that cannot be told."""
-    why_not: str
-    """Why it cannot."""
+    play: Estimate
+    """Half-play by the side of the load beside what was kept."""
 
     @property
     def left(self) -> float:
@@ -90,28 +74,21 @@ class EncoderDifference:
         """In words."""
         words = " and ".join(CAUSES[name].split(",")[0] for name in self.kept)
         text = words or "nothing here predicts it"
-        if self.play is not None and not any("play" in name for name in self.kept):
+        if self.play.reason:
+            text += f"; play cannot be told: {self.play.reason}"
+        elif not any("play" in name for name in self.kept):
             upper = max(abs(self.play.low), abs(self.play.high))
-            text += f"; half-play at most {_shown(upper, self.unit)}"
-        elif self.play is None:
-            text += f"; play cannot be told: {self.why_not}"
+            text += f"; half-play at most {self.play.unknown.shown(upper)}"
         return text
 
     def __str__(self) -> str:
-        """A few lines."""
-        lines = [
-            f"{self.joint}: differs by {_shown(self.spread, self.unit)} (standard deviation), "
-            f"{_shown(self.left, self.unit)} left when predicted: {self.verdict}"
-        ]
-        for one in self.causes:
-            low, high = _shown(one.low, one.unit), _shown(one.high, one.unit)
-            lines.append(f"  {one.name:<24} {_shown(one.value, one.unit)}  ({low} to {high})")
-        return "\n".join(lines)
-
-
-def _shown(value: float, unit: str) -> str:
-    factor, word = displayed(unit)
-    return f"{factor * value:.3g} {word}"
+        """A line, and the causes."""
+        shown = self.play.unknown.shown
+        head = (
+            f"{self.joint}: differs by {shown(self.spread)} (standard deviation), "
+            f"{shown(self.left)} left when predicted: {self.verdict}"
+        )
+        return "\n".join([head, *([listed(self.causes, "cause")] if self.causes else [])])
 
 
 def encoder_differences(
@@ -148,20 +125,16 @@ def encoder_differences(
     return tuple(_Joint(all_poses, name).explained() for name in names)
 
 
-_HEADS = ("joint", "kind", "name", "unit", "value", "low", "high")
-
-
 def table(found: Sequence[EncoderDifference]) -> Table:
-    """Leave-one-out errors of all models and coefficients of the kept ones [SI]."""
-    rows: list[tuple[Any, ...]] = []
+    """Leave-one-out errors of all models, coefficients of the kept ones and bounds of play [SI]."""
+    rows = []
     for one in found:
-        for name, value in one.table.items():
-            rows.append((one.joint, "left by leaving one out", name, one.unit, value, "", ""))
-        for cause in one.causes:
-            about = (one.joint, "coefficient", cause.name, cause.unit)
-            rows.append((*about, cause.value, cause.low, cause.high))
-        rows.append((one.joint, "verdict", one.verdict, "", "", "", ""))
-    return Table.of([(head, "") for head in _HEADS], rows)
+        for name, left in one.table.items():
+            note = one.verdict if left == one.left else ""
+            error = Unknown(one.joint, f"left by leaving one out: {name}", one.unit, np.nan)
+            rows.append(Estimate(error, left, note=note))
+        rows += one.causes if one.play in one.causes else (*one.causes, one.play)
+    return data(rows)
 
 
 def _difference(poses: Poses, joint: str) -> np.ndarray:
@@ -171,6 +144,25 @@ def _difference(poses: Poses, joint: str) -> np.ndarray:
     if poses.chain.turns[j]:
         off = off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))
     return np.asarray(off)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """Causes, and how far off they predict each pose by the others."""
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    """Shape (n,)."""
+
+    @property
+    def loss(self) -> np.ndarray:
+        """Squared, shape (n,)."""
+        return np.asarray(self.error**2)
+
+    @property
+    def size(self) -> float:
+        """RMS."""
+        return float(np.sqrt(np.mean(self.loss)))
 
 
 class _Joint:
@@ -257,34 +249,34 @@ class _Joint:
             best[better], error[better] = cost[better], (off / lever)[better]
         return error
 
+    def _extended(self, now: _Tried, name: str) -> _Tried | None:
+        """A model with one more cause; None where it has another of the kind, or poses are few."""
+        names = (*now.names, name)
+        rivals = {other for group in _EXCLUSIVE if name in group for other in group}
+        count = sum(4 if one == "two harmonics" else 2 for one in names) + 2
+        if rivals & set(now.names) or count > len(self.y):
+            return None
+        return _Tried(names, self._left_out(names))
+
     def explained(self) -> EncoderDifference:
         """Forward selection and intervals."""
+        first = _Tried((), self._left_out(()))
+        table = {"constant": first.size}
+
+        def tried(made: _Tried, name: str, gain: Gain, kept: bool) -> None:
+            table[" + ".join(made.names)] = made.size
+
         units = np.arange(len(self.y))
-        kept: tuple[str, ...] = ()
-        now = self._left_out(kept)
-        table = {"constant": float(np.sqrt(np.mean(now**2)))}
-        while True:
-            found = []
-            for name in self._names():
-                rivals = {other for group in _EXCLUSIVE if name in group for other in group}
-                if name in kept or rivals & set(kept):
-                    continue
-                model = (*kept, name)
-                if sum(4 if m == "two harmonics" else 2 for m in model) + 2 > len(self.y):
-                    continue
-                off = self._left_out(model)
-                table[" + ".join(model)] = float(np.sqrt(np.mean(off**2)))
-                if improves(now**2, off**2, units)[0]:
-                    found.append((float(np.mean(off**2)), model, off))
-            if not found:
-                break
-            _, kept, now = min(found)
+        kept = grown(first, self._names(), self._extended, units, tried).names
         causes, friction, transition = self._coefficients(kept)
-        play, why_not = self._play(kept)
         spread = float(np.std(self.y))
         return EncoderDifference(
-            self.joint, self.unit, spread, table, kept, causes, friction, transition, play, why_not
-        )
+            self.joint, self.unit, spread, table, kept, causes, friction, transition,
+            self._play(kept),
+        )  # fmt: skip
+
+    def _unknown(self, name: str, unit: str) -> Unknown:
+        return Unknown(self.joint, name, unit, np.nan, least=-np.inf, fine=False)
 
     def _fits(
         self, names: Sequence[str], widest: float
@@ -300,7 +292,7 @@ class _Joint:
 
     def _coefficients(
         self, names: Sequence[str], widest: float = 1.0
-    ) -> tuple[tuple[Cause, ...], float, float]:
+    ) -> tuple[tuple[Estimate, ...], float, float]:
         """With intervals that hold for all choices that are not significantly worse."""
         from scipy.stats import t
 
@@ -323,39 +315,28 @@ class _Joint:
                 "approach": [("by approach", self.unit)],
             }.get(name, [("half-play", self.unit)])
         causes = tuple(
-            Cause(label, unit, float(best[2][i + 1]), float(low[i + 1]), float(high[i + 1]))
-            for i, (label, unit) in enumerate(labels)
+            Estimate(self._unknown(label, unit), float(value), ends=(float(one), float(other)))
+            for (label, unit), value, one, other in zip(
+                labels, best[2][1:], low[1:], high[1:], strict=True
+            )
         )
         lean = next((v for k, v in best[1].items() if k.startswith("play")), (np.nan, np.nan))
         return causes, *lean
 
-    def _play(self, kept: Sequence[str]) -> tuple[Cause | None, str]:
-        """Half-play beside what was kept, or why there is none."""
+    def _play(self, kept: Sequence[str]) -> Estimate:
+        """Half-play beside what was kept, or why it cannot be told."""
+        dark = Estimate(self._unknown("half-play", self.unit))
         if not self.poses.loaded(self.joint):
-            return None, "gravity does not load this joint"
+            return replace(dark, reason="gravity does not load this joint")
         side = np.sign(self.load) * (np.abs(self.load) > 0.05 * self.largest)
-        rarer = int(min((side > 0).sum(), (side < 0).sum()))
-        if rarer < max(RARER_SIGN * len(self.y), 2.0):
-            times = "never" if not rarer else f"in only {rarer} of {len(self.y)} poses"
-            return None, f"its load is on the other side {times}"
+        if said := one_sided(side):
+            return replace(dark, reason=said)
         widest = 1.0
         if not any(name.startswith("play") for name in kept):
             kept, widest = (*kept, "play"), STEEP
         causes = self._coefficients(kept, widest)[0]
-        found = next(one for one in causes if one.name == "half-play")
-        half = 0.5 * (found.high - found.low)
-        if half > max(abs(found.value), float(np.std(self.y))):
-            return None, "its load is too small, or goes together with the joint's angle"
-        return found, ""
-
-
-def of_joint(found: Sequence[EncoderDifference], joint: str) -> EncoderDifference:
-    """One joint's.
-
-    Raises:
-        MissingName: it has none.
-    """
-    for one in found:
-        if one.joint == joint:
-            return one
-    raise MissingName("joint with two encoders", joint, [one.joint for one in found])
+        found = next(one for one in causes if one.unknown.name == "half-play")
+        if 0.5 * (found.high - found.low) > max(abs(found.value), float(np.std(self.y))):
+            reason = "its load is too small, or goes together with the joint's angle"
+            return replace(dark, reason=reason)
+        return found

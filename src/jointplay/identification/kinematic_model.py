@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName
+from jointplay.identification.least_squares import LeastSquares, minimum
 from jointplay.identification.static_poses import (
     StaticPoses,
     nearest_rotation,
@@ -23,6 +24,7 @@ from jointplay.identification.static_poses import (
     rotations_of,
     skew,
 )
+from jointplay.identification.unknowns import Unknown
 from jointplay.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -128,19 +130,28 @@ class Term:
 
 @dataclass(frozen=True)
 class Column:
-    """One coefficient: joint and what of it errs, by which feature of the poses."""
+    """One coefficient: what of a joint errs, by which feature of the poses."""
 
     term: Term
-    joint: str
-    label: str
-    unit: str
+    unknown: Unknown
+    """Its prior is about zero."""
     index: int
     """Of the joint in the chain."""
     target: int
     """0 to 5 of its placement, or `COORDINATE`."""
     feature: np.ndarray
     """Shape (n,)."""
-    width: float
+
+    @property
+    def joint(self) -> str:
+        """Of the unknown."""
+        return self.unknown.joint
+
+
+def _coefficient(term: Term, joint: str, what: str, unit: str, width: float) -> Unknown:
+    """The unknown of a joint, of which nothing is known but its physical size."""
+    name = " ".join(filter(None, ["half-play" if term.kind == "play" else term.kind, what]))
+    return Unknown(joint, name, unit, 0.0, width, spread=width, least=-np.inf, fine=False)
 
 
 class Chain:
@@ -288,8 +299,7 @@ class Poses:
         one = np.ones(len(self))
 
         def column(what: str, unit: str, target: int, feature: np.ndarray, part: float) -> Column:
-            label = f"{term.kind} {joint}" + (f" {what}" if what else "")
-            return Column(term, joint, label, unit, j, target, feature, part)
+            return Column(term, _coefficient(term, joint, what, unit, part), j, target, feature)
 
         if term.kind == "offset":
             return [column("", own, COORDINATE, one, width)]
@@ -353,7 +363,7 @@ class Poses:
             what = f"along {letter}" if k < 3 else f"about {'xyz'[k - 3]}"
             size = width if k < 3 else _TURN_WIDTH * width
             unit = "m" if k < 3 else "rad"
-            made.append(Column(term, joint, f"placement {joint} {what}", unit, j, k, one, size))
+            made.append(Column(term, _coefficient(term, joint, what, unit, size), j, k, one))
         return made
 
     def loaded(self, joint: str) -> bool:
@@ -368,14 +378,18 @@ class Poses:
         friction = 0.0 if term.friction is None else term.friction
         return friction, 0.1 * largest if term.transition is None else term.transition
 
-    def leaning(self, joint: str, friction: float, transition: float) -> np.ndarray:
+    def leaning(
+        self, joint: str, friction: float | np.ndarray, transition: float | np.ndarray
+    ) -> np.ndarray:
         """Side on which a joint with play and friction leans, -1 to 1, shape (n,).
 
-        The load pushes it to one side; friction holds it back against the way it came.
+        The load pushes it to one side; friction holds it back against the way it came. Of k
+        frictions and transitions the shape is (n, k).
         """
-        j = self.chain.names.index(joint)
-        push = self.load[:, j] - friction * self.approach[:, j]
-        return np.asarray(np.clip(push / max(transition, 1e-12), -1.0, 1.0))
+        j, width = self.chain.names.index(joint), np.maximum(transition, 1e-12)
+        held = np.multiply.outer(self.approach[:, j], friction)
+        push = np.add.outer(self.load[:, j], np.zeros_like(width)) - held
+        return np.asarray(np.clip(push / width, -1.0, 1.0))
 
 
 def _with_payloads(mechanism: Mechanism, payloads: Sequence[Payload]) -> pin.Model:
@@ -422,8 +436,6 @@ class Fitted:
 
     state: State
     rows: np.ndarray
-    cost: float
-    """Sum of squares of weighted residuals and of coefficients over their widths."""
     jacobian: np.ndarray
     """Of the weighted residuals, shape (m, unknowns)."""
     residual: np.ndarray
@@ -474,7 +486,7 @@ class Problem:
     @property
     def priors(self) -> np.ndarray:
         """Standard deviations of the priors, shape (unknowns,)."""
-        width = [column.width for column in self.columns]
+        width = [column.unknown.spread for column in self.columns]
         loose = [] if self.closure else [1e2] * 6
         return np.array(
             [*loose, *[self.point_width] * 3, *([1e2] * 3 if self.turned else []), *width]
@@ -594,7 +606,7 @@ class Problem:
         return np.concatenate(parts), np.concatenate(slopes) if jacobian else np.zeros(0)
 
     def moved(self, state: State, step: np.ndarray) -> State:
-        """A state after a step of the unknowns."""
+        """A state after a step of the unknowns: rotations turn by their rotation vectors."""
         (base, at), (grip, reach) = state.base, state.tool
         rest = step
         if not self.closure:
@@ -604,7 +616,34 @@ class Problem:
             grip, rest = grip @ rotations_of(rest[:3]), rest[3:]
         return State((base, at), (grip, reach), state.c + rest)
 
-    def _from_priors(self, state: State) -> np.ndarray:
+    def about(self, state: State, rows: np.ndarray) -> LeastSquares:
+        """The measurement at some rows, by steps of the unknowns from a state."""
+        nominal = -self.from_priors(state)
+        frame = [
+            Unknown("", "base or tool", "", value, 1.0, spread=width, least=-np.inf)
+            for value, width in zip(nominal, self.priors[: self.first], strict=False)
+        ]
+        columns = [
+            replace(one.unknown, nominal=-c) for one, c in zip(self.columns, state.c, strict=True)
+        ]
+
+        def slopes(step: np.ndarray) -> np.ndarray:
+            _, slope = self.residual(self.moved(state, step), rows, jacobian=True)
+            # Steps of rotations do not add: what one more step does, by a change of the whole.
+            if not self.closure:
+                slope[:, 3:6] = slope[:, 3:6] @ pin.Jexp3(-step[3:6])
+            if self.turned:
+                grip = slice(self.first - 3, self.first)
+                slope[:, grip] = slope[:, grip] @ pin.Jexp3(step[grip])
+            return slope
+
+        def predicted(step: np.ndarray) -> np.ndarray:
+            return -self.residual(self.moved(state, step), rows)[0]
+
+        none = np.zeros(len(predicted(np.zeros(len(nominal)))))
+        return LeastSquares((*frame, *columns), predicted, none, none + 1.0, jacobian=slopes)
+
+    def from_priors(self, state: State) -> np.ndarray:
         """Unknowns that have a prior, from its middle, shape (unknowns,)."""
         off = np.zeros(self.first + len(self.columns))
         off[self.first :] = state.c
@@ -652,41 +691,15 @@ class Problem:
         assert found is not None
         return found
 
-    def fit(self, rows: np.ndarray, start: State | None = None, rounds: int = 40) -> Fitted:
-        """Least squares by Levenberg and Marquardt's damped normal equations.
-
-        Steps turn rotations, which SciPy's solvers do not know.
-        """
+    def fit(self, rows: np.ndarray, start: State | None = None) -> Fitted:
+        """Least squares of some rows, from a state or from wherever base and tool roughly are."""
         state = self.start(rows) if start is None else start
         if len(state.c) != len(self.columns):
             state = replace(state, c=np.zeros(len(self.columns)))
-        precision = self.priors**-2.0
-
-        def total(one: State, residual: np.ndarray) -> float:
-            off = self._from_priors(one)
-            return float(residual @ residual + precision @ off**2)
-
-        cost = total(state, self.residual(state, rows)[0])
-        damping = 1e-4
-        for _ in range(rounds):
-            residual, slope = self.residual(state, rows, jacobian=True)
-            hessian = slope.T @ slope + np.diag(precision)
-            gradient = slope.T @ residual - precision * self._from_priors(state)
-            while True:
-                step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
-                tried = self.moved(state, step)
-                new = total(tried, self.residual(tried, rows)[0])
-                if new < cost or damping > 1e8:
-                    break
-                damping *= 10.0
-            gain = cost - new
-            if gain > 0.0:
-                state, cost = tried, new
-            damping = max(damping / 10.0, 1e-10)
-            if gain < 1e-6 * cost:
-                break
+        step = minimum(self.about(state, rows), np.zeros(self.first + len(self.columns)))
+        state, precision = self.moved(state, step), self.priors**-2.0
         residual, slope = self.residual(state, rows, jacobian=True)
-        return Fitted(state, rows, cost, slope, residual, precision)
+        return Fitted(state, rows, slope, residual, precision)
 
 
 @cache

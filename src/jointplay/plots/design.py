@@ -363,7 +363,7 @@ def calibration(fit: Calibration) -> Figure:
         for row, one in enumerate(told):
             if one.found:
                 axes[2].plot([1e3 * one.low, 1e3 * one.high], [row, row], color=COLOURS[1], lw=2.0)
-                axes[2].plot(1e3 * one.half, row, "o", ms=4, color=COLOURS[1])
+                axes[2].plot(1e3 * one.value, row, "o", ms=4, color=COLOURS[1])
             else:
                 axes[2].barh(row, 1e3 * one.upper, 0.5, color="0.8")
         if told:
