@@ -68,7 +68,7 @@ def test_a_wrong_factor_dies_and_the_same_factor_lives():
     module = "contact/hertzian.py"
     text = (mutation.PACKAGE / module).read_text("utf-8")
     tests = ["tests/contact/test_restitution.py"]
-    flores = "return 1.6 * (1.0 - restitution) / restitution"
+    flores = "lambda c: 1.6 * (1.0 - c) / c,"
     (wrong,) = [
         m for m in mutation.mutants(module, text) if m.source == flores and m.change == "1.6 to 3.2"
     ]

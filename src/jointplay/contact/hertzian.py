@@ -11,10 +11,10 @@ I. Sharf, 2009)
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.core.errors import JointplayError
@@ -240,10 +240,15 @@ def hysteresis(
 class HysteresisLaw(PointContactLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]; a law of this family is its factor a(c_e)."""
 
+    family: ClassVar[str] = "F_n = k delta^(3/2) [1 + a ddelta/ddelta0]"
+    """In words."""
+    given: ClassVar[str] = "factor"
+    """Name of the function in which laws of the family differ."""
+
     @staticmethod
-    @abstractmethod
     def factor(restitution: float) -> float:
         """Hysteresis factor a for the nominal restitution c_e."""
+        raise NotImplementedError
 
     function: ClassVar[Callable[..., float]] = staticmethod(hysteresis)
 
@@ -256,206 +261,147 @@ class HysteresisLaw(PointContactLaw):
         return effective_restitution(self.factor(restitution))
 
 
-@dataclass(frozen=True)
-class LankaraniNikravesh(HysteresisLaw):
-    """The paper's own law (eqs 18, 19).
+L = TypeVar("L", bound=NormalForceLaw)
 
-    Derived for c_e close to 1; the effective restitution of an impact exceeds c_e below that.
+
+def law(
+    base: type[L],
+    name: str,
+    function: Callable[[Any], float],
+    formula: str,
+    reference: str,
+    validity: str,
+    words: str = "",
+) -> type[L]:
+    """A law of a family: a class, docstring and all, of what a table says of it.
+
+    Args:
+        base: the family; its `given` names the one function in which its laws differ.
+        name: of the class; the word that selects the law follows from it.
+        function: that function.
+        formula, reference, validity: see `Law`.
+        words: what else there is to say.
     """
-
-    name = "lankarani-nikravesh"
-    formula = damped(r"\tfrac34(1-c_e^2)")
-    reference = "H. M. Lankarani, P. E. Nikravesh, J. Mech. Design 112 (1990) 369-376"
-    validity = "c_e above 0.8: exact to first order as c_e -> 1, too elastic below"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 3 (1 - c_e^2)/4 of eq. 19."""
-        return 0.75 * (1.0 - restitution**2)
-
-
-@dataclass(frozen=True)
-class HuntCrossley1975(HysteresisLaw):
-    """Hunt and Crossley's own damping."""
-
-    name = "hunt-crossley-1975"
-    formula = damped(r"\tfrac32(1-c_e)")
-    reference = "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445"
-    validity = "c_e above 0.8: exact to first order as c_e -> 1, too elastic below"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 3 (1 - c_e)/2."""
-        return 1.5 * (1.0 - restitution)
+    family: Any = base
+    says = [f"{family.family}.", words, f"{reference}.", f"Good for {validity}."]
+    entries = {
+        "__doc__": "\n\n".join(part for part in says if part),
+        "__module__": base.__module__,
+        "name": re.sub("(?<=[a-z])(?<!Mc)(?=[A-Z0-9])", "-", name).lower(),
+        "formula": formula,
+        "reference": reference,
+        "validity": validity,
+        family.given: staticmethod(function),
+    }
+    return dataclass(frozen=True)(type(name, (base,), entries))
 
 
-@dataclass(frozen=True)
-class HerbertMcWhannell(HysteresisLaw):
-    """Damping of Herbert and McWhannell."""
-
-    name = "herbert-mcwhannell"
-    formula = damped(r"\frac{6(1-c_e)}{(2c_e-1)^2+3}")
-    reference = "R. G. Herbert, D. C. McWhannell, J. Eng. Ind. 99 (1977)"
-    validity = "c_e above 0.7: exact to first order as c_e -> 1, too elastic below"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 6 (1 - c_e)/((2 c_e - 1)^2 + 3)."""
-        return 6.0 * (1.0 - restitution) / ((2.0 * restitution - 1.0) ** 2 + 3.0)
-
-
-@dataclass(frozen=True)
-class LeeWang(HysteresisLaw):
-    """Damping of Lee and Wang."""
-
-    name = "lee-wang"
-    formula = damped(r"\tfrac34(1-c_e)")
-    reference = "T. W. Lee, A. C. Wang, J. Mech. Transm. Autom. Des. 105 (1983)"
-    validity = (
-        "comparison with the literature only: too elastic for every c_e; even as c_e -> 1 it takes "
-        "half of the energy it should"
-    )
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 3 (1 - c_e)/4."""
-        return 0.75 * (1.0 - restitution)
-
-
-@dataclass(frozen=True)
-class Gonthier(HysteresisLaw):
-    """The approximation d = 1 - c_e^2 of the exact d = a c_e; `ZhangSharf` solves for it."""
-
-    name = "gonthier"
-    formula = damped(r"\frac{1-c_e^2}{c_e}")
-    reference = (
-        "Y. Gonthier, J. McPhee, C. Lange, J.-C. Piedboeuf, Multibody Syst. Dyn. 11 (2004) 209-233"
-    )
-    validity = "every c_e, within 0.033; too plastic above 0.35"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = (1 - c_e^2)/c_e."""
-        return (1.0 - restitution**2) / restitution
-
-
-@dataclass(frozen=True)
-class ZhangSharf(HysteresisLaw):
-    """Damping that delivers the restitution asked for.
-
-    The references write d = a c_e. The equation is solved once, when a run is prepared.
-    """
-
-    name = "zhang-sharf"
-    formula = damped("a") + r",\quad a(1+c_e) = \ln\frac{1+a}{1-a c_e}"
-    reference = (
-        "Y. Zhang, I. Sharf, Proc. ASME DETC (2004); "
-        "Y. Zhang, I. Sharf, J. Appl. Mech. 76 (2009) 051002"
-    )
-    validity = "every c_e: a free impact has exactly the restitution c_e"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a, the solution of the implicit equation."""
-        return exact_factor(restitution)
-
-
-@dataclass(frozen=True)
-class QinLu(HysteresisLaw):
-    """Lankarani-Nikravesh corrected for soft impacts."""
-
-    name = "qin-lu"
-    formula = damped(r"\tfrac34(1-c_e^2)\,\mathrm e^{2(1-c_e)}")
-    reference = "Z. Qin, Q. Lu, J. Dyn. Control 4 (2006) 294-298"
-    validity = "c_e above 0.25, within 0.05; exact to first order as c_e -> 1"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 3 (1 - c_e^2) exp(2 (1 - c_e))/4."""
-        return 0.75 * (1.0 - restitution**2) * math.exp(2.0 * (1.0 - restitution))
-
-
-@dataclass(frozen=True)
-class Flores(HysteresisLaw):
-    """Damping of Flores et al. for all restitutions."""
-
-    name = "flores"
-    formula = damped(r"\frac{8(1-c_e)}{5c_e}")
-    reference = (
-        "P. Flores, M. Machado, M. T. Silva, J. M. Martins, Multibody Syst. Dyn. 25 (2011) 357-375"
-    )
-    validity = "every c_e, within 0.05; too plastic throughout"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 8 (1 - c_e)/(5 c_e)."""
-        return 1.6 * (1.0 - restitution) / restitution
-
-
-@dataclass(frozen=True)
-class HuGuo(HysteresisLaw):
-    """Damping from the energies of both halves of the impact.
-
-    The speed over the depth is taken as Hertz's, v0 sqrt(1 - x^(5/2)) in and
-    c_e v0 sqrt(1 - x^(5/2)) out, x = delta/delta_max. With the stored energy
-    U = 2/5 k delta_max^(5/2) the damping takes 2/3 a U in and 2/3 a c_e U out:
+LankaraniNikravesh = law(
+    HysteresisLaw,
+    "LankaraniNikravesh",
+    lambda c: 0.75 * (1.0 - c**2),
+    damped(r"\tfrac34(1-c_e^2)"),
+    "H. M. Lankarani, P. E. Nikravesh, J. Mech. Design 112 (1990) 369-376",
+    "c_e above 0.8: exact to first order as c_e -> 1, too elastic below",
+    "The paper's own law (eqs 18, 19), derived for c_e close to 1.",
+)
+HuntCrossley1975 = law(
+    HysteresisLaw,
+    "HuntCrossley1975",
+    lambda c: 1.5 * (1.0 - c),
+    damped(r"\tfrac32(1-c_e)"),
+    "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445",
+    "c_e above 0.8: exact to first order as c_e -> 1, too elastic below",
+)
+HerbertMcWhannell = law(
+    HysteresisLaw,
+    "HerbertMcWhannell",
+    lambda c: 6.0 * (1.0 - c) / ((2.0 * c - 1.0) ** 2 + 3.0),
+    damped(r"\frac{6(1-c_e)}{(2c_e-1)^2+3}"),
+    "R. G. Herbert, D. C. McWhannell, J. Eng. Ind. 99 (1977)",
+    "c_e above 0.7: exact to first order as c_e -> 1, too elastic below",
+)
+LeeWang = law(
+    HysteresisLaw,
+    "LeeWang",
+    lambda c: 0.75 * (1.0 - c),
+    damped(r"\tfrac34(1-c_e)"),
+    "T. W. Lee, A. C. Wang, J. Mech. Transm. Autom. Des. 105 (1983)",
+    "comparison with the literature only: too elastic for every c_e; even as c_e -> 1 it takes "
+    "half of the energy it should",
+)
+Gonthier = law(
+    HysteresisLaw,
+    "Gonthier",
+    lambda c: (1.0 - c**2) / c,
+    damped(r"\frac{1-c_e^2}{c_e}"),
+    "Y. Gonthier, J. McPhee, C. Lange, J.-C. Piedboeuf, Multibody Syst. Dyn. 11 (2004) 209-233",
+    "every c_e, within 0.033; too plastic above 0.35",
+    "The approximation d = 1 - c_e^2 of the exact d = a c_e; `ZhangSharf` solves for it.",
+)
+ZhangSharf = law(
+    HysteresisLaw,
+    "ZhangSharf",
+    exact_factor,
+    damped("a") + r",\quad a(1+c_e) = \ln\frac{1+a}{1-a c_e}",
+    "Y. Zhang, I. Sharf, Proc. ASME DETC (2004); "
+    "Y. Zhang, I. Sharf, J. Appl. Mech. 76 (2009) 051002",
+    "every c_e: a free impact has exactly the restitution c_e",
+    "The references write d = a c_e. The equation is solved once, when a run is prepared.",
+)
+QinLu = law(
+    HysteresisLaw,
+    "QinLu",
+    lambda c: 0.75 * (1.0 - c**2) * math.exp(2.0 * (1.0 - c)),
+    damped(r"\tfrac34(1-c_e^2)\,\mathrm e^{2(1-c_e)}"),
+    "Z. Qin, Q. Lu, J. Dyn. Control 4 (2006) 294-298",
+    "c_e above 0.25, within 0.05; exact to first order as c_e -> 1",
+    "Lankarani-Nikravesh corrected for soft impacts.",
+)
+Flores = law(
+    HysteresisLaw,
+    "Flores",
+    lambda c: 1.6 * (1.0 - c) / c,
+    damped(r"\frac{8(1-c_e)}{5c_e}"),
+    "P. Flores, M. Machado, M. T. Silva, J. M. Martins, Multibody Syst. Dyn. 25 (2011) 357-375",
+    "every c_e, within 0.05; too plastic throughout",
+)
+HuGuo = law(
+    HysteresisLaw,
+    "HuGuo",
+    lambda c: 1.5 * (1.0 - c) / c,
+    damped(r"\frac{3(1-c_e)}{2c_e}"),
+    "S. Hu, X. Guo, Multibody Syst. Dyn. 35 (2015) 131-151",
+    "every c_e, within 0.035; exact to first order as c_e -> 1",
+    """From the energies of both halves of the impact. The speed over the depth is taken as Hertz's,
+    v0 sqrt(1 - x^(5/2)) in and c_e v0 sqrt(1 - x^(5/2)) out, x = delta/delta_max. With the stored
+    energy U = 2/5 k delta_max^(5/2) the damping takes 2/3 a U in and 2/3 a c_e U out:
 
         1/2 m v0^2 = U (1 + 2 a/3),  1/2 m c_e^2 v0^2 = U (1 - 2 a c_e/3).
 
     Their quotient gives a. Half of it, which is in circulation (3/2 (1 - c_e)/(2 c_e) in the code
     of DyS), takes half of the energy as c_e -> 1 and cannot be meant. The paper itself was not
-    seen.
-    """
-
-    name = "hu-guo"
-    formula = damped(r"\frac{3(1-c_e)}{2c_e}")
-    reference = "S. Hu, X. Guo, Multibody Syst. Dyn. 35 (2015) 131-151"
-    validity = "every c_e, within 0.035; exact to first order as c_e -> 1"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 3 (1 - c_e)/(2 c_e)."""
-        return 1.5 * (1.0 - restitution) / restitution
-
-
-@dataclass(frozen=True)
-class CarvalhoMartins(HysteresisLaw):
-    """Damping for hard and medium impacts.
-
-    Seen in the manual of Exudyn (ObjectContactSphereSphere, impact model 2), which takes it above
-    c_e = 1/3 and Gonthier's below; there both are the same. The paper itself was not seen.
-    """
-
-    name = "carvalho-martins"
-    formula = damped(r"\tfrac32\,\frac{(1-c_e)(11-c_e)}{1+9c_e}")
-    reference = (
-        "A. S. Carvalho, J. M. Martins, Mech. Mach. Theory 139 (2019) 174-194, as Exudyn's manual "
-        "has it"
-    )
-    validity = "c_e above 1/3, within 0.003; too elastic below; exact to first order as c_e -> 1"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 3/2 (1 - c_e)(11 - c_e)/(1 + 9 c_e)."""
-        return 1.5 * (1.0 - restitution) * (11.0 - restitution) / (1.0 + 9.0 * restitution)
-
-
-@dataclass(frozen=True)
-class GharibHurmuzlu(HysteresisLaw):
-    """Damping for soft impacts: the limit of the exact a for c_e -> 0.
-
-    It does not end at an elastic impact: at c_e = 1 an impact still has a restitution of 0.59.
-    Written from memory; no source was seen.
-    """
-
-    name = "gharib-hurmuzlu"
-    formula = damped(r"\frac{1}{c_e}")
-    reference = (
-        "M. Gharib, Y. Hurmuzlu, J. Appl. Mech. 79 (2012) 064506 (from memory, no source seen)"
-    )
-    validity = "soft impacts, c_e up to 0.33 within 0.03; far too plastic above 0.5"
-
-    @staticmethod
-    def factor(restitution: float) -> float:
-        """a = 1/c_e."""
-        return 1.0 / restitution
+    seen.""",
+)
+CarvalhoMartins = law(
+    HysteresisLaw,
+    "CarvalhoMartins",
+    lambda c: 1.5 * (1.0 - c) * (11.0 - c) / (1.0 + 9.0 * c),
+    damped(r"\tfrac32\,\frac{(1-c_e)(11-c_e)}{1+9c_e}"),
+    "A. S. Carvalho, J. M. Martins, Mech. Mach. Theory 139 (2019) 174-194, as Exudyn's manual "
+    "has it",
+    "c_e above 1/3, within 0.003; too elastic below; exact to first order as c_e -> 1",
+    """Seen in the manual of Exudyn (ObjectContactSphereSphere, impact model 2), which takes it
+    above c_e = 1/3 and Gonthier's below; there both are the same. The paper itself was not
+    seen.""",
+)
+GharibHurmuzlu = law(
+    HysteresisLaw,
+    "GharibHurmuzlu",
+    lambda c: 1.0 / c,
+    damped(r"\frac{1}{c_e}"),
+    "M. Gharib, Y. Hurmuzlu, J. Appl. Mech. 79 (2012) 064506 (from memory, no source seen)",
+    "soft impacts, c_e up to 0.33 within 0.03; far too plastic above 0.5",
+    """The limit of the exact a for c_e -> 0. It does not end at an elastic impact: at c_e = 1 an
+    impact still has a restitution of 0.59.""",
+)

@@ -21,7 +21,13 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jointplay.contact.hertzian import HysteresisLaw, LankaraniNikravesh, damped, elastic_limits
+from jointplay.contact.hertzian import (
+    HysteresisLaw,
+    LankaraniNikravesh,
+    damped,
+    elastic_limits,
+    law,
+)
 from jointplay.contact.law import ContactProperties
 from jointplay.core.errors import JointplayError
 from jointplay.core.units import readable
@@ -83,14 +89,16 @@ class CylindricalLaw(HysteresisLaw):
 
 @dataclass(frozen=True)
 class LineContactLaw(CylindricalLaw):
-    """Base of the laws delta = F/(pi E* l) ln(K/F), which differ in K."""
+    """delta = F/(pi E* l) ln(K/F); a law of this family is its scale K."""
 
     point = 0.0
+    family = "delta = F/(pi E* l) ln(K/F)"
+    given = "scale"
 
     @staticmethod
-    @abstractmethod
     def scale(contact: ContactProperties) -> float:
         """K [N]: the force at which the formula's depth would be zero again."""
+        raise NotImplementedError
 
     @staticmethod
     def function(
@@ -146,132 +154,81 @@ class LineContactLaw(CylindricalLaw):
         return [beyond, *lines]
 
 
-@dataclass(frozen=True)
-class Johnson(LineContactLaw):
-    """delta = f/(pi E*) [ln(4 pi E* C_r/f) - 1], f = F/l."""
-
-    name = "johnson"
-    formula = (
-        r"\delta = \frac{f}{\pi E^*}\left[\ln\frac{4\pi E^* C_r}{f} - 1\right],\quad f=\frac{F}{l}"
-    )
-    reference = "K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985"
-    validity = "depth up to 0.40 C_r, parallel axes; continued along its tangent above"
-
-    @staticmethod
-    def scale(contact: ContactProperties) -> float:
-        """4 pi E* C_r l/e [N]."""
-        line = contact.modulus * contact.contact_length
-        return 4.0 * math.pi * line * contact.clearance * math.exp(-1.0)
+def _depth(latex: str, where: str = r"f=\frac{F}{l}") -> str:
+    """LaTeX of a law of this family, from that of its depth times pi E*/f."""
+    return rf"\delta = \frac{{f}}{{\pi E^*}}\left[{latex}\right],\quad {where}"
 
 
-@dataclass(frozen=True)
-class Radzimovsky(LineContactLaw):
-    """delta = f/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)], f = F/l.
-
-    b = 1.60 sqrt(f D/E*) with D = 2 R_i R_j/C_r, as Roark's Formulas for Stress and Strain have
-    it: the *whole* width of the contact, Hertz's 2 sqrt(4 f R/(pi E*)) in three digits. Parts of
-    the clearance literature write R for D, which would make the contact narrower than Hertz's.
-    """
-
-    name = "radzimovsky"
-    formula = (
-        r"\delta = \frac{f}{\pi E^*}"
-        r"\left[\tfrac23+\ln\frac{4R_i}{b}+\ln\frac{4R_j}{b}\right],\quad "
-        r"b = 1.60\sqrt{\frac{2fR}{E^*}}"
-    )
-    reference = (
-        "E. I. Radzimovsky, Univ. of Illinois Eng. Exp. Station Bulletin 408 (1953); "
-        "W. C. Young, Roark's Formulas for Stress and Strain (1989)"
-    )
-    validity = "depth up to 0.52 C_r, parallel axes; continued along its tangent above"
-
-    @staticmethod
-    def scale(contact: ContactProperties) -> float:
-        """16 R_i R_j E* l/(1.60^2 2 R) e^(2/3) [N]; R_i R_j/R is C_r."""
-        line = contact.modulus * contact.contact_length
-        return 16.0 * line * contact.clearance / (2.0 * 1.60**2) * math.exp(2.0 / 3.0)
+def _line(contact: ContactProperties) -> float:
+    """E* l [N/m]."""
+    return contact.modulus * contact.contact_length
 
 
-@dataclass(frozen=True)
-class Goldsmith(LineContactLaw):
-    """delta = f/(pi E*) [ln(pi E* L/(F R)) + 1], f = F/L, lengths in metres.
-
-    The clearance literature gives Goldsmith the exponent m = 1 of L where Dubowsky and
-    Freudenstein have 3. The logarithm's argument then has the unit 1/m^2: the law depends on the
-    unit of length. It is here, in metres, for comparison with that literature. Its sigma is
-    (1 - nu^2)/(pi E), with its pi, as in `DubowskyFreudenstein`. As there, but with
-    the force per length of the contact, f = F/l: pi E*/(f R).
-    """
-
-    name = "goldsmith"
-    formula = (
-        r"\delta = \frac{f}{\pi E^*}"
-        r"\left[\ln\frac{\pi E^*\cdot 1\,\mathrm{m}^2}{f R}+1\right],\quad f=\frac{F}{l}"
-    )
-    reference = "W. Goldsmith, Impact, Edward Arnold, 1960"
-    validity = (
-        "comparison with the literature only: the exponent 1 of L makes it depend on the unit of "
-        "length (metres here); several times softer than the others"
-    )
-
-    @staticmethod
-    def scale(contact: ContactProperties) -> float:
-        """pi E* l e (1 m)^2/R [N]."""
-        return math.pi * contact.modulus * contact.contact_length * math.e / contact.radius
-
-
-@dataclass(frozen=True)
-class DubowskyFreudenstein(LineContactLaw):
-    """delta = f/(pi E*) [ln(pi E* L^3/(F R)) + 1], f = F/L.
-
-    The references write sigma_i + sigma_j for 1/(pi E*), sigma = (1 - nu^2)/(pi E) of eq. 12, with
-    its pi: without it (as in the code of DyS) the depth would be about pi times as large, and plane
-    elasticity has 1/(pi E*) before the logarithm. They write L^m with m = 3, the only exponent
-    that makes the logarithm's argument a number. Where a contact stands for a part l of the
-    journal's length L, the force per length counts: pi E* L^2/(f R) with f = F/l, so that both
-    ends together give the force of the whole.
-    """
-
-    name = "dubowsky-freudenstein"
-    formula = (
-        r"\delta = \frac{f}{\pi E^*}\left[\ln\frac{\pi E^* L^2}{f R}+1\right],\quad f=\frac{F}{l}"
-    )
-    reference = "S. Dubowsky, F. Freudenstein, J. Eng. Ind. 93 (1971)"
-    validity = (
-        "journals about as long as thick: its depth grows with the logarithm of the length, which "
-        "plane elasticity does not know; parallel axes"
-    )
-
-    @staticmethod
-    def scale(contact: ContactProperties) -> float:
-        """pi E* L^2 l e/R [N]."""
-        line = math.pi * contact.modulus * contact.contact_length
-        return line * contact.journal_length**2 / contact.radius * math.e
-
-
-@dataclass(frozen=True)
-class Esdu78035(LineContactLaw):
-    """delta = f/(pi E*) [ln(4 pi E* C_r/f) + 1], f = F/l.
-
-    Johnson's with +1 for -1. It was seen in the code of DyS (github.com/ladisk/DyS, the program of
-    L. Skrinjar, J. Slavic, M. Boltezar, Nonlinear Dyn. 88 (2017) 131-143), as pi f sigma [ln(4 C_r/
-    (f sigma)) + 1] with sigma = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j there. Plane elasticity knows
-    one factor before the logarithm, f/(pi E*), which is 1/pi^2 of that one: it is taken here, and
-    sigma = (1 - nu^2)/(pi E) of eq. 12 within. The data item itself was not seen.
-    """
-
-    name = "esdu-78035"
-    formula = (
-        r"\delta = \frac{f}{\pi E^*}\left[\ln\frac{4\pi E^* C_r}{f} + 1\right],\quad f=\frac{F}{l}"
-    )
-    reference = "ESDU 78035, Contact phenomena I (1978), as DyS has it, less its factor pi^2"
-    validity = "comparison with the literature: the data item was not seen; parallel axes"
-
-    @staticmethod
-    def scale(contact: ContactProperties) -> float:
-        """4 pi E* C_r l e [N]."""
-        line = contact.modulus * contact.contact_length
-        return 4.0 * math.pi * line * contact.clearance * math.e
+Johnson = law(
+    LineContactLaw,
+    "Johnson",
+    lambda c: 4.0 * math.pi * _line(c) * c.clearance * math.exp(-1.0),
+    _depth(r"\ln\frac{4\pi E^* C_r}{f} - 1"),
+    "K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985",
+    "depth up to 0.40 C_r, parallel axes; continued along its tangent above",
+    "K = 4 pi E* C_r l/e.",
+)
+Radzimovsky = law(
+    LineContactLaw,
+    "Radzimovsky",
+    lambda c: 16.0 * _line(c) * c.clearance / (2.0 * 1.60**2) * math.exp(2.0 / 3.0),
+    _depth(r"\tfrac23+\ln\frac{4R_i}{b}+\ln\frac{4R_j}{b}", r"b = 1.60\sqrt{\frac{2fR}{E^*}}"),
+    "E. I. Radzimovsky, Univ. of Illinois Eng. Exp. Station Bulletin 408 (1953); "
+    "W. C. Young, Roark's Formulas for Stress and Strain (1989)",
+    "depth up to 0.52 C_r, parallel axes; continued along its tangent above",
+    """K = 16 R_i R_j E* l/(1.60^2 2 R) e^(2/3), R_i R_j/R being C_r. b = 1.60 sqrt(f D/E*) with
+    D = 2 R_i R_j/C_r, as Roark's Formulas for Stress and Strain have it: the *whole* width of the
+    contact, Hertz's 2 sqrt(4 f R/(pi E*)) in three digits. Parts of the clearance literature write
+    R for D, which would make the contact narrower than Hertz's.""",
+)
+Goldsmith = law(
+    LineContactLaw,
+    "Goldsmith",
+    lambda c: math.pi * c.modulus * c.contact_length * math.e / c.radius,
+    _depth(r"\ln\frac{\pi E^*\cdot 1\,\mathrm{m}^2}{f R}+1"),
+    "W. Goldsmith, Impact, Edward Arnold, 1960",
+    "comparison with the literature only: the exponent 1 of L makes it depend on the unit of "
+    "length (metres here); several times softer than the others",
+    """K = pi E* l e (1 m)^2/R. The clearance literature gives Goldsmith the exponent m = 1 of L
+    where Dubowsky and Freudenstein have 3. The logarithm's argument then has the unit 1/m^2: the
+    law depends on the unit of length. It is here, in metres, for comparison with that literature.
+    Its sigma is (1 - nu^2)/(pi E), with its pi, as in `DubowskyFreudenstein`. As there, but with
+    the force per length of the contact, f = F/l: pi E*/(f R).""",
+)
+DubowskyFreudenstein = law(
+    LineContactLaw,
+    "DubowskyFreudenstein",
+    lambda c: math.pi * c.modulus * c.contact_length * c.journal_length**2 / c.radius * math.e,
+    _depth(r"\ln\frac{\pi E^* L^2}{f R}+1"),
+    "S. Dubowsky, F. Freudenstein, J. Eng. Ind. 93 (1971)",
+    "journals about as long as thick: its depth grows with the logarithm of the length, which "
+    "plane elasticity does not know; parallel axes",
+    """K = pi E* L^2 l e/R. The references write sigma_i + sigma_j for 1/(pi E*), sigma =
+    (1 - nu^2)/(pi E) of eq. 12, with its pi: without it (as in the code of DyS) the depth would be
+    about pi times as large, and plane elasticity has 1/(pi E*) before the logarithm. They write
+    L^m with m = 3, the only exponent that makes the logarithm's argument a number. Where a contact
+    stands for a part l of the journal's length L, the force per length counts: pi E* L^2/(f R)
+    with f = F/l, so that both ends together give the force of the whole.""",
+)
+Esdu78035 = law(
+    LineContactLaw,
+    "Esdu78035",
+    lambda c: 4.0 * math.pi * _line(c) * c.clearance * math.e,
+    _depth(r"\ln\frac{4\pi E^* C_r}{f} + 1"),
+    "ESDU 78035, Contact phenomena I (1978), as DyS has it, less its factor pi^2",
+    "comparison with the literature: the data item was not seen; parallel axes",
+    """K = 4 pi E* C_r l e: Johnson's with +1 for -1. It was seen in the code of DyS
+    (github.com/ladisk/DyS, the program of L. Skrinjar, J. Slavic, M. Boltezar, Nonlinear Dyn. 88
+    (2017) 131-143), as pi f sigma [ln(4 C_r/(f sigma)) + 1] with sigma = (1 - nu_i^2)/E_i +
+    (1 - nu_j^2)/E_j there. Plane elasticity knows one factor before the logarithm, f/(pi E*),
+    which is 1/pi^2 of that one: it is taken here, and sigma = (1 - nu^2)/(pi E) of eq. 12 within.
+    The data item itself was not seen.""",
+)
 
 
 NARROWEST_M, CHANGE_M, WIDEST_M = 0.005e-3, 0.34954e-3, 10e-3
