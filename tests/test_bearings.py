@@ -418,7 +418,7 @@ def test_every_command_says_that_a_bearing_is_unknown(tmp_path):
         ("run", ["ur5"], ["--out", str(tmp_path / "r.nc")]),
         ("budget", ["ur5"], []),
         ("reduce", ["ur5"], ["--out", str(tmp_path / "r")]),
-        ("urdf", ["--urdf", "example-robot-data:ur5"], ["--out", str(tmp_path / "r.urdf")]),
+        ("urdf", ["example-robot-data:ur5"], ["--out", str(tmp_path / "r.urdf")]),
     ):
         done = subprocess.run(
             [JOINTPLAY, command, *robot, "--joint", "elbow_joint=NU205", *more],

@@ -263,7 +263,7 @@ def test_the_command_takes_a_joints_own_clearance(two, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--joint", "c=1 mm"], "no joint that can have play 'c'; available: a, b"),
+        (["--joint", "c=1 mm"], '--joint: no joint "c"; available: a, b'),
         (["--clearance", "1 N"], "--clearance: .*length"),
         (["--clearance", "1 mm", "--pose", "a=99 rad"], "outside its limits"),
         (["--clearance", "1 mm", "--pose", "a"], "--pose must read"),

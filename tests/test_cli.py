@@ -19,7 +19,7 @@ from warm import JOINTPLAY, PYTHON
 from jointplay import JointplayError, Mechanism, Result, plots, simulate
 from jointplay.cli import main
 from jointplay.commands import MODULES
-from jointplay.commands.run import FLAGS
+from jointplay.commands.inputs import FLAGS
 from jointplay.contact import NORMAL_LAWS
 from jointplay.core import streams
 from jointplay.core.errors import MissingName
@@ -66,14 +66,15 @@ def test_help_of_run_says_what_the_scenario_tables_say():
     text = " ".join(jointplay("run", "--help").stdout.split())
     assert ", ".join(INTEGRATORS) in text
     assert next(iter(NORMAL_LAWS)) in text
-    assert "C_r, radial, not diametral [m]" in text
+    assert "C_a, on each side [m]" in text
     for flag in FLAGS:
         assert flag.name in text
-        assert flag.keys[0].replace("-", "") in text.replace("- ", "").replace("-", "")
+        key = ".".join(flag.keys[0]).replace("-", "")
+        assert key in text.replace("- ", "").replace("-", "")
 
 
 BAD_INPUT = {
-    "missing URDF": (["--urdf", "nowhere.urdf"], "nowhere.urdf"),
+    "missing URDF": (["nowhere.urdf"], "nowhere.urdf"),
     "unknown joint": (
         ["--joint", "elbow"],
         '--joint: no joint "elbow"; available: joint_a, joint_b, stroke, joint_c',
@@ -83,18 +84,17 @@ BAD_INPUT = {
         ["--joint", "stroke", "--set", "joints.stroke.kind=revolute"],
         "'stroke' is prismatic",
     ),
-    "negative clearance": (["--radial", "-1e-4"], "-0.1 mm"),
-    "not a number": (["--radial", "wide"], '--radial: "wide" is not a length'),
-    "non-finite": (["--radial", "nan"], "nan"),
+    "negative clearance": (["--clearance", "-1e-4"], "-0.1 mm"),
+    "not a number": (["--clearance", "wide"], '--clearance: "wide" is not a length'),
+    "non-finite": (["--clearance", "nan"], "nan"),
     "journal too large": (["--journal-radius", "0.02"], "20 mm does not fit"),
     "restitution": (["--restitution", "1.5"], "(0, 1], got 1.5"),
     "friction": (["--friction", "-0.1"], "-0.1"),
     "step too large": (["--step", "1e-3"], "0.001 s is too large for the contact stiffness"),
     "gravity": (["--gravity", "down"], '--gravity: no gravity "down"'),
     "motion": (["--motion", "none.csv"], "none.csv"),
-    "unphysical link": (["--urdf", shipped("scara_as_printed.urdf")], "'arm1'"),
-    "no joint chosen": (["--urdf", shipped("scara.urdf")], "joint_a, joint_b, joint_c"),
-    "two robots": (["ur5", "--urdf", "scara.urdf"], "--urdf scara.urdf beside ur5"),
+    "unphysical link": ([shipped("scara_as_printed.urdf")], "'arm1'"),
+    "no joint chosen": ([shipped("scara.urdf")], "joint_a, joint_b, joint_c"),
     "no robot": (["nothing_like_it"], "nothing_like_it"),
     "not a setting": (["--set", "step"], '--set "step": give KEY=VALUE'),
     "not a key": (["--set", "a..b=1"], '"a..b" is not a key'),
@@ -103,7 +103,7 @@ BAD_INPUT = {
         '--set integration.stepp: unknown key "stepp"; did you mean "step"?',
     ),
     "setting of a case": (["--set", "cases.x.title=1"], "--set cases.x.title"),
-    "joint of no joint": (["--ideal", "--radial", "1e-4"], "--radial is for a joint"),
+    "joint of no joint": (["--ideal", "--clearance", "1e-4"], "--clearance is for a joint"),
     "case of a robot": (["--case", "one"], "--case needs a scenario"),
     "law": (["--law", "magnetic"], '--law: no normal-force law "magnetic"'),
     "law without its parameter": (["--law", "kelvin-voigt"], "the key damping is missing"),
@@ -150,9 +150,10 @@ def test_existing_results_are_not_overwritten(command, tmp_path):
 
 def test_run_passes_its_options_on(tmp_path):
     done = jointplay(
-        *("run", "--out", tmp_path, *SHORT, "--radial", "3e-4", "--axial", "1e-4"),
+        *("run", "--out", tmp_path, *SHORT, "--clearance", "3e-4", "--axial-clearance", "1e-4"),
         *("--joint", "joint_a", "--restitution", "0.7", "--friction", "0.3", "--step", "5e-6"),
-        *("--gravity", "0,0,-1.62", "--law", "hunt-crossley", "--exponents", "1.5", "1", "1"),
+        *("--gravity", "0,0,-1.62", "--law", "hunt-crossley"),
+        *(f"--set=joints.joint_a.normal.{key}" for key in ("n=1.5", "p=1", "q=1")),
         *("--joint-friction", "joint_c=0.1,0.2", "--integrator", "rk4", "--seed", "7"),
     )
     assert done.returncode == 0, done.stderr
@@ -169,7 +170,7 @@ def test_run_passes_its_options_on(tmp_path):
 def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     done = jointplay(
         *("run", "ur5", "--joint", "elbow_joint", "--joint", "wrist_1_joint", "--out", tmp_path),
-        *("--radial", "0.1 mm", "--set", "joints.wrist_1_joint.axial_clearance=0.3 mm"),
+        *("--clearance", "0.1 mm", "--set", "joints.wrist_1_joint.axial_clearance=0.3 mm"),
         *("--set", "integration.duration=10 ms", "--no-figures"),
     )
     assert done.returncode == 0, done.stderr

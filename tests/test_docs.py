@@ -154,7 +154,7 @@ def serve(command):
     process.communicate(timeout=600)
 
 
-DRAWN = 'jointplay run ur5 --joint elbow_joint --radial "0.1 mm" --out ur5'
+DRAWN = 'jointplay run ur5 --joint elbow_joint --clearance "0.1 mm" --out ur5'
 REPORTED = "jointplay report ur5"
 SWEEP = "jointplay:scara_sweep.toml"
 

@@ -308,8 +308,8 @@ def test_pybullet_loads_it(tmp_path, name, joint):
 def test_command(arm, tmp_path, capsys):
     out = tmp_path / "new" / "played.urdf"
     out.parent.mkdir()
-    options = ["urdf", "--urdf", str(arm), "--joint", "shoulder", "--joint", "elbow"]
-    options += ["--radial", "1e-4", "--axial", "3e-4", "--out", str(out)]
+    options = ["urdf", str(arm), "--joint", "shoulder", "--joint", "elbow"]
+    options += ["--clearance", "1e-4", "--axial-clearance", "3e-4", "--out", str(out)]
     assert main(options) == 0
     assert out.read_text(encoding="utf-8") == to_urdf(
         Mechanism(arm, {"shoulder": BEARING, "elbow": BEARING})
@@ -323,7 +323,7 @@ def test_command(arm, tmp_path, capsys):
 
 def test_a_rolling_bearing_is_free_as_far_as_its_free_set(arm, tmp_path, capsys):
     out = tmp_path / "play.urdf"
-    options = ["urdf", "--urdf", str(arm), "--joint", "shoulder=6010/C3", "--joint", "elbow=50 um"]
+    options = ["urdf", str(arm), "--joint", "shoulder=6010/C3", "--joint", "elbow=50 um"]
     assert main([*options, "--out", str(out)]) == 0
     assert "shoulder.x" in capsys.readouterr().out
     joints = {one.get("name"): one for one in ElementTree.parse(out).getroot().findall("joint")}
@@ -347,5 +347,5 @@ def test_a_joint_without_play_is_refused(arm):
 
 def test_command_names_the_joints_there_are(arm, tmp_path, capsys):
     out = str(tmp_path / "out.urdf")
-    assert main(["urdf", "--urdf", str(arm), "--joint", "hip", "--out", out]) == 2
+    assert main(["urdf", str(arm), "--joint", "hip", "--out", out]) == 2
     assert "available: shoulder, elbow" in capsys.readouterr().err

@@ -514,9 +514,9 @@ def test_the_robot_of_a_cube_is_driven_to_the_limit_of_its_speed(urdf):
     [
         (["--cube", "0.1 m"], "go together"),
         (["--speed", "0"], "--speed must be greater than zero"),
-        (["--load", "-1"], "--load must not be negative"),
+        (["--payload", "-1"], "--payload must not be negative"),
         (["--path-cycles", "2"], "path = 2"),
-        (["--drift", "8 h"], "nothing in this model drifts"),
+        (["--drift-time", "8 h"], "nothing in this model drifts"),
         (["--cube", "0.1 m", "--cube-centre", "1,2"], "three numbers"),
     ],
 )

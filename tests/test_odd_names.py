@@ -73,7 +73,7 @@ def test_an_odd_name_goes_through_the_commands(odd, capsys):
         ["play", result, "--html", str(folder / "play.html"), "--quiet"],
         ["budget", robot, play, "--out", str(folder / "budget")],
         ["allocate", robot, "--clearance", "0.1mm", "--target", "1mm"],
-        ["urdf", "--urdf", robot, play, "--out", str(folder / "x.urdf")],
+        ["urdf", robot, play, "--out", str(folder / "x.urdf")],
         ["sweep", scenario, "--out", str(folder / "sweep"), "--quiet", "--jobs", "1"],
     ]  # fmt: skip
     for step in steps:

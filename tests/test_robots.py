@@ -288,16 +288,16 @@ def test_a_robot_is_run_by_name(tmp_path):
     )
     options = ["--joint", "wrist_3_joint", "--motion", str(path), "--no-figures", "--quiet"]
     out = tmp_path / "out"
-    assert main(["run", "--urdf", "example-robot-data:ur5", *options, "--out", str(out)]) == 0
+    assert main(["run", "example-robot-data:ur5", *options, "--out", str(out)]) == 0
     assert (out / "result.nc").is_file()
 
 
 def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, monkeypatch):
     from jointplay.cli import parser
-    from jointplay.commands.run import scenario_of
+    from jointplay.commands.inputs import scenario_of
 
     line = ["run", "ur5", "--out", "o", "--joint", "elbow_joint=0.3mm", "--joint", "wrist_1_joint"]
-    options = parser().parse_args([*line, "--clearance", "0.1 mm", "--axial", "0.2 mm"])
+    options = parser().parse_args([*line, "--clearance", "0.1 mm", "--axial-clearance", "0.2 mm"])
     mechanism = scenario_of(options).simulation().mechanism
     found = {name: (j.radial_clearance, j.axial_clearance) for name, j in
              mechanism.clearance.items()}  # fmt: skip
@@ -307,7 +307,7 @@ def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, 
 
 def test_how_a_robot_is_stepped_is_chosen_and_said():
     from jointplay.cli import parser
-    from jointplay.commands.run import scenario_of
+    from jointplay.commands.inputs import scenario_of
 
     line = ["run", "so101", "--out", "o", "--joint", "elbow_flex",
             "--allow-unphysical", "gripper_frame_link"]  # fmt: skip

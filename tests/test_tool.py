@@ -88,8 +88,8 @@ def test_the_tool_is_one_that_the_joint_with_play_moves(urdf):
 
 def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
     from jointplay.cli import parser
+    from jointplay.commands.inputs import scenario_of
     from jointplay.commands.mechanism import task
-    from jointplay.commands.run import scenario_of
     from jointplay.joints import RevoluteClearance
 
     path = str(urdf(*TWO_ARMS))
@@ -105,7 +105,7 @@ def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
 
 def test_a_tool_that_no_loose_joint_moves_is_said(urdf):
     from jointplay.cli import parser
-    from jointplay.commands.run import scenario_of
+    from jointplay.commands.inputs import scenario_of
     from jointplay.scenario.assumptions import decisive
 
     line = ["run", str(urdf(*TWO_ARMS)), "--joint", "left_a", "--tool", "right_2", "--out", "o"]

@@ -34,7 +34,7 @@ import numpy as np
 import twins
 
 from jointplay import cli
-from jointplay.commands.run import FLAGS, number
+from jointplay.commands.inputs import _READERS, FLAGS
 from jointplay.core.errors import JointplayError
 from jointplay.mechanism.urdf import shipped
 from jointplay.result import netcdf
@@ -252,7 +252,7 @@ def _urdf(seed: int, rng: random.Random, folder: Path) -> Case:
         text = mutated(text, rng, rng.randint(1, 3))
     (folder / "r.urdf").write_bytes(text.encode("utf-8", "surrogatepass"))
     joint = rng.choice(("joint_b", "joint_b", "joint_a", "stroke", "x"))
-    call = ["urdf", "--urdf", str(folder / "r.urdf"), "--joint", joint]
+    call = ["urdf", str(folder / "r.urdf"), "--joint", joint]
     return Case(seed, "urdf", [*call, "--out", str(folder / "o.urdf")], bad or joint == "x")
 
 
@@ -311,18 +311,20 @@ def _csv(seed: int, rng: random.Random, folder: Path) -> Case:
 
 
 VALUES = (
-    "--joint", "--tool", "--gravity", "--allow-unphysical", "--fix", "--radial", "--axial",
-    "--bearing-radius", "--bearing-length", "--journal-radius", "--journal-length", "--young",
-    "--poisson", "--stiffness", "--axial-stiffness", "--law", "--restitution", "--damping",
+    "--joint", "--tool", "--gravity", "--allow-unphysical", "--fix", "--clearance",
+    "--axial-clearance", "--bearing-radius", "--bearing-length", "--journal-radius",
+    "--journal-length", "--young", "--poisson", "--stiffness", "--axial-stiffness",
+    "--law", "--restitution", "--damping",
     "--impact-mass", "--friction", "--motion", "--interpolation", "--bandwidth",
-    "--damping-ratio", "--joint-friction", "--seed", "--integrator", "--record-every", "--urdf",
+    "--damping-ratio", "--joint-friction", "--seed", "--integrator", "--record-every",
 )  # fmt: skip
 
 OPTIONS_MUST = (
     ["--seed", "-1"], ["--step", "1e-300"], ["--record-every", "1" + "0" * 30], ["--tool=--"],
-    ["--bandwidth", "1e300"], ["--radial", "-1e-4"], ["--radial", "nan"], ["--friction", "-1"],
-    ["--restitution", "0"], ["--joint", "nobody"], ["--gravity", "nan,0,0"], ["--step", "0"],
-    ["--duration", "1e300"], ["--urdf", "a" * 300], ["--motion", "a\tb"],
+    ["--bandwidth", "1e300"], ["--clearance", "-1e-4"], ["--clearance", "nan"],
+    ["--friction", "-1"], ["--restitution", "0"], ["--joint", "nobody"], ["--gravity", "nan,0,0"],
+    ["--step", "0"],
+    ["--duration", "1e300"], ["a" * 300], ["--motion", "a\tb"],
 )  # fmt: skip
 
 
@@ -348,11 +350,11 @@ NUMBERS = {
 
 
 def _is_number(action: argparse.Action) -> bool:
-    texts = {flag.name for flag in FLAGS if flag.read is not number}
+    texts = {flag.name for flag in FLAGS if flag.attribute in _READERS}
     given = {action.metavar} if isinstance(action.metavar, str) else set(action.metavar or ())
     if set(action.option_strings) & {*texts, "--host"}:
         return False
-    return action.type in (int, float) or bool(given & {*NUMBERS, *"NPQ", "V0", "V1"})
+    return action.type in (int, float) or bool(given & NUMBERS)
 
 
 def _nonsense(seed: int, rng: random.Random, folder: Path) -> Case:
@@ -1028,7 +1030,7 @@ def _meshes(seed: int, rng: random.Random, folder: Path) -> Case:
     out = folder / "o.png"
     calls = (
         ["check", str(folder / "s.toml"), "--picture", str(out)],
-        ["urdf", "--urdf", str(folder / "r.urdf"), "--joint", "joint0", "--out", f"{out}.urdf"],
+        ["urdf", str(folder / "r.urdf"), "--joint", "joint0", "--out", f"{out}.urdf"],
         ["robots", str(folder / "r.urdf")],
     )
     return Case(seed, "meshes", rng.choice(calls))
@@ -1069,7 +1071,7 @@ def _depth(seed: int, rng: random.Random, folder: Path) -> Case:
     (folder / "r.urdf").write_text(f'<robot name="r">{text}</robot>', encoding="utf-8")
     if rng.random() < 0.5:  # which says what prevents simulating it
         return Case(seed, "depth", ["robots", str(folder / "r.urdf")])
-    call = ["urdf", "--urdf", str(folder / "r.urdf"), "--joint", "j1"]
+    call = ["urdf", str(folder / "r.urdf"), "--joint", "j1"]
     return Case(
         seed, "depth", [*call, "--out", str(folder / "o.urdf")], bad or n == 1 or moving == 0
     )
@@ -1096,7 +1098,7 @@ def _names(seed: int, rng: random.Random, folder: Path) -> Case:
         ["run", robot, "--joint", f"{joint}=0.1 mm", *run],
         ["run", robot, "--set", f'joints.{json.dumps(joint)}.radial_clearance="0.1 mm"', *run],
         ["run", robot, "--set", f"joints.{joint}.radial_clearance=1e-4", *run],
-        ["urdf", "--urdf", robot, "--joint", joint, "--out", str(folder / "o.urdf")],
+        ["urdf", robot, "--joint", joint, "--out", str(folder / "o.urdf")],
         ["budget", robot, "--joint", f"{joint}=0.1 mm", "--out", str(out)],
         ["robots", robot],
         ["budget", robot, "--joint", f"{joint}=0.1 mm", "--pose", f"{joint}=0.1", "--tool", odd[1]],
@@ -1128,7 +1130,7 @@ def _base_calls(folder: Path) -> dict[str, list[str]]:
         "export": [result, "--out", str(folder / "o.csv"), "--quiet"],
         "robots": [str(shipped("scara.urdf"))],
         "presets": [],
-        "urdf": ["--urdf", str(shipped("scara.urdf")), "--joint", "joint_b", "--out", out],
+        "urdf": [str(shipped("scara.urdf")), "--joint", "joint_b", "--out", out],
         "wear": [scenario, "--joint", "joint_b", "--growth", "1 um", "--blocks=1", "--quiet"],
         "dynamics": [str(shipped("slider_crank.toml")), "turns", "--out", out, "--of", "none"],
         "budget": [*robot, "--out", out],

@@ -15,14 +15,14 @@ from jointplay.commands import (
     listed,
     numbers_by_name,
 )
+from jointplay.commands.inputs import MOTION, POSES, add_inputs, chosen_preset, explain, is_scenario
 from jointplay.commands.mechanism import (
+    LOOSE,
     add_load,
     add_poses,
-    add_robot,
     add_whole,
     error_class,
     load_on_tool,
-    preset_chosen,
     task,
 )
 from jointplay.core.errors import JointplayError
@@ -41,8 +41,9 @@ def add(commands: Any) -> None:
         "or the scenario; the ratio of axial to radial clearance is kept. With --whole, which "
         "cause of the whole error to improve at which joint. See docs/decisions.md.",
         epilog='Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200',
+        lazy=explain,
     )
-    add_robot(parser)
+    add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
     add_poses(parser)
     add_option(parser, "--target LENGTH", "largest error of the tool", required=True)
     add_option(
@@ -100,10 +101,10 @@ def run(options: argparse.Namespace) -> int:
     _require_fitting(options)
     if options.whole is not None:
         return _causes(options, out)
-    chosen = preset_chosen(options)
-    named = str(options.robot).endswith(".toml") or (chosen is not None and chosen.bearings)
+    chosen = chosen_preset(options)
+    named = is_scenario(options) or (chosen is not None and chosen.bearings)
     if options.clearance is None and not named:
-        options.clearance = options.axial or 1e-4  # sizes are what is sought
+        options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
     work = task(options)
     if options.verify is not None and work.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from jointplay.commands import Outputs, add_option, add_switch
+from jointplay.commands.inputs import MOTION, POSES, add_inputs, explain
 from jointplay.commands.mechanism import (
+    LOOSE,
     add_load,
     add_poses,
-    add_robot,
     add_whole,
     error_class,
     load_on_tool,
@@ -30,10 +31,11 @@ def add(commands: Any) -> None:
         "share. At a pose, along a motion, or over the workspace. docs/decisions.md "
         "explains the numbers.",
         epilog='Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda',
+        lazy=explain,
     )
-    robot = add_robot(parser)
+    groups = add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
     add_option(
-        robot,
+        groups["robot"],
         "--relative-to BODY",
         "link or frame from which the error is seen, in its axes, such as the palm of a hand or "
         "the trunk of what walks: what moves both does not count (default: the world)",

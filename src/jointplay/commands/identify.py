@@ -18,7 +18,8 @@ from jointplay.commands import (
     in_unit,
     quantity,
 )
-from jointplay.commands.mechanism import Task, add_robot, task
+from jointplay.commands.inputs import MOTION, POSES, add_inputs, explain
+from jointplay.commands.mechanism import LOOSE, Task, task
 from jointplay.core.errors import JointplayError
 
 REFERENCES = ("place", "frame", "ideal")
@@ -44,8 +45,9 @@ def add(commands: Any) -> None:
         "the most informative poses and motions. docs/identify.md lists the columns "
         "of a measurement.",
         epilog="Example: jointplay identify my_robot.toml measured.csv --out worn",
+        lazy=explain,
     )
-    add_robot(parser)
+    add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
     parser.add_argument(
         "data",
         nargs="?",
@@ -54,9 +56,6 @@ def add(commands: Any) -> None:
         "its folder); folder of a LeRobot dataset",
     )
     group = parser.add_argument_group("measurement")
-    add_option(
-        group, "--motion CSV", "reference motion of joints without encoder, if no scenario gives it"
-    )
     add_option(
         group,
         "--reference",

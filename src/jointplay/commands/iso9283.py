@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from jointplay.commands import Outputs, add_option, add_shared, given, quantity
-from jointplay.commands import run as run_command
+from jointplay.commands.inputs import add_inputs, explain, simulation_of
 from jointplay.core import streams
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
 
@@ -25,8 +25,8 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "iso9283",
-        usage="jointplay iso9283 [FILE | ROBOT] [--cycles N] [--speed PERCENT] [--load MASS] "
-        "[--cube LENGTH --cube-centre X,Y,Z] [--drift TIME] [--out DIR] [options]",
+        usage="jointplay iso9283 [FILE | ROBOT] [--cycles N] [--speed PERCENT] [--payload MASS] "
+        "[--cube LENGTH --cube-centre X,Y,Z] [--drift-time TIME] [--out DIR] [options]",
         help="accuracy and repeatability as ISO 9283 names them, from perturbed cycles",
         description="Simulate the cycle of a scenario or robot many times, with journals "
         "displaced at random at the start, and print pose accuracy AP and "
@@ -35,9 +35,9 @@ def add(commands: Any) -> None:
         "overshoot, path accuracy AT and repeatability RT, cornering deviations CR "
         "and CO, and drift by wear, with confidence intervals. All input options of "
         "jointplay run are accepted too. docs/decisions.md explains the figures.",
-        epilog='Example: jointplay iso9283 ur5 --joint elbow_joint --radial "0.05 mm" '
+        epilog='Example: jointplay iso9283 ur5 --joint "elbow_joint=0.05 mm" '
         "--duration 2.2 --out ur5",
-        lazy=run_command.explain,
+        lazy=explain,
     )
     group = parser.add_argument_group("cycles")
     add_option(group, "--cycles N", "cycles for poses and distances (default 30)")
@@ -50,13 +50,15 @@ def add(commands: Any) -> None:
         "standard asks for 100, 50 and 10) (default 100)",
         action="append",
     )
-    add_option(group, "--load MASS", "mass at the tool: the rated load, 100 %%")
+    add_option(group, "--payload MASS", "mass at the tool: the rated load, 100 %%")
     add_option(
         group, "--cube LENGTH", "visit the five poses in a cube with this edge length instead"
     )
     add_option(group, "--cube-centre X,Y,Z", "centre of the cube, world axes [m]")
     add_option(
-        group, "--drift TIME", 'compute the drift by wear over this time, "8 h" in the standard'
+        group,
+        "--drift-time TIME",
+        'compute the drift by wear over this time, "8 h" in the standard',
     )
     add_option(group, "--band LENGTH", "limit band of stabilization (default: the repeatability)")
     add_option(
@@ -65,8 +67,8 @@ def add(commands: Any) -> None:
         "folder for the table, the figures and, during the run, finished cycles: with the same "
         "folder, an interrupted command continues",
     )
-    groups = run_command.add_inputs(parser)
-    add_shared(groups["integration and output"], "--quiet")
+    add_shared(group, "--jobs", "--quiet")
+    add_inputs(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -80,12 +82,12 @@ def run(options: argparse.Namespace) -> int:
     check_numbers(counts.most, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    for name, unit in (("band", "m"), ("drift", "s")):
+    for name, unit in (("band", "m"), ("drift_time", "s")):
         if getattr(options, name) is not None:
-            require_positive(f"--{name}", getattr(options, name), unit)
-    require_non_negative("--load", options.load or 0.0, "kg")
-    simulation, poses = _in_cube(options, run_command.simulation_of(options))
-    load = options.load or 0.0
+            require_positive(f"--{name.replace('_', '-')}", getattr(options, name), unit)
+    require_non_negative("--payload", options.payload or 0.0, "kg")
+    simulation, poses = _in_cube(options, simulation_of(options))
+    load = options.payload or 0.0
     for percent in names:
         check(simulation, percent / 100.0, load)
     folder = out.claim()
@@ -98,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
             band=options.band,
             speed=percent / 100.0,
             load=load,
-            drift_time=options.drift,
+            drift_time=options.drift_time,
             poses=poses,
             jobs=options.jobs,
             keep=None if folder is None else folder / "cycles",

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from jointplay.commands import add_option, add_switch
-from jointplay.commands.run import add_inputs, case_of, explain, scenario_of
+from jointplay.commands.inputs import add_inputs, explain, scenario_of
 from jointplay.core.errors import JointplayError, require_whole
 
 
@@ -35,10 +35,9 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Serve until told to stop."""
     require_whole("the port", options.port, 0, 65535)
-    options.jobs = None
     scenario = scenario_of(options)
-    case = case_of(scenario, options)
-    simulation = scenario.simulation(case)
+    simulation = scenario.simulation(options.case)
+    case = options.case or scenario.cases[0]
     if simulation.duration is None and simulation.motion is None:
         raise JointplayError("nothing says how long to simulate: give a motion, or --duration")
     from jointplay.live.server import serve

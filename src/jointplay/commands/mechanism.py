@@ -1,26 +1,25 @@
-"""What the commands about static play have in common: which robot, which play, which poses."""
+"""What the commands about static play have in common: which poses of which mechanism."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
     add_option,
     add_repeatable,
-    add_shared,
-    given,
+    inputs,
     listed,
     name_and_value,
-    numbers_by_name,
     quantity,
 )
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, MissingName, require_non_negative
+from jointplay.core.errors import JointplayError, require_non_negative
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from jointplay.joints import Clearance
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.motion.reference import Motion
-    from jointplay.scenario.presets import Preset
-    from jointplay.scenario.settings import Setting
+    from jointplay.scenario import Scenario
     from jointplay.simulation.simulation import Simulation
 
 
@@ -58,50 +56,13 @@ class Task:
     """Besides play, of the scenario."""
 
 
-def add_robot(parser: Any, default: str = "by default all joints that move the tool") -> Any:
-    """Add the options that say which robot has which play; returns their last group.
-
-    Args:
-        default: which joints have clearance if --joint names none, in words.
-    """
-    parser.add_argument(
-        "robot",
-        metavar="ROBOT",
-        help="URDF, name of a robot of example-robot-data (jointplay robots), or scenario (.toml)",
-    )
-    add_shared(parser, "--case")
-    group = parser.add_argument_group("play")
-    add_option(group, "--clearance LENGTH", "radial clearance of the joints given by --joint")
-    add_repeatable(
-        group,
-        "--joint NAME[=LENGTH|=BEARING]",
-        "joint with clearance, and optionally its radial clearance, or the designation of its "
-        f'rolling bearing, such as elbow="6010/C3"; {default}',
-    )
-    add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
-    add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")
-    add_option(group, "--bearing-length LENGTH", "L_i (default 40 mm)")
-    add_repeatable(
-        group, "--gear NAME=ANGLE", 'total play of a joint\'s gear, such as elbow="2 arcmin"'
-    )
-    group.add_argument(
-        "--preset",
-        metavar="NAME",
-        nargs="?",
-        const="",
-        help="joints and gears as they are publicly known, or assumed for a class of robots "
-        "(jointplay presets lists them; without NAME that of ROBOT); --joint and --gear count more",
-    )
-    group = parser.add_argument_group("robot")
-    add_option(group, "--tool FRAME", "frame whose error is computed")
-    add_shared(group, "--allow-unphysical")
-    add_shared(group, "--fix")
-    return group
+LOOSE = "by default all joints that move the tool, of a file those that have some"
+"""Which joints have clearance if --joint names none, in words."""
 
 
 def add_poses(parser: Any) -> None:
     """Add the options that say at which poses."""
-    group = parser.add_argument_group("poses (default: along the scenario's motion, or one pose)")
+    group = parser.add_argument_group("poses (default: along the motion, or one pose)")
     add_repeatable(
         group,
         "--pose JOINT=X,...",
@@ -113,7 +74,6 @@ def add_poses(parser: Any) -> None:
         "--poses FILE",
         "CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to name them",
     )
-    add_option(group, "--motion CSV", "waypoints, with the header time_s,<joint>,...")
     add_option(group, "--workspace N", "N poses spread over the limits of all joints")
 
 
@@ -165,7 +125,7 @@ def error_class(options: argparse.Namespace, work: Task) -> str:
     from jointplay.design.robot_errors import CLASSES
 
     said = [options.whole, work.errors and work.errors.assumed]
-    if (chosen := preset_chosen(options)) is not None:
+    if (chosen := inputs.chosen_preset(options)) is not None:
         said.append(chosen.errors)
     for one in said:
         if one:
@@ -187,7 +147,7 @@ def task(options: argparse.Namespace) -> Task:
 
     from jointplay.design import poses
 
-    mechanism, simulation, errors, notes = _mechanism(options)
+    of_file = inputs.is_scenario(options)
     chosen = [
         one
         for one in ("pose", "poses", "motion", "workspace")
@@ -195,11 +155,20 @@ def task(options: argparse.Namespace) -> Task:
     ]
     if len(chosen) > 1:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
-    motion = simulation.motion if simulation is not None else None
-    if options.motion is not None:
+    notes = _all_loose(options)
+    scenario = inputs.scenario_of(options, still=True)
+    simulation = scenario.simulation(options.case) if of_file else None
+    mechanism = scenario.mechanism(options.case)
+    _require_sizes(options, scenario, mechanism)
+    motion = None if simulation is None else simulation.motion
+    if options.motion is not None and motion is None:
         from jointplay.motion.reference import Motion
 
         motion = Motion.from_csv(options.motion)
+    errors = scenario.robot_errors(options.case) if of_file else None
+    notes += [*_notes(options, mechanism), *scenario.notes]
+    notes += [line for line in scenario.assumptions if line.startswith("preset ")]
+    mechanism = _bolted(mechanism)
     driven, near = None, {}
     if mechanism.loops:
         near = {} if simulation is None else poses.start_of(simulation)
@@ -281,173 +250,113 @@ def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
     return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
 
 
-def _mechanism(
-    options: argparse.Namespace,
-) -> tuple[Mechanism, Simulation | None, RobotErrors | None, list[str]]:
-    from jointplay.mechanism.mechanism import Mechanism
-    from jointplay.mechanism.tool import choose_tool
+def _all_loose(options: argparse.Namespace) -> list[str]:
+    """Have --clearance be for all joints that move the tool, where nothing says for which.
 
-    simulation, errors, notes = None, None, []
-    if str(options.robot).endswith(".toml"):
-        from jointplay.scenario import Scenario
-
-        scenario = Scenario.load(options.robot, settings=robot_settings(options))
-        simulation, errors = scenario.simulation(options.case), scenario.robot_errors(options.case)
-        named = scenario.model(options.case or scenario.cases[0]).robot.tool
-        description = simulation.mechanism.description
-        allowed, fix = simulation.mechanism.allow_unphysical, simulation.mechanism.fix
-        plain = simulation.mechanism.ideal()
-        if plain.free_base is not None:
-            notes.append(
-                f"the base {description.root!r} is free in the scenario; here it is held, as if "
-                "bolted to the ground"
-            )
-    elif options.case is not None:
-        raise JointplayError("--case needs a scenario (.toml)")
-    else:
-        allowed, fix, named = options.allow_unphysical, options.fix, None
-        plain = Mechanism(options.robot, allow_unphysical=allowed, fix=fix)
-        description = plain.description
-    description.require_moving()
-    if plain.held:
-        notes.append(plain.held)
-    tool = options.tool or named
-    if tool is None:
-        loose = [name_and_value(text, description.joints)[0] for text in options.joint]
-        if simulation is not None and not loose:
-            loose = [*simulation.mechanism.clearance]
-        tool, reason = choose_tool(description, loose)
-        notes.append(f"tool: {tool!r} (chosen: {reason}; see --tool)")
-    elif not plain.model.existFrame(tool):
-        Mechanism(description.path, tool=tool, allow_unphysical=allowed)  # says which there are
-    if simulation is not None and options.clearance is None and not options.joint:
-        clearance = dict(simulation.mechanism.clearance)
-    else:
-        clearance = _clearance(options, plain, tool, notes, simulation)
-    gears = dict(simulation.mechanism.gears) if simulation is not None else {}
-    if (chosen := preset_chosen(options)) is not None:
-        made = chosen.mechanism(description.path, allow_unphysical=allowed, fix=fix)
-        clearance = {**made.clearance, **clearance}
-        gears = {**made.gears, **gears}
-        notes += [f"preset {chosen.name}: {one}" for one in chosen.origins]
-    mechanism = Mechanism(
-        description,
-        {**plain.given_joints, **clearance},
-        loops=simulation.mechanism.loops if simulation is not None else {},
-        gears=gears | _gears(options, gears),
-        gravity=plain.gravity,
-        tool=tool,
-        allow_unphysical=allowed,
-        fix=fix,
-    )
-    return mechanism, simulation, errors, notes
-
-
-def robot_settings(options: argparse.Namespace) -> list[Setting]:
-    """What --allow-unphysical and --fix say, as settings of a scenario."""
-    from jointplay.scenario.settings import Setting
-
-    given = {"allow_unphysical": options.allow_unphysical, "fix": options.fix}
-    return [
-        Setting(("robot", key), list(names), f"--{key.replace('_', '-')}")
-        for key, names in given.items()
-        if names
-    ]
-
-
-def preset_chosen(options: argparse.Namespace) -> Preset | None:
-    """What --preset selects."""
-    from jointplay.scenario.presets import preset_for
-
-    return None if options.preset is None else preset_for(str(options.robot), options.preset)
-
-
-def _clearance(
-    options: argparse.Namespace,
-    plain: Mechanism,
-    tool: str,
-    notes: list[str],
-    simulation: Simulation | None,
-) -> dict[str, Clearance]:
-    """Joints with clearance that the options name, or all that move the tool.
-
-    With loops, those are all joints; one that closes a loop keeps its kind and its bearing.
+    Returns:
+        Which tool was chosen for them, if it was, a line.
     """
-    from jointplay.core.schema import read
-    from jointplay.joints import JOINT_KINDS, Clearance, replacing
-    from jointplay.joints.bearings import bearing_kind, is_designation
+    if options.joint or not inputs.for_joints(options):
+        return []
+    bare = {flag.attribute: None for flag in inputs.FLAGS if flag.keys[0][0] != "robot"}
+    plain = argparse.Namespace(**{**vars(options), **bare, "clearance": None, "gear": []})
+    mechanism = inputs.scenario_of(plain, still=True).mechanism(options.case)
+    if mechanism.clearance and (options.preset is None or inputs.is_scenario(options)):
+        return []
+    mechanism = mechanism.ideal()
+    options.joint = [json.dumps(name) for name in _chain(options, mechanism)]
+    if options.tool is not None or not mechanism.tool_reason:
+        return []
+    options.tool = mechanism.tool
+    return [_chosen(mechanism)]
+
+
+def _chosen(mechanism: Mechanism) -> str:
+    return f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)"
+
+
+def _chain(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
+    """Joints that can have clearance and move the tool, as seen from --relative-to.
+
+    With loops, those are all joints.
+    """
+    from jointplay.joints import replacing
     from jointplay.mechanism.mechanism import frame_index
 
-    entries = plain.description.joints
-    able = {"revolute", "continuous", "prismatic", "floating"}
-    ends = [plain.model.frames[frame_index(plain.model, tool)]]
+    model, entries = mechanism.model, mechanism.description.joints
+    able = {name for name, entry in entries.items() if replacing(entry.kind)}
+    if mechanism.loops:
+        return [*(name for name in entries if name in able), *mechanism.loops]
+    ends = [model.frames[mechanism.tool_frame]]
     if (body := getattr(options, "relative_to", None)) is not None:
-        ends.append(plain.model.frames[frame_index(plain.model, body, "body")])
-    ways = [{*plain.model.supports[frame.parentJoint]} for frame in ends]
+        ends.append(model.frames[frame_index(model, body, "body")])
+    ways = [{*model.supports[frame.parentJoint]} for frame in ends]
     between = ways[0].symmetric_difference(*ways[1:]) if ways[1:] else ways[0]
-    chain = [plain.model.names[i] for i in sorted(between) if i > 0]
-    chain = [name for name in chain if name in entries and entries[name].kind in able]
-    if plain.loops:
-        chain = [name for name, entry in entries.items() if entry.kind in able] + [*plain.loops]
-    own: dict[str, str | None] = {}
-    for text in options.joint:
-        name, length = name_and_value(text, [*entries, *plain.loops], is_designation)
-        if name not in plain.loops and (name not in entries or entries[name].kind not in able):
-            choices = [n for n, e in entries.items() if e.kind in able] + [*plain.loops]
-            raise MissingName("joint that can have play", name, choices, where=("--joint",))
-        if name not in chain:
-            seen = "" if body is None else f" as seen from {body!r}"
-            notes.append(
-                f"note: {name} does not move {tool!r}{seen}, so it adds nothing to the error"
+    return [model.names[i] for i in sorted(between) if i > 0 and model.names[i] in able]
+
+
+def _require_sizes(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism) -> None:
+    """Refuse joints of --joint of which nobody says how large their clearance is.
+
+    Raises:
+        JointplayError: there is one.
+    """
+    given = scenario.given(options.case or scenario.cases[0]).get("joints", {})
+    for name in inputs.named_joints(options):
+        sizes = mechanism.clearance[name].clearance_fields if name in mechanism.clearance else {}
+        if sizes and not {*sizes, *sizes.values(), "designation"}.intersection(given.get(name, ())):
+            raise JointplayError(
+                f'--clearance is missing: the radial clearance of {name!r}, such as "0.1 mm"'
             )
-        own[name] = length
-    if not own and options.clearance is not None:
-        own = dict.fromkeys(chain)
-    if None in own.values() and options.clearance is None:
-        raise JointplayError('--clearance is missing: the radial clearance, such as "0.1 mm"')
-    clearances = {}
-    for name, length in own.items():
-        radial = options.clearance
-        if length is not None and (bearing := bearing_kind(length)) is not None:
-            clearances[name] = read(Clearance, {"kind": bearing, "designation": length})
-            continue
-        if length is not None:
-            radial = quantity(length, "m", f"--joint {name}")
-        known = simulation.mechanism.clearance.get(name) if simulation is not None else None
-        if name in plain.loops and known is not None:
-            clearances[name] = known.scaled(radial / known.radial_room)
-            continue
-        if name in plain.loops:
-            kind = plain.loop_class(name)
-        else:
-            kind = JOINT_KINDS[replacing(entries[name].kind)[0]]
-        sizes = given(options, "bearing_radius", "bearing_length")
-        clearances[name] = kind.of_room(radial, options.axial, sizes)
-    if clearances:
-        notes.append(f"play: {_words(clearances)}")
-    return clearances
 
 
-def _words(joints: dict[str, Clearance]) -> str:
+def _notes(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
+    """What a reader should know of the robot, a line each."""
+    notes = [mechanism.held] if mechanism.held else []
+    if mechanism.free_base is not None:
+        notes.append(
+            f"the base {mechanism.description.root!r} is free in the scenario; here it is held, as "
+            "if bolted to the ground"
+        )
+    if mechanism.tool_reason:
+        notes.append(_chosen(mechanism))
+    chain = _chain(options, mechanism.ideal())
+    body = getattr(options, "relative_to", None)
+    seen = "" if body is None else f" as seen from {body!r}"
+    for name in inputs.named_joints(options):
+        if name not in chain:
+            notes.append(
+                f"note: {name} does not move {mechanism.tool!r}{seen}, so it adds nothing to the "
+                "error"
+            )
+    if (options.joint or inputs.for_joints(options)) and mechanism.clearance:
+        notes.append(f"play: {_words(mechanism.clearance)}")
+    return notes
+
+
+def _bolted(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with its base held."""
+    from jointplay.mechanism.mechanism import Mechanism
+
+    if mechanism.free_base is None:
+        return mechanism
+    return Mechanism(
+        mechanism.description,
+        mechanism.given_joints,
+        loops=mechanism.loops,
+        gears=mechanism.gears,
+        gravity=mechanism.gravity,
+        tool=mechanism.tool,
+        allow_unphysical=mechanism.allow_unphysical,
+        fix=mechanism.fix,
+    )
+
+
+def _words(joints: Mapping[str, Clearance]) -> str:
     parts: dict[str, list[str]] = {}
     for name, joint in joints.items():
         parts.setdefault(joint.words, []).append(name)
     return "; ".join(f"{', '.join(names)} ({words})" for words, names in parts.items())
-
-
-def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, Any]:
-    from jointplay.mechanism.gear import Gear
-
-    gears = {}
-    for name, whole in numbers_by_name(options.gear, "--gear JOINT=ANGLE", "rad").items():
-        # Statics need the play only; a scenario's gear keeps the rest.
-        gear = present.get(name, Gear(0.0, 0.1, 1e4))
-        if "play" not in (one.name for one in fields(gear)):
-            raise JointplayError(
-                f"--gear {name}: the play of a gear of kind {gear.kind} follows from its stages"
-            )
-        gears[name] = replace(gear, play=whole)
-    return gears
 
 
 def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,9 @@ from jointplay.commands import (
     add_shared,
     add_switch,
     given,
-    in_unit,
-    name_and_value,
 )
-from jointplay.commands.mechanism import Task, add_robot, preset_chosen, task
+from jointplay.commands.inputs import POSES, add_inputs, chosen_preset, explain, named_joints
+from jointplay.commands.mechanism import Task, task
 from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.core.imports import how_to_install
 from jointplay.core.tables import Column, Table
@@ -43,13 +41,6 @@ LEANS = ("mjcf", "json")
 STEM = "robot"
 """Name of a whole robot's files."""
 
-GEAR = {
-    "gear-stiffness": ("N*m/rad", "of the teeth"),
-    "gear-damping": ("N*m*s/rad", "of the teeth (default 0)"),
-    "rotor-inertia": ("kg*m^2", "referred to the joint's side of the gear"),
-}
-"""Options about a gear: units and explanations."""
-
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
@@ -66,12 +57,11 @@ def add(commands: Any) -> None:
         "copies. See docs/decisions.md.",
         epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
         'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
+        lazy=explain,
     )
-    add_robot(parser, "one joint, or with --all any number, by default all that move the tool")
+    only = "one joint, or with --all any number, by default all that move the tool"
+    add_inputs(parser, POSES, needed=True, joints=only)
     add_option(parser, "--pose JOINT=X,...", "pose about which the joint reverses")
-    group = parser.add_argument_group("gear (of a scenario, or these)")
-    for name, (unit, text) in GEAR.items():
-        add_option(group, f"--{name} X", f"{text} [{unit}]".replace("*", " "), type=in_unit(unit))
     group = parser.add_argument_group("reversals")
     add_option(group, "--amplitude ANGLE", "amplitude of the reversals (default 0.1)")
     add_option(group, "--period TIME", "period of a reversal, there and back (default 2)")
@@ -148,13 +138,13 @@ def run(options: argparse.Namespace) -> int:
     if options.spread is None:
         options.spread = reduced_files.SPREAD
     options.pose = [options.pose or ""]
-    scenario = str(options.robot).endswith(".toml")
     work = task(options)
-    if not (joint is None or options.joint or scenario or joint in work.mechanism.gears):
+    if not (joint is None or options.joint or work.simulation or joint in work.mechanism.gears):
         raise JointplayError(
             "--clearance or --gear is missing: without play there is nothing to reduce"
         )
-    mechanism = _with_gear(options, work.mechanism, scenario)
+    mechanism = work.mechanism
+    _require_whole_gears(options, work)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     _require_play(options, mechanism, play, formats)
     found = None
@@ -253,9 +243,7 @@ def _joint(options: argparse.Namespace) -> str:
             f"--joint must name one joint, got {len(options.joint) or 'none'}: name it, or add "
             "--all, which reduces every joint that has play"
         )
-    from jointplay.joints.bearings import is_designation
-
-    joint, length = name_and_value(options.joint[0], is_value=is_designation)
+    ((joint, length),) = named_joints(options).items()
     if length is None and options.clearance is None:
         options.joint = []  # its play is the scenario's, or its gear's alone
     return joint
@@ -454,7 +442,7 @@ def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
     from jointplay.loads.drive import Drive, Servo
 
     drives: dict[str, Drive] = {}
-    if (chosen := preset_chosen(options)) is not None:
+    if (chosen := chosen_preset(options)) is not None:
         drives = chosen.drives(work.mechanism.description)
     if work.simulation is not None:
         own = work.simulation.drive
@@ -463,23 +451,13 @@ def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
     return {name: one for name, one in drives.items() if isinstance(one, Servo)}
 
 
-def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> Any:
-    """The mechanism, its gears with what the options say of teeth and rotor."""
-    values = given(options, *(name.replace("-", "_") for name in GEAR))
-    if values and not mechanism.gears:
-        option = next(iter(values)).replace("_", "-")
-        raise JointplayError(f"--{option} needs a gear, and no joint has one; add it with --gear")
-    if options.gear and not scenario:
-        for option in ("gear-stiffness", "rotor-inertia"):
-            if option.replace("-", "_") not in values:
-                raise JointplayError(f"--{option} is missing: a gear with play needs it")
-    for name, gear in mechanism.gears.items():
-        if values and gear.kind != "backlash":
-            option = next(iter(values)).replace("_", "-")
-            raise JointplayError(
-                f"--{option} is for gears of kind backlash; that of {name!r} is of kind "
-                f"{gear.kind}: change it in the scenario"
-            )
-    fields = {name.removeprefix("gear_"): value for name, value in values.items()}
-    gears = {name: replace(gear, **fields) for name, gear in mechanism.gears.items()}
-    return mechanism.with_clearance(mechanism.clearance, gears)
+def _require_whole_gears(options: argparse.Namespace, work: Task) -> None:
+    """Refuse gears of --gear of which a reduction does not know enough.
+
+    Raises:
+        JointplayError: the stiffness or the rotor's inertia is missing.
+    """
+    for option in ("gear_stiffness", "rotor_inertia"):
+        if options.gear and work.simulation is None and getattr(options, option) is None:
+            name = option.replace("_", "-")
+            raise JointplayError(f"--{name} is missing: a gear with play needs it")

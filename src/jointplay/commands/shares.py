@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from jointplay.commands import Outputs, add_option, add_shared
-from jointplay.commands import run as run_command
+from jointplay.commands.inputs import add_inputs, explain, simulation_of
 from jointplay.core import streams
 
 
@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
         "clearances, friction, speed and payload. All input options of jointplay run "
         "are accepted too. See docs/decisions.md.",
         epilog="Example: jointplay shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2",
-        lazy=run_command.explain,
+        lazy=explain,
     )
     group = parser.add_argument_group("shares")
     add_option(group, "--runs N", "perturbed runs of each variant", 3)
@@ -40,8 +40,8 @@ def add(commands: Any) -> None:
         "folder for the table, the figure and the runs, from which an interrupted command "
         "continues",
     )
-    groups = run_command.add_inputs(parser)
-    add_shared(groups["integration and output"], "--quiet")
+    add_shared(group, "--jobs", "--quiet")
+    add_inputs(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     payload = options.payload or 0.0
     check_numbers(options.runs, options.jobs)
     check(options.sobol, options.spread, options.slowest, payload)
-    simulation = run_command.simulation_of(options)
+    simulation = simulation_of(options)
     folder = out.claim()
     ensemble: dict[str, Any] = {
         "jobs": options.jobs,

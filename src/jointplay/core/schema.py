@@ -231,34 +231,32 @@ def fields_of(kind: type) -> dict[str, Field]:
     return fields
 
 
-def default_at(kind: Any, path: Sequence[str]) -> Any:
-    """What the field at `path` within a class is if not given: its value, or the word for it.
+def fields_at(kind: Any, path: Sequence[str], every: bool = True) -> Iterator[tuple[Field, str]]:
+    """Fields at `path` within a class, with what is said of them; there may be none.
 
-    Names of entries of a table by name may be any; of a family its default member counts.
+    Names of entries of a table by name may be any. Of a family all members count, the default one
+    first; without `every` only that.
     """
-    if not path:
-        family = family_of(kind)
-        return None if family is None else family.default
-    parts = [part for part in get_args(kind) if part is not type(None)]
-    origin = get_origin(kind)
+    origin, family = get_origin(kind), family_of(kind)
     if origin in (Union, types.UnionType):
-        return default_at(parts[0], path)
-    if origin is not None:
-        return default_at(parts[-1], path[1:])
-    family = family_of(kind)
-    if family is not None:
-        if path[0] == family.key:
-            return family.default
-        kind = family.member(family.default or next(iter(family.members))).kind
-    field = fields_of(kind).get(path[0])
-    if field is None:
-        return None
-    if len(path) > 1:
-        return default_at(field.hint, path[1:])
-    words = field.choices[1] if field.choices else ()
-    if isinstance(words, Mapping):
-        return next((word for word, value in words.items() if value == field.default), None)
-    return field.default
+        for part in get_args(kind):
+            yield from fields_at(part, path, every)
+    elif origin is not None:
+        yield from fields_at(get_args(kind)[-1], path[1:], every)
+    elif family is not None and list(path) == [family.key]:
+        words = (family.noun, family.members)
+        yield Field(family.key, str, ("",), False, words, default=family.default), ""
+    elif family is not None:
+        first = family.default or next(iter(family.members))
+        members = [first, *(family.members if every else ())]
+        for one in dict.fromkeys(family.member(word).kind for word in members):
+            yield from fields_at(one, path, every)
+    elif dataclasses.is_dataclass(kind) and path[0] in (fields := fields_of(kind)):  # type: ignore[arg-type]
+        field = fields[path[0]]
+        if len(path) > 1:
+            yield from fields_at(field.hint, path[1:], every)
+        else:
+            yield field, explanations(kind).get(field.name, "")  # type: ignore[arg-type]
 
 
 def _measures(hint: Any) -> bool:

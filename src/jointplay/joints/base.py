@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -451,20 +451,6 @@ class Clearance(Described, ABC):
         return self
 
     # What holds for all kinds.
-
-    @classmethod
-    def of_room(cls, radial: float, axial: float | None, sizes: Mapping[str, float]) -> Self:
-        """A joint with these clearances on each side, across and (with walls) along the axis [m].
-
-        Without `axial` it is what the kind takes.
-        `sizes` of the bearing are by the name of the field [m]; a kind takes what it has.
-        """
-        across = next(iter(cls.clearance_fields))
-        given: dict[str, Any] = {across: radial, **sizes}
-        if axial is not None:
-            given["axial_clearance"] = axial
-        own = {one.name for one in fields(cls)}
-        return cls(**{name: value for name, value in given.items() if name in own})
 
     def with_clearances(self, sizes: Mapping[str, float]) -> Self:
         """The joint with other clearances [m], by their fields' names, in the same bearing."""

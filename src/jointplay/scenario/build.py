@@ -411,7 +411,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     Raises:
         JointplayError: what cannot be; `where` has the key.
     """
-    mechanism = _mechanism(model, folder, built)
+    mechanism = mechanism_of(model, folder, built)
     start = {
         name: fit(mechanism, name, value, ANGLE, ("start", name))
         for name, value in model.start.items()
@@ -482,7 +482,7 @@ _LAST_BUILT = 4
 """So many are kept."""
 
 
-def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
+def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     """The mechanism that `model` describes; alike ones are built once."""
     robot = model.robot
     with within("robot", "urdf"):

@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections import OrderedDict
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +25,7 @@ from jointplay.scenario.settings import Setting, given_by, tree, with_names
 
 if TYPE_CHECKING:
     from jointplay.design.robot_errors import RobotErrors
+    from jointplay.mechanism.mechanism import Mechanism
     from jointplay.scenario.build import Built
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
@@ -175,20 +177,38 @@ class Scenario(Overview):
             MissingName: no such case.
             JointplayError: what the file says cannot be built.
         """
-        if case is None:
-            if len(self.cases) > 1:
-                raise JointplayError(f"{self.path}: choose a case: {', '.join(self.cases)}")
-            (case,) = self.cases
+        case = self._chosen(case)
         model = self.model(case, changes)
         from jointplay.scenario.build import build  # what it takes to simulate, not to check
 
-        try:
-            with trusting(self.trust):
-                simulation, notes = build(model, self.path.parent, self._built)
-        except JointplayError as error:
-            raise self.error(error.where, str(error), case, True) from None
+        with self._building(case):
+            simulation, notes = build(model, self.path.parent, self._built)
         self.notes += [line for line in notes if line not in self.notes]
         return simulation
+
+    def mechanism(self, case: str | None = None) -> Mechanism:
+        """The mechanism of a case alone; see `simulation`."""
+        case = self._chosen(case)
+        model = self.model(case)
+        from jointplay.scenario.build import mechanism_of
+
+        with self._building(case):
+            return mechanism_of(model, self.path.parent, self._built)
+
+    def _chosen(self, case: str | None) -> str:
+        """The case of this label, or without one the only case."""
+        if case is None and len(self.cases) > 1:
+            raise JointplayError(f"{self.path}: choose a case: {', '.join(self.cases)} (--case)")
+        return self.cases[0] if case is None else case
+
+    @contextmanager
+    def _building(self, case: str) -> Iterator[None]:
+        """Say of errors in the block where in the file they are."""
+        try:
+            with trusting(self.trust):
+                yield
+        except JointplayError as error:
+            raise self.error(error.where, str(error), case, True) from None
 
     def robot_errors(self, case: str | None = None) -> RobotErrors | None:
         """Errors besides play of a case's robot; None if the file has none. See `simulation`."""

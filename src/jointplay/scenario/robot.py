@@ -10,9 +10,10 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_a, require_names
-from jointplay.core.schema import one_of
+from jointplay.core.schema import Preset, one_of
 from jointplay.core.tables import few
 from jointplay.core.units import round_below
+from jointplay.joints import JOINT_WORDS, UNNAMED_KIND, Clearance, SlidingClearance, replacing
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve
 from jointplay.mechanism.urdf import Description, read
@@ -27,11 +28,8 @@ SCARA_MOTION = f"{SHIPPED}scara_motion.csv"
 LABEL = "result"
 """Case of a bare robot, after which its file is named."""
 
-JOINTS: Mapping[str, Mapping[str, Any]] = {
-    "revolute": {"kind": "revolute", "radial_clearance": 2e-4},
-    "prismatic": {"kind": "prismatic", "clearance": 2e-4},
-}
-"""A joint with clearance of which no more is said than its name, by the kind it has in the URDF."""
+ASSUMED_CLEARANCE = 2e-4
+"""Clearance of a joint of which no more is said than its name [m]."""
 
 SWING = 0.2
 SLIDE = 0.05
@@ -62,6 +60,7 @@ def robot_scenario(
     joints: Sequence[str] = (),
     settings: Sequence[Setting] = (),
     ideal: bool = False,
+    still: bool = False,
 ) -> Scenario:
     """Scenario of one robot with clearance in some of its joints.
 
@@ -71,6 +70,7 @@ def robot_scenario(
         joints: names of those with clearance; by default the SCARA's joint B.
         settings: keys that count more than what is taken for granted.
         ideal: none has clearance; those named still say which frame is the tool.
+        still: for who looks at poses only: no steps are chosen, and play is not needed.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -80,12 +80,12 @@ def robot_scenario(
     """
     if place is not None:
         require_a("place", place, "str")
-    scenario = _of_robot(place, joints, settings, ideal)
-    if place is None:
+    scenario = _of_robot(place, joints, settings, ideal, still)
+    if place is None or still:
         return scenario
     more, words = _steps(scenario)
     if more:
-        scenario = _of_robot(place, joints, [*settings, *more], ideal)
+        scenario = _of_robot(place, joints, [*settings, *more], ideal, still)
         scenario.assumptions.append(words)
     return scenario
 
@@ -101,7 +101,11 @@ def description_of(path: Path, settings: Sequence[Setting]) -> Description:
 
 
 def _of_robot(
-    place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool
+    place: str | None,
+    joints: Sequence[str],
+    settings: Sequence[Setting],
+    ideal: bool,
+    still: bool,
 ) -> Scenario:
     """See `robot_scenario`; its steps are those of any scenario."""
     joints = require_names("joints", joints, "names")
@@ -113,7 +117,7 @@ def _of_robot(
     settings = with_names(settings, description.joints)
     given = tree(settings)
     description.require_moving()
-    if not joints and not ideal and not {"joints", "gears"} & set(given):
+    if not (joints or ideal or still or {"joints", "gears"} & set(given)):
         if not scara:
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
@@ -122,7 +126,6 @@ def _of_robot(
         if name not in description.joints and name not in given.get("loops", {}):
             wrong = one_of("joint", name, [*description.moving, *given.get("loops", {})])
             raise JointplayError(f"--joint: {wrong}")
-    settings = _by_the_names_of_its_kind(settings, description, given)
     assumptions = []
     name = place.rpartition(":")[2] if ":" in place else path.name
     loose = f", play in {few(list(joints))}" if joints and not ideal else ""
@@ -137,20 +140,41 @@ def _of_robot(
         else:
             text["motion"], words = _there_and_back(description)
             assumptions.append(words)
-    named = []
-    for name in joints:
-        known = description.joints.get(name)
-        own = given.get("joints", {}).get(name, {})
-        kind = "prismatic" if known is not None and known.slides else "revolute"
-        wanted = own.get("kind", kind)
-        table = dict(JOINTS.get(wanted, {"kind": wanted})) | ({"ideal": True} if ideal else {})
-        if "journal_radius" in own and "radial_clearance" not in own:
-            table.pop("radial_clearance", None)
-        named.append(Setting(("joints", name), table, f"--joint {name}", assumed=True))
+    named = [
+        assumed_joint(name, description, given.get("joints", {}).get(name, {}), ideal)
+        for name in joints
+    ]
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
     scenario = Scenario(written, place, (), (*named, *settings), LABEL)
     scenario.assumptions = assumptions
     return scenario
+
+
+def kind_of_joint(name: str, description: Description, given: Mapping[str, Any]) -> str:
+    """Word for the kind of a joint: the one `given`, or what can replace that of the URDF."""
+    entry = description.joints.get(name)
+    kinds = [] if entry is None else replacing(entry.kind)
+    return str(given.get("kind", kinds[0] if kinds else UNNAMED_KIND.kind))
+
+
+def class_of_joint(word: str) -> type[Clearance]:
+    """Class of the joints of a kind; of a word that is none, that which the scenario refuses."""
+    made = JOINT_WORDS.get(word, UNNAMED_KIND)
+    return made.kind if isinstance(made, Preset) else made
+
+
+def assumed_joint(
+    name: str, description: Description, given: Mapping[str, Any], ideal: bool = False
+) -> Setting:
+    """A joint that has clearance because it was named: its kind, and a size where none is given."""
+    word = kind_of_joint(name, description, given)
+    kind = class_of_joint(word)
+    table: dict[str, Any] = {"kind": word} | ({"ideal": True} if ideal else {})
+    if issubclass(kind, SlidingClearance):
+        across, instead = next(iter(kind.clearance_fields.items()))
+        if across in given or instead not in given:
+            table[across] = ASSUMED_CLEARANCE
+    return Setting(("joints", name), table, f"--joint {name}", assumed=True)
 
 
 TOLERANCE = 1e-3
@@ -221,23 +245,9 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     return round_below(most), f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
 
 
-def _by_the_names_of_its_kind(
-    settings: Sequence[Setting], description: Description, given: Mapping[str, Any]
-) -> list[Setting]:
-    """Settings in which a plain ``clearance`` of a joint that turns is its radial clearance."""
-    first: list[Setting] = []  # further settings of the same keys count more
-    rest: list[Setting] = []
-    for setting in settings:
-        if setting.key[:1] == ("joints",) and setting.key[2:] == ("clearance",):
-            name = setting.key[1]
-            known, own = description.joints.get(name), given["joints"][name]
-            kind = "prismatic" if known is not None and known.slides else "revolute"
-            if own.get("kind", kind) not in ("prismatic", "spherical"):
-                at = ("joints", name, "radial_clearance")
-                first.append(Setting(at, setting.value, setting.source))
-                continue
-        rest.append(setting)
-    return [*first, *rest]
+def robot_path(place: str | None) -> Path:
+    """URDF of a robot as `robot_scenario` takes it."""
+    return resolve(SCARA if place is None else _prefixed(place), Path())
 
 
 def _prefixed(place: str) -> str:
