@@ -56,7 +56,7 @@ class Task:
     """Besides play, of the scenario."""
 
 
-LOOSE = "by default all joints that move the tool, of a file those that have some"
+LOOSE = "by default all joints that move the tool"
 """Which joints have clearance if --joint names none, in words."""
 
 
@@ -261,7 +261,7 @@ def _all_loose(options: argparse.Namespace) -> list[str]:
     bare = {flag.attribute: None for flag in inputs.FLAGS if flag.keys[0][0] != "robot"}
     plain = argparse.Namespace(**{**vars(options), **bare, "clearance": None, "gear": []})
     mechanism = inputs.scenario_of(plain, still=True).mechanism(options.case)
-    if mechanism.clearance and (options.preset is None or inputs.is_scenario(options)):
+    if mechanism.clearance and options.clearance is None:
         return []
     mechanism = mechanism.ideal()
     options.joint = [json.dumps(name) for name in _chain(options, mechanism)]
