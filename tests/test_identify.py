@@ -27,7 +27,7 @@ from jointplay import (
 )
 from jointplay.cli import main
 from jointplay.contact import Ambrosio
-from jointplay.identification import Measurement, measurement, plan_measurement
+from jointplay.identification import Measurement, columns, plan_measurement
 from jointplay.identification.identification import reason
 from jointplay.identification.least_squares import information
 from jointplay.identification.measurement import resolution, scatter, turns
@@ -301,7 +301,7 @@ def rows(header, count=30):
 @pytest.mark.parametrize("name", ["[j]", "a(b)", "(j", "j)", "é [x] 1"])
 @pytest.mark.parametrize("unit", ["[rad]", "(rad)", " [rad] "])
 def test_joints_may_have_brackets_in_their_names(name, unit):
-    found = measurement.split_title(f"{name} motor {unit}", Path("m.csv"))
+    found = columns.split_title(f"{name} motor {unit}", Path("m.csv"))
     assert found == (f"{name} motor", "rad")
 
 
@@ -320,8 +320,8 @@ def test_units_of_columns_are_read_in_brackets_and_behind_underscores(tmp_path):
         (rows("tool x [mm],j motor [deg]"), "has no times"),
         (rows("time [s],tool x"), "column 'tool x' has no unit"),
         (rows("time [s],tool x [kg]"), "column 'tool x [kg]'"),
-        (rows("time [s],nose x [m]"), "is not a signal; there are"),
-        (rows("time [s],k motor [rad]"), "is not a signal; there are"),
+        (rows("time [s],nose x [m]"), "is unknown; there are"),
+        (rows("time [s],k motor [rad]"), "is unknown; there are"),
         (rows("time [s],tool x [m],tool_x_mm"), "appears twice"),
         (rows("time [s]"), "only times"),
         (rows("time [s],tool x [m]", 5), "5 records"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,17 +11,17 @@ import pinocchio as pin
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.tables import Column, Table
-from jointplay.core.units import convert, plain_number
 from jointplay.design.poses import middle, moving
+from jointplay.identification import columns
+from jointplay.identification.columns import Key
 from jointplay.loads.wrench import Wrench, WrenchOverTime
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
 
-# A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``tool_x_mm``).
+# Columns of a file (see `columns`):
 #
 #     time [s]                            always
 #     tool x, tool y, tool z              position of the tool frame, world axes
@@ -47,14 +46,9 @@ READINGS = ("tool", "link")
 encoders."""
 FEWEST_RECORDS = 20
 """Records that a measurement must have."""
-_BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
-_SHOWN = 60
-
 SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 """Units of the signals whose means are compared."""
 
-Key = tuple[str, str]
-"""``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
 _TIME: Key = ("time", "")
 
 
@@ -132,23 +126,28 @@ class Measurement:
                 given twice; a cell that is not a number (with its line); see also the class.
         """
         path = Path(path)
-        header, table = _table(path)
-        signals: dict[Key, np.ndarray] = {}
-        for column, title in enumerate(header):
-            name, unit = split_title(title, path)
-            key, goal = _meaning(name, joints, title, path)
-            try:
-                factor = float(convert(f"1 {unit}", goal))
-            except ValueError as error:
-                raise JointplayError(f"{path}, column {title!r}: {error}") from None
-            if key in signals:
-                raise JointplayError(f"{path}: {name!r} appears twice")
-            signals[key] = factor * table[:, column]
+        axes = {kind: dict.fromkeys(AXES, unit) for kind, unit in TOOL_UNITS.items()}
+
+        def known(name: str) -> tuple[Key, str] | None:
+            if name.lower() in ("time", "t"):
+                return _TIME, "s"
+            return columns.meaning(name, joints, JOINT_UNITS, axes)
+
+        words = (
+            "time, tool x (y, z), force x, acceleration x, and JOINT motor, JOINT link, JOINT "
+            f"torque, JOINT reaction of the joints {', '.join(joints)}"
+        )
+        gaps = ("time", *TOOL_UNITS, *JOINT_UNITS)
+        signals, _ = columns.read(path, "measurement", known, words, gaps=gaps)
+        for key, values in signals.items():
+            if np.isinf(values).any():
+                record = int(np.isinf(values).argmax()) + 1
+                raise JointplayError(f"{path}: {' '.join(key)} is infinite in record {record}")
         time = signals.pop(_TIME, None)
         if time is None:
             raise JointplayError(
                 f"{path} has no times: a column such as 'time [s]' is needed; there are: "
-                + ", ".join(header)
+                + ", ".join(" ".join(key) for key in signals)
             )
         if not signals:
             raise JointplayError(f"{path} contains only times: nothing was measured")
@@ -213,8 +212,8 @@ class Measurement:
                 head.append(f"{kind} {name} [{TOOL_UNITS[kind]}]")
             else:
                 head.append(f"{name} {kind} [{JOINT_UNITS[kind][name in self.sliding]}]")
-        columns = zip(head, [self.time, *self.signals.values()], strict=True)
-        return Table([Column(one, values, key=one) for one, values in columns]).csv()
+        rows = zip(head, [self.time, *self.signals.values()], strict=True)
+        return Table([Column(one, values, key=one) for one, values in rows]).csv()
 
 
 _RATES = ("acceleration", "reaction")
@@ -271,63 +270,6 @@ def _wrenches(result: Result) -> np.ndarray:
                     [np.interp(result.time, load.times, rows[:, i]) for i in range(3)]
                 )
     return total
-
-
-def _table(path: Path) -> tuple[list[str], np.ndarray]:
-    """Titles of the columns, and their numbers (n, columns)."""
-    rows = files.csv_rows(path, "measurement")
-    header = [cell.strip() for cell in rows[0][1]]
-    table = np.full((len(rows) - 1, len(header)), np.nan)
-    for i, (number, row) in enumerate(rows[1:]):
-        for column, cell in enumerate(row):
-            if cell.strip():
-                try:
-                    table[i, column] = plain_number(cell)
-                except ValueError:
-                    raise JointplayError(
-                        f"{path}, line {number}: {header[column]!r} must be a number, got "
-                        f"{cell.strip()[:_SHOWN]!r}"
-                    ) from None
-    if np.isinf(table).any():
-        row, column = np.argwhere(np.isinf(table))[0]
-        raise JointplayError(f"{path}: {header[column]!r} is infinite in record {row + 1}")
-    return header, table
-
-
-def split_title(title: str, path: Path) -> tuple[str, str]:
-    """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
-    match = _BRACKETS.match(title)
-    if match:
-        return match[1].strip(), (match[2] or match[3] or "").strip()
-    name, _, unit = title.rpartition("_")
-    try:
-        convert(f"1 {unit}", "s", "m", "rad", "N", "N*m", "m/s^2")
-    except ValueError:
-        name = ""
-    if not name:
-        raise JointplayError(
-            f"{path}: column {title!r} has no unit; write it behind the name, such as "
-            "'time [s]', 'tool x [mm]' or 'elbow motor [deg]'"
-        )
-    return name.strip(), unit
-
-
-def _meaning(name: str, joints: Mapping[str, bool], title: str, path: Path) -> tuple[Key, str]:
-    """Which signal a column is, and the unit that it must fit."""
-    if name.lower() in ("time", "t"):
-        return _TIME, "s"
-    for mark in (" ", "_", "."):
-        first, _, last = name.partition(mark)
-        if first in TOOL_UNITS and last in AXES:
-            return (first, last), TOOL_UNITS[first]
-        first, _, last = name.rpartition(mark)
-        if last in JOINT_UNITS and first in joints:
-            return (last, first), JOINT_UNITS[last][joints[first]]
-    raise JointplayError(
-        f"{path}: column {title!r} is not a signal; there are: time, tool x (y, z), force x, "
-        "acceleration x, and JOINT motor, JOINT link, JOINT torque, JOINT reaction of the joints "
-        f"{', '.join(joints)}"
-    )
 
 
 # From records to visits: short stretches in which the machine stood, or went one way slowly.

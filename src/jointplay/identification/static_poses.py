@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
 from pathlib import Path
@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.core.units import convert, plain_number
-from jointplay.identification.measurement import split_title
+from jointplay.identification import columns
 from jointplay.result.result import AXES
 
-# A column is called ``elbow motor [rad]``: what it is, and its unit in brackets.
+# Columns of a file (see `columns`):
 #
 #     JOINT motor (or JOINT alone), JOINT link      encoders before and behind the joint's gear
 #     JOINT load                                    torque on the joint, if not gravity's
@@ -25,11 +23,12 @@ from jointplay.result.result import AXES
 #     marker NAME x, ... y, ... z                   markers of a rigid body, instead of the tool
 #     point, group                                  names: the same unknown point; a session
 
+_JOINT_UNITS = {"motor": ("rad", "m"), "link": ("rad", "m"), "load": ("N*m", "N")}
+_TOOL_UNITS = dict.fromkeys(AXES, "m") | {"rx": "rad", "ry": "rad", "rz": "rad"}
 FEWEST = 6
 """Poses that a calibration needs."""
 _MOST_LABELS = 6
 """Markers whose labels can be checked: all permutations are tried."""
-_SHOWN = 60
 
 
 @dataclass(frozen=True)
@@ -217,104 +216,56 @@ class StaticPoses:
                 a cell that is not a number (with its line); see also the class.
         """
         path = Path(path)
-        table = _Table(path, joints)
-        names = tuple(name for name in joints if ("motor", name) in table.numbers)
+
+        def known(name: str) -> tuple[columns.Key, str] | None:
+            if name in joints:
+                return ("motor", name), "m" if joints[name] else "rad"
+            body, _, axis = name.removeprefix("marker ").rpartition(" ")
+            if name.startswith("marker ") and axis in AXES:
+                return ("marker", f"{body} {axis}"), "m"
+            return columns.meaning(name, joints, _JOINT_UNITS, {"tool": _TOOL_UNITS})
+
+        words = (
+            "JOINT motor, JOINT link, JOINT load, tool x (y, z, rx, ry, rz), marker NAME x (y, "
+            f"z), point, group; joints: {', '.join(joints)}"
+        )
+        numbers, texts = columns.read(
+            path, "table of poses", known, words, ("point", "group"), gaps=("link",)
+        )
+
+        def block(kind: str, parts: Sequence[str], missing: float | None = None) -> np.ndarray:
+            """Columns of a kind side by side, shape (n, parts)."""
+            for name in parts:
+                if (kind, name) not in numbers and missing is None:
+                    raise JointplayError(f"{path}: the column '{kind} {name}' is missing")
+            none = np.full(len(next(iter(numbers.values()))), missing)
+            return np.column_stack([numbers.get((kind, name), none) for name in parts])
+
+        names = tuple(name for name in joints if ("motor", name) in numbers)
         if not names:
             raise JointplayError(
                 f"{path} has no joint positions: columns such as '{next(iter(joints), 'elbow')} "
                 f"motor [rad]' are needed; joints: {', '.join(joints) or 'none'}"
             )
-        for kind, name in table.numbers:
+        for kind, name in numbers:
             if kind in ("link", "load") and name not in names:
                 raise JointplayError(f"{path}: {name} has a {kind}, but no motor position")
-        motor = table.block("motor", names)
-        more: dict[str, Any] = {"source": str(path)}
-        for kind in ("link", "load"):
-            if any((kind, name) in table.numbers for name in names):
-                more[kind] = table.block(kind, names, missing=np.nan if kind == "link" else 0.0)
-        for kind in ("point", "group"):
-            if kind in table.words:
-                more[kind] = tuple(table.words[kind])
-        markers = list(dict.fromkeys(name[:-2] for kind, name in table.numbers if kind == "marker"))
-        if markers and any(kind == "tool" for kind, _ in table.numbers):
+        motor = block("motor", names)
+        more: dict[str, Any] = {"source": str(path), **texts}
+        for kind, missing in (("link", np.nan), ("load", 0.0)):
+            if any((kind, name) in numbers for name in names):
+                more[kind] = block(kind, names, missing)
+        markers = list(dict.fromkeys(name[:-2] for kind, name in numbers if kind == "marker"))
+        if markers and any(kind == "tool" for kind, _ in numbers):
             raise JointplayError(f"{path}: give the tool or markers, not both")
         if markers:
-            places = [table.block("marker", [f"{name} {a}" for a in AXES]) for name in markers]
+            places = [block("marker", [f"{name} {a}" for a in AXES]) for name in markers]
             return cls.from_markers(names, motor, np.stack(places, axis=1), **more)
-        if ("tool", "x") in table.numbers:
-            more["position"] = table.block("tool", AXES)
-        turned = ("rx", "ry", "rz")
-        if ("tool", "rx") in table.numbers:
-            more["orientation"] = rotations_of(table.block("tool", turned))
+        if ("tool", "x") in numbers:
+            more["position"] = block("tool", AXES)
+        if ("tool", "rx") in numbers:
+            more["orientation"] = rotations_of(block("tool", ("rx", "ry", "rz")))
         return cls(names, motor, **more)
-
-
-class _Table:
-    """Columns of a CSV file: numbers in SI units by kind and name, and words."""
-
-    def __init__(self, path: Path, joints: Mapping[str, bool]) -> None:
-        """Read it."""
-        self.path = path
-        rows = files.csv_rows(path, "table of poses")
-        self.numbers: dict[tuple[str, str], np.ndarray] = {}
-        self.words: dict[str, list[str]] = {}
-        for column, title in enumerate(cell.strip() for cell in rows[0][1]):
-            cells = [(line, row[column].strip()) for line, row in rows[1:]]
-            if title in ("point", "group"):
-                self.words[title] = [cell for _, cell in cells]
-                continue
-            name, unit = split_title(title, path)
-            key, goal = self._meaning(name, joints, title)
-            try:
-                factor = float(convert(f"1 {unit}", goal))
-            except ValueError as error:
-                raise JointplayError(f"{path}, column {title!r}: {error}") from None
-            if key in self.numbers:
-                raise JointplayError(f"{path}: {name!r} appears twice")
-            self.numbers[key] = factor * np.array([self._number(title, *one) for one in cells])
-
-    def _number(self, title: str, line: int, cell: str) -> float:
-        if not cell and title.split()[-2:-1] == ["link"]:
-            return np.nan
-        try:
-            return plain_number(cell)
-        except ValueError:
-            raise JointplayError(
-                f"{self.path}, line {line}: {title!r} must be a number, got {cell[:_SHOWN]!r}"
-            ) from None
-
-    def _meaning(
-        self, name: str, joints: Mapping[str, bool], title: str
-    ) -> tuple[tuple[str, str], str]:
-        """What a column is, and the unit that it must fit."""
-        if name in joints:
-            return ("motor", name), "m" if joints[name] else "rad"
-        first, _, last = name.rpartition(" ")
-        if first in joints and last in ("motor", "link"):
-            return (last, first), "m" if joints[first] else "rad"
-        if first in joints and last == "load":
-            return (last, first), "N" if joints[first] else "N*m"
-        if first == "tool" and last in AXES:
-            return ("tool", last), "m"
-        if first == "tool" and last in ("rx", "ry", "rz"):
-            return ("tool", last), "rad"
-        if first.startswith("marker ") and last in AXES:
-            return ("marker", name.removeprefix("marker ")), "m"
-        raise JointplayError(
-            f"{self.path}: column {title!r} is unknown; there are: JOINT motor, JOINT link, JOINT "
-            "load, tool x (y, z, rx, ry, rz), marker NAME x (y, z), point, group; joints: "
-            f"{', '.join(joints)}"
-        )
-
-    def block(self, kind: str, names: Collection[str], missing: float | None = None) -> np.ndarray:
-        """Columns of a kind side by side, shape (n, names)."""
-        lines = len(next(iter(self.numbers.values())))
-        columns = []
-        for name in names:
-            if (kind, name) not in self.numbers and missing is None:
-                raise JointplayError(f"{self.path}: the column '{kind} {name}' is missing")
-            columns.append(self.numbers.get((kind, name), np.full(lines, missing)))
-        return np.column_stack(columns)
 
 
 # Rotations and rigid bodies of markers.
