@@ -39,32 +39,17 @@ def test_each_kind_writes_its_table_and_figure(kind, more, says, tmp_path, capsy
     assert (tmp_path / f"{kind}.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_what_is_done_is_not_run_again_and_half_a_row_is(tmp_path, capsys):
+def test_what_is_done_is_not_run_again_whoever_did_it_but_for_half_a_row(tmp_path, capsys):
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     table = tmp_path / "bifurcation.csv"
     whole = table.read_bytes()
     table.write_bytes(whole[:-20])  # as a full disk would leave it
-    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
+    assert dynamics("bifurcation", tmp_path, *SPEEDS, "--jobs", "2") == 0
     assert "1 of 2 runs computed now, 1 earlier" in capsys.readouterr().out
     assert table.read_bytes() == whole
-
-
-def test_more_values_use_those_that_are_there(tmp_path, capsys):
-    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     finer = ["--vary", "motion.speeds.crank_pin=4000:5000:3 rpm"]
     assert dynamics("bifurcation", tmp_path, *finer) == 0
     assert "1 of 3 runs computed now, 2 earlier" in capsys.readouterr().out
-
-
-def test_processes_find_the_same_rows(tmp_path):
-    for jobs in ("1", "2"):
-        assert dynamics("bifurcation", tmp_path / jobs, *SPEEDS, "--jobs", jobs) == 0
-    one, two = ((tmp_path / jobs / "bifurcation.csv").read_text() for jobs in ("1", "2"))
-    assert sorted(one.splitlines()) == sorted(two.splitlines())
-
-
-def test_folder_of_another_study_is_refused(tmp_path, capsys):
-    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     assert dynamics("bifurcation", tmp_path, *SPEEDS, "--phase", "0.5") == 2
     assert "was made for something else (another phase)" in capsys.readouterr().err
 

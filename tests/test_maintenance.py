@@ -36,54 +36,37 @@ def test_the_tool_on_the_axis_is_off_by_the_clearance_and_what_has_worn(urdf):
     assert low < found.life < high
 
 
-def test_ten_times_the_wear_rate_is_a_tenth_of_the_life(urdf):
-    one, other = (
-        maintenance(rubbing(urdf, wear_rate=rate), 1.02e-4, blocks=1, runs=1).life
-        for rate in (1e-13, 1e-12)
-    )
-    assert one == pytest.approx(10.0 * other, rel=1e-3)
+def test_life_goes_by_the_wear_rate_and_by_the_cycles_of_a_run(urdf):
+    def found(rate=1e-13, count=1.0):
+        machine = rubbing(urdf, wear_rate=rate)
+        return maintenance(machine, 1.02e-4, blocks=1, runs=1, cycles_per_run=count)
+
+    one = found()
+    assert np.isnan(one.standard_error)
+    assert "unknown" in str(one)
+    assert "an estimate" in str(one)
+    assert found(rate=1e-12).life == pytest.approx(0.1 * one.life, rel=1e-3)
+    assert found(count=2.0).life == pytest.approx(2.0 * one.life, rel=1e-3)
 
 
-def test_with_one_run_the_scatter_is_unknown_and_said_so(urdf):
-    found = maintenance(rubbing(urdf), 1.02e-4, blocks=1, runs=1)
-    assert np.isnan(found.standard_error)
-    assert "unknown" in str(found)
-    assert "an estimate" in str(found)
-
-
-def test_two_cycles_a_run_double_the_life(urdf):
-    one, two = (
-        maintenance(rubbing(urdf), 1.02e-4, blocks=1, runs=1, cycles_per_run=count).life
-        for count in (1.0, 2.0)
-    )
-    assert two == pytest.approx(2.0 * one, rel=1e-3)
-
-
-def test_a_target_that_is_missed_already_is_refused_with_the_present_error(urdf):
-    with pytest.raises(jp.JointplayError, match=r"0\.1 mm before anything wears.*exceeded already"):
-        maintenance(rubbing(urdf), 0.9e-4)
-
-
-def test_joints_without_wear_rate_are_named(urdf):
-    with pytest.raises(jp.JointplayError, match=r"pin.*wear_rate"):
-        maintenance(rubbing(urdf, wear_rate=None), 2e-4)
+@pytest.mark.parametrize(
+    ("machine", "target", "says"),
+    [
+        ({}, 0.9e-4, r"0\.1 mm before anything wears.*exceeded already"),
+        ({"wear_rate": None}, 2e-4, r"pin.*wear_rate"),
+        ({"gravity": 0.0, "start": "centred"}, 2e-4, "slides under load"),
+        ({}, 1.0, "does not lead"),
+    ],
+)
+def test_questions_without_an_answer_are_refused(urdf, machine, target, says):
+    with pytest.raises(jp.JointplayError, match=says):
+        maintenance(rubbing(urdf, **machine), target, blocks=1, runs=1)
 
 
 def test_a_machine_without_motion_does_not_wear(urdf):
     still = rubbing(urdf)
     with pytest.raises(jp.JointplayError, match="no motion"):
         maintenance(jp.Simulation(still.mechanism, duration=0.05), 2e-4)
-
-
-def test_journals_without_load_last(urdf):
-    still = rubbing(urdf, gravity=0.0, start="centred")
-    with pytest.raises(jp.JointplayError, match="slides under load"):
-        maintenance(still, 2e-4, runs=1)
-
-
-def test_a_target_that_no_wear_leads_to_is_refused(urdf):
-    with pytest.raises(jp.JointplayError, match="does not lead"):
-        maintenance(rubbing(urdf), 1.0, blocks=1, runs=1)
 
 
 @pytest.mark.parametrize(

@@ -192,7 +192,7 @@ def test_life_of_a_bearing(urdf):
 
 
 def test_scatter_of_perturbed_runs_is_reported(urdf):
-    life = wear(rubbing(urdf, 30.0, duration=0.05), "pin", 1e-6, blocks=1, runs=3)
+    life = wear(rubbing(urdf, 30.0, duration=0.02), "pin", 1e-6, blocks=1, runs=2)
     assert 0.0 <= life.scatter[1] < life.cycles[1]
     assert "+-" in str(life)
 

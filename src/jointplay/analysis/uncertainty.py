@@ -12,6 +12,7 @@ import numpy as np
 from jointplay.core.errors import JointplayError, require_share, require_whole
 from jointplay.core.imports import extra
 from jointplay.core.schema import choice, one_of, quantity, read
+from jointplay.core.tables import Column, Table
 
 STATISTICS = ("mean", "quantile", "std")
 CONFIDENCE = 0.95
@@ -184,6 +185,20 @@ class SobolIndices:
     """Together with all others, shape (d,)."""
     total_confidence: np.ndarray
     """Half-width of its interval, shape (d,)."""
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Of its table: the quantities, their first-order and their total indices."""
+        return (
+            Column("input", self.names),
+            Column("first-order", self.first, digits=3, errors=self.first_confidence),
+            Column("total", self.total, digits=3, errors=self.total_confidence),
+        )
+
+    @property
+    def table(self) -> Table:
+        """A row for each quantity."""
+        return Table(self.columns)
 
 
 def salib() -> Any:

@@ -1,9 +1,7 @@
-"""Ensembles of perturbed runs, kept on disk, and what they say of the paper's claims."""
+"""Ensembles of perturbed runs, and what they say of the paper's claims."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import closing, contextmanager
@@ -33,49 +31,34 @@ from jointplay.paper.cases import (
 from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
-from jointplay.study.study import Study, Workers
+from jointplay.study.study import Memory, Study
 
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
 
 class Ensembles:
-    """The perturbed runs behind the claims, on all cores.
+    """The perturbed runs behind the claims, and the cases by other methods, on all cores.
 
     Args:
         runs: perturbed runs for each clearance and condition.
-        table: CSV file to which every run is written as soon as it is done.
         jobs: processes; None takes one for each core.
         condition: under which the cases are also run by other methods.
         integrator: of the perturbed runs; the other methods are those of `METHODS` without it.
 
     Attributes:
-        measures: results so far, by condition, case and seed.
-        kept: see `Store`, which it is one.
+        plan: perturbed runs, by condition, case and seed.
     """
 
     def __init__(
         self,
         runs: int,
-        table: Path,
         jobs: int | None = None,
         condition: Condition = CONDITIONS[0],
         integrator: str = DEFAULT,
     ) -> None:
         """Plan the runs."""
-        self.condition, self.integrator = condition, integrator
-        self.runs = runs
-        self.table = table
-        self.jobs = number_of(jobs)
-        self.measures: dict[tuple[Condition, str, int], Measures] = {}
-        self._found: dict[tuple[str, str], Found] = {}
-        self.kept = f"the runs so far are in {str(table)!r}"
-        self._methods = [
-            (label, method)
-            for label in CASES
-            for method, options in METHODS.items()
-            if options["integrator"] != integrator or "tolerance" in options
-        ]
+        self.runs, self.jobs = runs, number_of(jobs)
         labels = [label for label, clearance in CASES.items() if clearance is not None]
         self.plan = [
             (condition, label, seed)
@@ -83,56 +66,43 @@ class Ensembles:
             for label in labels
             for seed in range(runs)
         ]
+        self._methods = [
+            (label, method)
+            for label in CASES
+            for method, options in METHODS.items()
+            if options["integrator"] != integrator or "tolerance" in options
+        ]
+        plan: dict[Any, Callable[[], Any]]
+        plan = {key: partial(by_method, *key, condition) for key in self._methods}
+        plan |= {key: partial(perturbed, *key, integrator) for key in self.plan}
+        self._found = Memory[Any]()
+        self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._found)
+
+    @property
+    def measures(self) -> dict[tuple[Condition, str, int], Measures]:
+        """Of the perturbed runs so far, by condition, case and seed."""
+        return {key: self._found[key] for key in self.plan if key in self._found}
+
+    @property
+    def others(self) -> dict[tuple[str, str], Found]:
+        """What other methods found so far, by case and method."""
+        return {key: self._found[key] for key in self._methods if key in self._found}
 
     @contextmanager
     def started(self) -> Iterator[Future[None]]:
         """Run in the background while the block runs; Ctrl-C in the block ends the processes.
 
-        Whatever the block is doing, each run is kept and written to the table when it is done.
         Yields what `wait` waits for.
         """
-        plan: dict[Any, Callable[[], Any]]
-        plan = {key: partial(by_method, *key, self.condition) for key in self._methods}
-        plan |= {key: partial(perturbed, *key, self.integrator) for key in self.plan}
-        study: Study[Callable[[], Any], Any] = Study(plan, call, self)
-        pool = Pool(study.measure, self.jobs, kept=self.kept)
+        pool: Pool[Callable[[], Any], Any]
+        pool = Pool(call, self.jobs, kept="the tables have the runs so far")
         with ThreadPoolExecutor(1) as thread, closing(pool):
-            yield thread.submit(self._collect, study, pool)
+            yield thread.submit(self._collect, pool)
 
-    def _collect(self, study: Study[Any, Any], pool: Workers[Any, Any]) -> None:
-        """Keep what the processes find, as it comes."""
-        for _ in study.outcomes(workers=pool):
+    def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:
+        for _ in self._study.outcomes(workers=pool):
             if (bar := current()) is not None:
                 bar.add(length())
-
-    def __contains__(self, key: object) -> bool:
-        """Whether it has been run."""
-        return key in self.measures or key in self._found
-
-    def __getitem__(self, key: Any) -> Measures | Found:
-        """What was found."""
-        return self.measures[key] if key in self.measures else self._found[key]
-
-    def keep(self, key: Any, value: Any) -> None:
-        """Keep a run; one behind the claims is written to the table at once."""
-        if isinstance(value, Found):
-            self._found[key] = value
-            return
-        condition, label, seed = key
-        row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
-        row |= {"clearance": label, "seed": seed, **value}
-        text = io.StringIO(newline="")
-        writer = csv.DictWriter(text, list(row))
-        if not self.measures:
-            writer.writeheader()
-        writer.writerow(row)
-        self.measures[key] = value
-        files.append(self.table, text.getvalue())
-
-    @property
-    def others(self) -> dict[tuple[str, str], Found]:
-        """What other methods found so far, by case and method, in the order of the cases."""
-        return {key: self._found[key] for key in self._methods if key in self._found}
 
     @property
     def to_simulate(self) -> float:
@@ -143,15 +113,25 @@ class Ensembles:
         """Wait for the runs, those by the explicit method among them.
 
         Raises:
-            JointplayError: a run did not complete, or the table cannot be written.
+            JointplayError: a run did not complete.
         """
         while not collecting.done():
             wait([collecting], _LOOK_S)
             if (bar := current()) is not None:
-                done, all_runs = len(self.measures), len(self.plan)
-                bar.say(f"perturbed runs, {done} of {all_runs}")
+                bar.say(f"perturbed runs, {len(self.measures)} of {len(self.plan)}")
                 bar.add(0.0)
         collecting.result()
+
+    @property
+    def table(self) -> Table:
+        """A row for each perturbed run: what it was run with, and its measures."""
+        found = self.measures
+        heads = ["gravity", "inertia", "clearance", "seed", *next(iter(found.values()), {})]
+        rows = [
+            (condition.gravity, condition.variant, label, seed, *measures.values())
+            for (condition, label, seed), measures in found.items()
+        ]
+        return Table.of([(head, "") for head in heads], rows)
 
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""
@@ -171,7 +151,8 @@ HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
 
 
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
-    """Write ``claims.csv`` and ``claims.md``."""
+    """Write ``ensemble.csv``, ``claims.csv`` and ``claims.md``."""
+    files.write(out / "ensemble.csv", ensembles.table.csv(17))
     rows = [HEADER, *(verdict.row() for verdict in verdicts)]
     table = Table.of_texts(rows)
     files.write(out / "claims.csv", table.csv())

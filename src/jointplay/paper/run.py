@@ -181,7 +181,7 @@ def run_study(
     # The first case has the kernels compiled and cached; from then on all cores can work.
     first, *rest = CASES
     cases: dict[str, Result] = {}
-    ensembles = Ensembles(runs, out / "ensemble.csv", jobs, condition, integrator)
+    ensembles = Ensembles(runs, jobs, condition, integrator)
     setting = f"{str(condition)[:1].upper()}{str(condition)[1:]}, {integrator}"
 
     def run(label: str) -> None:

@@ -221,13 +221,10 @@ class Sensitivity(SobolIndices):
     def table(self) -> Table:
         """A row for each input."""
         wide = max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE
+        inputs, *indices = self.columns
+        ranges = Column("range", [f"{low:g} to {high:g}" for low, high in self.ranges])
         return Table(
-            (
-                Column("input", self.names),
-                Column("range", [f"{low:g} to {high:g}" for low, high in self.ranges]),
-                Column("first-order", self.first, digits=3, errors=self.first_confidence),
-                Column("total", self.total, digits=3, errors=self.total_confidence),
-            ),
+            (inputs, ranges, *indices),
             notes=(
                 f"statistical, from {len(self.rms)} simulated runs: RMS error "
                 f"{1e3 * self.rms.min():.4g} to {1e3 * self.rms.max():.4g} mm; +- 95 % "

@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 
 from jointplay.analysis.uncertainty import (
-    IntervalEstimate,
     SobolIndices,
     convergence,
     enough,
@@ -17,7 +16,7 @@ from jointplay.analysis.uncertainty import (
     sobol_indices,
 )
 from jointplay.core.errors import JointplayError, MissingName, require_a, require_share
-from jointplay.core.tables import Table
+from jointplay.core.tables import Column, Table
 from jointplay.study.case import FAILED
 from jointplay.study.measures import BEARING
 from jointplay.study.plan import REPEAT, SAMPLE
@@ -256,38 +255,31 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     require_a("dataset", dataset, "Dataset")
     precision = require_share("precision", precision)
     values = samples_of(dataset, measure)
-    factor, unit = scale(dataset, measure)
     known = int(np.isfinite(values).sum())
-    missing = f", {len(values) - known} without a value" if known < len(values) else ""
-    lines = [f"{measure}: {known} samples{missing}"]
-    lines += [_line(name, estimate(values, name), factor, unit) for name in ("mean", "std")]
-    lines += [
-        _line(f"{100 * p:g} %", estimate(values, "quantile", p), factor, unit) for p in QUANTILES
-    ]
+    found = {name: estimate(values, name) for name in ("mean", "std")}
+    found |= {f"{100 * p:g} %": estimate(values, "quantile", p) for p in QUANTILES}
+    notes = []
     for name, probability in (("mean", 0.5), ("quantile", 0.95)):
         runs = enough(convergence(values, name, probability), precision)
         what = "mean" if name == "mean" else f"{100 * probability:g} % quantile"
-        lines.append(
-            f"  {what} within {100 * precision:g} %: "
+        notes.append(
+            f"{what} within {100 * precision:g} %: "
             + (f"{runs} runs were enough" if runs else f"{known} runs are not enough")
         )
+    missing = f", {len(values) - known} without a value" if known < len(values) else ""
+    unit, several = str(dataset[measure].attrs.get("units", "")), found.values()
+    statistics = Table(
+        (
+            Column(f"{known} samples{missing}", list(found)),
+            Column(measure, [one.value for one in several], unit, fine=True, digits=4),
+            Column("95 %: from", [one.low for one in several], unit, fine=True, digits=4),
+            Column("to", [one.high for one in several], unit, fine=True, digits=4),
+        ),
+        notes=notes,
+    )
     try:
         indices = indices_of(dataset, measure)
     except JointplayError as error:
-        return "\n".join([*lines, f"  no Sobol indices: {error}"])
-    if indices is not None:
-        lines.append("  Sobol indices (share of the variance): alone, with all others")
-        for k, name in enumerate(indices.names):
-            alone = f"{indices.first[k]:.2f} ± {indices.first_confidence[k]:.2f}"
-            total = f"{indices.total[k]:.2f} ± {indices.total_confidence[k]:.2f}"
-            lines.append(f"    {name:<24} {alone}   {total}")
-    return "\n".join(lines)
-
-
-def _line(name: str, statistic: IntervalEstimate, factor: float, unit: str) -> str:
-    """A statistic with its interval."""
-    ends = (statistic.low, statistic.high)
-    low, high = (f"{factor * end:.4g}" if np.isfinite(end) else "unknown" for end in ends)
-    unit = "" if unit == "1" else unit
-    text = f"  {name:<5} {factor * statistic.value:.4g} {unit} (95 %: {low} to {high})"
-    return text.rstrip()
+        return f"{statistics}\nno Sobol indices: {error}"
+    sobol = "" if indices is None else f"\nSobol indices, shares of the variance\n{indices.table}"
+    return f"{statistics}{sobol}"
