@@ -419,7 +419,7 @@ def test_the_rod_of_a_slider_crank_bends_within_its_loop(tmp_path):
 
 
 def test_a_mount_that_locks_all_or_an_unknown_direction_is_refused():
-    springs = jp.MountElasticity(radial=1e6, axial=1e6, tilt=1e3, torsion=1e3)
+    springs = jp.Elasticity(radial=1e6, axial=1e6, tilt=1e3, torsion=1e3)
     with pytest.raises(JointplayError, match="no direction to lock 'w'"):
         jp.CompliantMount(elasticity=springs, locked=("w",))
     with pytest.raises(JointplayError, match="must give way in some direction"):

@@ -33,9 +33,7 @@ from .joints import CompliantSlider as CompliantSlider
 from .joints import CrossedRollerBearing as CrossedRollerBearing
 from .joints import CylindricalClearance as CylindricalClearance
 from .joints import Elasticity as Elasticity
-from .joints import GuideElasticity as GuideElasticity
 from .joints import Material as Material
-from .joints import MountElasticity as MountElasticity
 from .joints import PrismaticClearance as PrismaticClearance
 from .joints import RevoluteClearance as RevoluteClearance
 from .joints import SphericalClearance as SphericalClearance

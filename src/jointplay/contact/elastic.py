@@ -101,115 +101,92 @@ def _springs(d, at, ways, xi, push, bend):
 
 
 @part
-def _answer(push, bend, ax, ay, az, out, slopes):
-    """Write wrench and stiffness in terms of a twist, from those in terms of xi."""
-    gx, gy = push[3], push[4]
-    out[0], out[1], out[2] = -push[0], -push[1], -push[2]
-    out[3], out[4], out[5] = az * gy, -az * gx, -(ax * gy - ay * gx)
+def _answer(push, bend, lengths, rates, out, slopes):
+    """Write wrench and stiffness in terms of a twist, from those in terms of xi.
+
+    The first `lengths` of xi are coordinates of the centre; `rates` (n - lengths, 3) are those of
+    the others by an angular velocity.
+    """
+    n = push.size
+    for i in range(3):
+        out[i] = -push[i] if i < lengths else 0.0
+        out[3 + i] = 0.0
+        for k in range(n - lengths):
+            out[3 + i] -= rates[k, i] * push[lengths + k]
     if not slopes:
         return
-    # Rates of a_x and a_y by an angular velocity: rows of the Jacobian of xi.
-    rows = ((0.0, az, -ay), (-az, 0.0, ax))
     for i in range(3):
         for j in range(3):
-            out[TANGENT + 6 * i + j] = bend[WAYS * i + j]
-            mixed = turned = 0.0
-            for k in range(2):
-                mixed += bend[WAYS * i + 3 + k] * rows[k][j]
-                for m in range(2):
-                    turned += rows[k][i] * bend[WAYS * (3 + k) + 3 + m] * rows[m][j]
+            straight = mixed = turned = 0.0
+            if i < lengths:
+                straight = bend[n * i + j] if j < lengths else 0.0
+                for k in range(n - lengths):
+                    mixed += bend[n * i + lengths + k] * rates[k, j]
+            for k in range(n - lengths):
+                for m in range(n - lengths):
+                    both = bend[n * (lengths + k) + lengths + m]
+                    turned += rates[k, i] * both * rates[m, j]
+            out[TANGENT + 6 * i + j] = straight
             out[TANGENT + 6 * i + 3 + j] = out[TANGENT + 6 * (3 + j) + i] = mixed
             out[TANGENT + 6 * (3 + i) + 3 + j] = turned
 
 
-def find_spring_forces(d, pose, out, mode):
-    """What springs alone do to the journal; as `rolling.find_element_forces`."""
-    push, bend, xi = np.zeros(WAYS), np.zeros(WAYS * WAYS), np.zeros(WAYS)
-    xi[0], xi[1], xi[2] = pose[0], pose[1], pose[2]
-    xi[3], xi[4] = pose[5], pose[8]
-    for i in range(ANSWERS if mode != FORCES else TANGENT):
-        out[i] = 0.0
-    energy = _springs(d, TABLE, WAYS, xi, push, bend)
-    _answer(push, bend, pose[5], pose[8], pose[11], out, mode != FORCES)
-    size = math.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
-    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
-    out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]) + 1e-300
+@part
+def _lean_rates(pose, rates):
+    """Rates of the axis' parts a_x, a_y across the bearing's: the first two rows."""
+    ax, ay, az = pose[5], pose[8], pose[11]
+    rates[0, 1], rates[0, 2], rates[1, 0], rates[1, 2] = az, -ay, -az, ax
 
 
 @part
-def _guide_answer(push, bend, pose, out, slopes):
-    """Write wrench and stiffness of a slider in terms of a twist."""
-    # Rates of xi by a twist: the Jacobian.
-    ax, ay, az = pose[5], pose[8], pose[11]
-    rows = (
-        (1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, az, -ay),
-        (0.0, 0.0, 0.0, -az, 0.0, ax),
-        (0.0, 0.0, 0.0, -0.5 * pose[9], -0.5 * pose[10], 0.5 * (pose[3] + pose[7])),
-    )
-    for i in range(6):
+def _spring(d, xi, lengths, rates, out, mode):
+    """Answer of springs alone, displaced by xi; `lengths` and `rates` as of `_answer`."""
+    n = xi.size
+    push, bend = np.zeros(n), np.zeros(n * n)
+    for i in range(ANSWERS if mode != FORCES else TANGENT):
         out[i] = 0.0
-        for k in range(WAYS):
-            out[i] -= rows[k][i] * push[k]
-    if not slopes:
-        return
-    for i in range(6):
-        for j in range(6):
-            whole = 0.0
-            for k in range(WAYS):
-                for m in range(WAYS):
-                    whole += rows[k][i] * bend[WAYS * k + m] * rows[m][j]
-            out[TANGENT + 6 * i + j] = whole
+    energy = _springs(d, TABLE, n, xi, push, bend)
+    _answer(push, bend, lengths, rates, out, mode != FORCES)
+    size = deepest = 0.0
+    for k in range(lengths):
+        size += push[k] * push[k]
+        deepest += xi[k] * xi[k]
+    size = math.sqrt(size)
+    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
+    out[DEEPEST] = math.sqrt(deepest) + 1e-300
+
+
+def find_spring_forces(d, pose, out, mode):
+    """What springs alone do to the journal; as `rolling.find_element_forces`."""
+    xi, rates = np.zeros(WAYS), np.zeros((2, 3))
+    xi[0], xi[1], xi[2], xi[3], xi[4] = pose[0], pose[1], pose[2], pose[5], pose[8]
+    _lean_rates(pose, rates)
+    _spring(d, xi, 3, rates, out, mode)
 
 
 def find_guide_forces(d, pose, out, mode):
     """What springs that let a slider move do to it; as `rolling.find_element_forces`."""
-    push, bend, xi = np.zeros(WAYS), np.zeros(WAYS * WAYS), np.zeros(WAYS)
+    xi, rates = np.zeros(WAYS), np.zeros((3, 3))
     xi[0], xi[1], xi[2], xi[3] = pose[0], pose[1], pose[5], pose[8]
     xi[4] = 0.5 * (pose[6] - pose[4])
-    for i in range(ANSWERS if mode != FORCES else TANGENT):
-        out[i] = 0.0
-    energy = _springs(d, TABLE, WAYS, xi, push, bend)
-    _guide_answer(push, bend, pose, out, mode != FORCES)
-    size = math.sqrt(push[0] * push[0] + push[1] * push[1])
-    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
-    out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1]) + 1e-300
+    _lean_rates(pose, rates)
+    rates[2, 0], rates[2, 1] = -0.5 * pose[9], -0.5 * pose[10]
+    rates[2, 2] = 0.5 * (pose[3] + pose[7])
+    _spring(d, xi, 2, rates, out, mode)
 
 
 def find_mount_forces(d, pose, out, mode):
     """What springs in all six directions do to what they hold; as `rolling.find_element_forces`."""
-    push, bend, xi = np.zeros(_ALL), np.zeros(_ALL * _ALL), np.zeros(_ALL)
-    rows = np.zeros(9)  # of the rates of c by an angular velocity
+    xi, rates = np.zeros(_ALL), np.zeros((3, 3))
     trace = pose[3] + pose[7] + pose[11]
     for i in range(3):
         u, w = (i + 1) % 3, (i + 2) % 3
         xi[i] = pose[i]
         xi[3 + i] = 0.5 * (pose[3 + 3 * w + u] - pose[3 + 3 * u + w])
         for j in range(3):
-            rows[3 * i + j] = -0.5 * pose[3 + 3 * i + j]
-        rows[4 * i] += 0.5 * trace
-    for i in range(ANSWERS if mode != FORCES else TANGENT):
-        out[i] = 0.0
-    energy = _springs(d, TABLE, _ALL, xi, push, bend)
-    for i in range(3):
-        out[i] = -push[i]
-        for k in range(3):
-            out[3 + i] -= rows[3 * k + i] * push[3 + k]
-    if mode != FORCES:
-        for i in range(3):
-            for j in range(3):
-                out[TANGENT + 6 * i + j] = bend[_ALL * i + j]
-                mixed = turned = 0.0
-                for k in range(3):
-                    mixed += bend[_ALL * i + 3 + k] * rows[3 * k + j]
-                    for m in range(3):
-                        turned += rows[3 * k + i] * bend[_ALL * (3 + k) + 3 + m] * rows[3 * m + j]
-                out[TANGENT + 6 * i + 3 + j] = out[TANGENT + 6 * (3 + j) + i] = mixed
-                out[TANGENT + 6 * (3 + i) + 3 + j] = turned
-    size = math.sqrt(push[0] * push[0] + push[1] * push[1] + push[2] * push[2])
-    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
-    out[DEEPEST] = math.sqrt(xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]) + 1e-300
+            rates[i, j] = -0.5 * pose[3 + 3 * i + j]
+        rates[i, i] += 0.5 * trace
+    _spring(d, xi, 3, rates, out, mode)
 
 
 @part
@@ -279,7 +256,9 @@ def find_seated_forces(d, pose, out, mode):
     for i in range(WAYS):
         out[SEAT + i] = u[i]
     out[ENERGY] = energy
-    _answer(seat, soft, pose[5], pose[8], pose[11], out, False)
+    rates = np.zeros((2, 3))
+    _lean_rates(pose, rates)
+    _answer(seat, soft, 3, rates, out, False)
     if mode == FORCES:
         return
     # Both in series: K - K (K + H)^-1 K.
@@ -293,7 +272,7 @@ def find_seated_forces(d, pose, out, mode):
             series[WAYS * i + j] = soft[WAYS * i + j]
             for k in range(WAYS):
                 series[WAYS * i + j] -= soft[WAYS * i + k] * columns[WAYS * k + j]
-    _answer(seat, series, pose[5], pose[8], pose[11], out, True)
+    _answer(seat, series, 3, rates, out, True)
 
 
 @part

@@ -121,7 +121,9 @@ def require_a(name: str, value: Any, *kinds: str) -> None:
     text = known & {"str", "bytes"} and "str" not in kinds
     known |= {"Path"} if hasattr(mine, "__fspath__") else set()
     if known.isdisjoint(kinds) or text:
-        wanted = " or ".join(_KINDS.get(kind, f"a {kind}") for kind in kinds)
+        wanted = " or ".join(
+            _KINDS.get(kind, f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}") for kind in kinds
+        )
         raise JointplayError(f"{name} must be {wanted}, not {value!r:.60}", where=(name,))
 
 

@@ -36,9 +36,15 @@ from jointplay.design.levers import (
     tool_place,
 )
 from jointplay.design.rest import compliance_shift
-from jointplay.design.robot_errors import CLASSES, ERROR_CLASSES, JointErrors, RobotErrors
+from jointplay.design.robot_errors import (
+    CLASSES,
+    ERROR_CLASSES,
+    JointErrors,
+    RobotErrors,
+    refuse_misfit,
+)
 from jointplay.design.static_budget import half_sphere
-from jointplay.joints import Elasticity, GuideElasticity, RollingBearing
+from jointplay.joints import RollingBearing
 from jointplay.joints.play import Play, Support
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -540,25 +546,6 @@ def _checked_parts(
                 )
         parts.setdefault(name, {})[cause] = part
     return parts
-
-
-def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
-    """Refuse errors of joints that there are not, and springs of another kind of joint.
-
-    Raises:
-        MissingName: no such joint.
-        JointplayError: springs of a joint that turns for one that slides, or the other way.
-    """
-    for name, own in errors.joints.items():
-        if name not in mechanism.joints:
-            raise MissingName("joint", name, mechanism.joints, where=("joints", name))
-        fitting = GuideElasticity if mechanism.description.joints[name].slides else Elasticity
-        if own.elasticity is not None and not isinstance(own.elasticity, fitting):
-            raise JointplayError(
-                f"joint {name!r} is {mechanism.description.joints[name].kind}: its elasticity is "
-                f"of {fitting.__name__}, with {', '.join(dict.fromkeys(fitting.directions))}",
-                where=("joints", name, "elasticity"),
-            )
 
 
 def _levers(

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, MissingName, within
 from jointplay.core.schema import Described, check_fields, choice, quantity
-from jointplay.joints import Elasticity, GuideElasticity
+from jointplay.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 CLASSES = ("calibrated-industrial", "industrial", "printed")
 """Names of `ERROR_CLASSES`."""
@@ -39,9 +43,9 @@ class JointErrors(Described):
     torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
     """About (along) the axis, of gear, shaft and drive [N m/rad or N/m]; if not given, a gear's
     own."""
-    elasticity: Elasticity | GuideElasticity | None = None
-    """Of housings and links at the joint, besides its bearing's; of joints that slide with the keys
-    ``across``, ``tilt``, ``torsion``. Of a joint without bearing, if not given, the robot's
+    elasticity: Elasticity | None = None
+    """Of housings and links at the joint, besides its bearing's; free in the direction in which the
+    joint moves. Of a joint without bearing, if not given, the robot's
     ``tilt_stiffness``."""
 
     def __post_init__(self) -> None:
@@ -137,3 +141,19 @@ ERROR_CLASSES: Mapping[str, RobotErrors] = {
     ),
 }
 """Errors besides play of robots of which nothing else is known: assumed, of no source."""
+
+
+def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
+    """Refuse errors of joints that there are not, and springs of another kind of joint.
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: springs of a joint that turns for one that slides, or the other way.
+    """
+    for name, own in errors.joints.items():
+        if name not in mechanism.joints:
+            raise MissingName("joint", name, mechanism.joints, where=("joints", name))
+        slides = mechanism.description.joints[name].slides
+        if own.elasticity is not None:
+            with within("joints", name, "elasticity"):
+                own.elasticity.require_free(ALONG_AXIS if slides else ABOUT_AXIS)

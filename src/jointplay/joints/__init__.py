@@ -28,7 +28,7 @@ from jointplay.joints.compliance import (
     parts_of_seat,
 )
 from jointplay.joints.cylindrical import CylindricalClearance
-from jointplay.joints.elasticity import Elasticity, GuideElasticity, MountElasticity
+from jointplay.joints.elasticity import Elasticity
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
 from jointplay.joints.spherical import SphericalClearance
@@ -85,9 +85,7 @@ __all__ = [
     "CrossedRollerBearing",
     "CylindricalClearance",
     "Elasticity",
-    "GuideElasticity",
     "Material",
-    "MountElasticity",
     "Outline",
     "PrismaticClearance",
     "RevoluteClearance",

@@ -27,11 +27,17 @@ from jointplay.contact import (
     resultant,
 )
 from jointplay.contact.compiled import compiled_touch, parameter_names
-from jointplay.core.errors import JointplayError, require_non_negative, require_positive, within
+from jointplay.core.errors import (
+    JointplayError,
+    require_a,
+    require_non_negative,
+    require_positive,
+    within,
+)
 from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.core.units import readable
 from jointplay.geometry import Shape
-from jointplay.joints.elasticity import MountElasticity
+from jointplay.joints.elasticity import Elasticity
 from jointplay.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -556,11 +562,11 @@ class SlidingClearance(Clearance):
     """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
     its own stiffness does not use it.
     """
-    seat: MountElasticity | None = None
+    seat: Elasticity | None = None
     """How the bearing gives way in what carries it, in series with its play; None: not at all.
 
-    Its bush is then a body of its own between the two, held by a `CompliantMount`. An ideal joint
-    gives way nowhere.
+    Where surfaces slide, its bush is then a body of its own between the two, held by a
+    `CompliantMount`. An ideal joint gives way nowhere. Seats of rolling bearings have no `torsion`.
     """
     seat_mass: float | None = quantity("kg", default=None, above=0.0, words="mass of the bush")
     """Of the bush in its seat [kg]; None takes a steel one as long as the bearing, its wall half as
@@ -589,11 +595,10 @@ class SlidingClearance(Clearance):
         super().__post_init__()
         if getattr(self, next(iter(self.clearance_fields))) == 0.0:
             object.__setattr__(self, "ideal", True)
-        if self.seat is not None and not isinstance(self.seat, MountElasticity):
-            raise JointplayError(
-                f"the seat of a {self.kind} joint must be a MountElasticity, got {self.seat!r}",
-                where=("seat",),
-            )
+        if self.seat is not None:
+            require_a("seat", self.seat, "Elasticity")
+            with within("seat"):
+                self.seat.require_free(None)
         if self.seat is None and self.seat_mass is not None:
             raise JointplayError(
                 f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too",

@@ -28,11 +28,11 @@ import numpy as np
 
 from jointplay.contact import resultant
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, within
 from jointplay.core.schema import check_fields, choice, quantity
 from jointplay.core.units import readable
 from jointplay.joints.base import SAMPLES, Hinge, Material, Outline, WholeLawJoint
-from jointplay.joints.elasticity import Elasticity
+from jointplay.joints.elasticity import ABOUT_AXIS, TURNING, Elasticity
 from jointplay.joints.element_play import ElementPlay
 from jointplay.joints.materials import material
 from jointplay.joints.play import Play
@@ -255,6 +255,9 @@ class RollingBearing(WholeLawJoint):
     def __post_init__(self) -> None:
         """Check what is given, and that the rest follows from it."""
         check_fields(self)
+        if self.seat is not None:
+            with within("seat"):
+                self.seat.require_free(ABOUT_AXIS)
         if self.designation is not None:
             self._entry  # noqa: B018 - unknown designations are refused
         for name in ("bore", "outside_diameter", "width"):
@@ -494,7 +497,7 @@ class RollingBearing(WholeLawJoint):
             cage=self.cage_angle,
             **self._numbers,
         )
-        return numbers if self.seat is None else (*numbers, *self.seat.numbers)
+        return numbers if self.seat is None else (*numbers, *self.seat.numbers(TURNING))
 
     @property
     def law(self) -> int:

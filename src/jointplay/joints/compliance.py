@@ -18,7 +18,7 @@ import numpy as np
 
 from jointplay.contact import resultant
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_a, within
 from jointplay.joints.base import (
     RELATIVE,
     VIRTUAL_LINK,
@@ -27,7 +27,14 @@ from jointplay.joints.base import (
     SlidingClearance,
     WholeLawJoint,
 )
-from jointplay.joints.elasticity import Elasticity, GuideElasticity, MountElasticity
+from jointplay.joints.elasticity import (
+    ABOUT_AXIS,
+    ALONG_AXIS,
+    HELD,
+    SLIDING,
+    TURNING,
+    Elasticity,
+)
 from jointplay.joints.element_play import NO_PLAY
 from jointplay.joints.play import Play
 
@@ -38,12 +45,23 @@ class _Held(WholeLawJoint):
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {}
     spring_law: ClassVar[int]
+    free: ClassVar[int | None]
+    """Direction that springs leave free, see `Elasticity.require_free`."""
+    turn: ClassVar[np.ndarray]
+    """Directions by what compiled code knows them, see `Elasticity.numbers`."""
 
-    elasticity: Elasticity | GuideElasticity | MountElasticity
-    """How stiff it is."""
+    elasticity: Elasticity
+    """How stiff it is; in the direction that is free it has nothing."""
+
+    def __post_init__(self) -> None:
+        """Check what is held."""
+        super().__post_init__()
+        require_a("elasticity", self.elasticity, "Elasticity")
+        with within("elasticity"):
+            self.elasticity.require_free(self.free)
 
     @property
-    def springs(self) -> Elasticity | GuideElasticity | MountElasticity:
+    def springs(self) -> Elasticity:
         """Those of `elasticity`."""
         return self.elasticity
 
@@ -59,7 +77,7 @@ class _Held(WholeLawJoint):
             rollers=False, count=0, stiffness=0.0, radius=0.0, reach=0.0, distance=0.0, ratio=0.0,
             rows=(), damping=self.elasticity.damping_time,
         )  # fmt: skip
-        return (*head, *self.elasticity.numbers)
+        return (*head, *self.elasticity.numbers(self.turn))
 
     @property
     def law(self) -> int:
@@ -132,14 +150,13 @@ class CompliantJoint(_Held):
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
     spring_law: ClassVar[int] = resultant.SPRINGS
-
-    elasticity: Elasticity
-    """How stiff it is."""
+    free: ClassVar[int | None] = ABOUT_AXIS
+    turn: ClassVar[np.ndarray] = TURNING
 
     @property
     def outline(self) -> Outline:
         """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
-        _, _, along, tilt, _ = np.diag(self.elasticity.stiffness)
+        _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
         radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
         return Outline("cylinder", (radius, radius, 0.5 * radius), (0.0, 0.0, 0.0), walls=True)
 
@@ -155,21 +172,20 @@ class CompliantSlider(_Held):
     Its six coordinates are free, and springs hold all but the displacement along z.
 
     Raises:
-        JointplayError: see `GuideElasticity`.
+        JointplayError: see `Elasticity`.
     """
 
     kind: ClassVar[str] = "compliant-slider"
     replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
     spring_law: ClassVar[int] = resultant.GUIDE
-
-    elasticity: GuideElasticity
-    """How stiff it is."""
+    free: ClassVar[int | None] = ALONG_AXIS
+    turn: ClassVar[np.ndarray] = SLIDING
 
     @property
     def outline(self) -> Outline:
         """A block to show, without room; where its sides are, torsion is as stiff as across."""
-        across, _, _, _, torsion = np.diag(self.elasticity.stiffness)
+        across, _, _, _, _, torsion = np.diag(self.elasticity.stiffness)
         half = float(np.clip(math.sqrt(torsion / across), 5e-3, 0.1))
         return Outline("block", (half, half, 2.0 * half), (0.0, 0.0, 0.0), walls=True)
 
@@ -196,9 +212,8 @@ class CompliantMount(_Held):
     replaces: ClassVar[tuple[str, ...]] = ("fixed",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ()
     spring_law: ClassVar[int] = resultant.MOUNT
-
-    elasticity: MountElasticity
-    """How stiff it is."""
+    free: ClassVar[int | None] = None
+    turn: ClassVar[np.ndarray] = HELD
     locked: tuple[str, ...] = ()
     """Directions in which it does not give way: of ``x``, ``y``, ``z``, ``yaw`` (about z),
     ``pitch`` (about y), ``roll`` (about x). Their stiffness has no effect."""
@@ -262,7 +277,7 @@ def hinge_of_beam(
         damping_time: damping over stiffness [s].
         locked: see `CompliantMount`.
     """
-    springs = MountElasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
+    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
     return CompliantMount(elasticity=springs, locked=locked)
 
 

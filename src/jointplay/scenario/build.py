@@ -16,8 +16,8 @@ from jointplay.contact import trust
 from jointplay.core.errors import JointplayError, MissingName, require_positive, within
 from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
 from jointplay.core.units import Measured, ask_degrees, expected, named, readable, toml_text
-from jointplay.design.robot_errors import JointErrors, RobotErrors
-from jointplay.joints import JOINT_WORDS, Clearance, Elasticity, GuideElasticity
+from jointplay.design.robot_errors import JointErrors, RobotErrors, refuse_misfit
+from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.joints.base import RoundClearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
@@ -226,20 +226,11 @@ def errors_of(model: Model, mechanism: Mechanism) -> RobotErrors | None:
             units = fields_of(JointErrors)[key].units
             if len(units) == 2 and value is not None:
                 fitted[key] = fit(mechanism, name, value, (units[0], units[1]), (*path, key))
-        springs = fitted.get("elasticity")
-        if springs is not None:  # which keys it can have depends on the joint
-            slides = mechanism.description.joints[name].slides
-            kind = GuideElasticity if slides else Elasticity
-            for key in springs.fields:
-                if key not in fields_of(kind):
-                    whose = f" of a joint that {'slides' if slides else 'turns'}"
-                    at = (*path, "elasticity", key)
-                    raise JointplayError(unknown_key(key, fields_of(kind), whose), where=at)
-            fitted["elasticity"] = replace(springs, kind=kind)
         with within(*path):
             joints[name] = replace(draft, fields=fitted).make()
     with within("errors"):
         errors: RobotErrors = replace(robot, fields={**robot.fields, "joints": joints}).make()
+        refuse_misfit(errors, mechanism)
         return errors
 
 
