@@ -7,6 +7,7 @@ import json
 from typing import Any
 
 from jointplay.commands import Outputs, add_option, add_repeatable, add_shared, quantity
+from jointplay.commands.inputs import add_inputs, explain, scenario_of
 from jointplay.core.errors import JointplayError
 
 FOLDS = "3"
@@ -27,25 +28,18 @@ def add(commands: Any) -> None:
         "tool x [m] (y, z), tool rx [rad] (ry, rz: rotation vector), or marker NAME x [m], or "
         "point (names), and group (names); rows in the order of approach.",
         epilog="Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found",
+        lazy=explain,
     )
-    parser.add_argument(
-        "robot",
-        metavar="ROBOT",
-        help="URDF, or name of a robot of example-robot-data (jointplay robots)",
-    )
+    group = add_inputs(parser, ("robot",), needed=True)["robot"]
     parser.add_argument("poses", metavar="CSV", help="table of the poses")
-    group = parser.add_argument_group("robot")
-    add_option(group, "--tool FRAME", "frame that carries what was measured (default: the last)")
     add_option(
         group,
         "--point X,Y,Z",
-        'nominal place of the measured point in that frame, such as "0,0,0.24" [m]',
+        'nominal place of the measured point in the tool\'s frame, such as "0,0,0.24" [m]',
     )
     add_option(
         group, "--payload MASS", "body that the tool carried all the time, at the measured point"
     )
-    add_shared(group, "--allow-unphysical")
-    add_shared(group, "--fix")
     group = parser.add_argument_group("causes")
     add_repeatable(
         group,
@@ -94,25 +88,20 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.identification import Term, calibrate, encoder_differences
     from jointplay.identification.calibration import TERMS, read_poses
     from jointplay.identification.encoders import table
-    from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.payload import Payload
 
     terms = [Term.parse(text) for text in options.term or TERMS]
     always = [Term.parse(text) for text in options.always]
-    mechanism = Mechanism(
-        options.robot,
-        tool=options.tool,
-        allow_unphysical=options.allow_unphysical,
-        fix=options.fix,
-    )
+    robot = scenario_of(options, still=True).mechanism(options.case)
+    mechanism = robot.ideal()
     poses = read_poses(mechanism, options.poses)
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
     contents: dict[str, Any] = {}
     notes = []
-    if options.tool is None:
-        notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
+    if robot.tool_reason:
+        notes.append(f"tool: {robot.tool!r} (chosen: {robot.tool_reason}; see --tool)")
     if poses.link is not None:
         found = encoder_differences(mechanism, poses, payloads)
         notes += ["encoders, link less motor:", *map(str, found), ""]

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_option, add_shared, add_switch
+from jointplay.commands import add_option, add_switch
+from jointplay.commands.inputs import add_inputs, explain, scenario_of
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
@@ -24,29 +25,27 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "check",
-        help="check a scenario file without running it",
-        description="Check a scenario file without running it: its keys, values and units, the "
+        help="check a scenario file, or a robot with options, without running it",
+        description="Check a scenario without running it: its keys, values and units, the "
         "robot, and whether every case can start. Prints how the file was "
         "understood, and draws the mechanism at the start of the first case with "
-        "clearance.",
+        "clearance. All input options of jointplay run are accepted too.",
+        lazy=explain,
     )
-    parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
+    add_inputs(parser, several=True, needed=True)
     group = parser.add_mutually_exclusive_group()
     add_option(group, "--picture PNG", "picture of the mechanism (default: beside FILE, as .png)")
     add_switch(group, "--no-picture", "do not draw a picture")
-    add_shared(parser, "--trust")
 
 
 def run(options: argparse.Namespace) -> int:
     """Check, print, draw."""
-    from jointplay.scenario import Scenario
-
-    scenario = Scenario.load(options.file, options.trust)
+    scenario = scenario_of(options)
     place = None if options.no_picture else _place(options, scenario)
     from jointplay.scenario.summary import summary  # what comes now takes long to import
 
-    runs = {case: scenario.ready_run(case) for case in scenario.cases}
-    lines = [summary(scenario, runs)]
+    runs = {case: scenario.ready_run(case) for case in options.case or scenario.cases}
+    lines = [summary(scenario, runs), *(f"  {line}" for line in scenario.assumptions)]
     if scenario.sweep:
         from jointplay.study import plan_of
 
@@ -63,11 +62,9 @@ def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]
     Raises:
         JointplayError: another file is there.
     """
-    from jointplay.mechanism.robots import SHIPPED
-
     beside = scenario.path.with_suffix(".png")
-    if options.file.startswith(SHIPPED):  # not into the package
-        beside = Path(beside.name)
+    if ":" in options.place:  # not into the package
+        beside = Path(beside.name.rpartition(":")[2])
     path = Path(options.picture or beside)
     # What an earlier check drew is of no value once the scenario has changed.
     replaced = options.picture is None and files.holds(path, MARK)

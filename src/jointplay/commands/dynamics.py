@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import add_option, add_repeatable, add_shared, given
+from jointplay.commands.inputs import add_inputs, explain, scenario_of
 from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -50,10 +51,10 @@ def add(commands: Any) -> None:
         "same command continues from it. docs/nonlinear.md explains the figures.",
         epilog="Example: jointplay dynamics jointplay:slider_crank.toml bifurcation "
         '--case "0.5 mm" --vary "motion.speeds.crank_pin=500:5000:400 rpm" --out speeds',
+        lazy=explain,
     )
-    parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
+    add_inputs(parser, ("robot",), needed=True)
     parser.add_argument("kind", metavar="WHAT", choices=KINDS, help=", ".join(KINDS))
-    add_shared(parser, "--case")
     add_option(
         parser,
         "--vary KEY=FROM:TO:COUNT",
@@ -79,10 +80,9 @@ def add(commands: Any) -> None:
     )
     add_option(parser, "--joint NAME", "basin: joint whose journal starts off centre")
     add_option(parser, "--grid N", "basin: number of starting positions along x and along y", 21)
-    add_repeatable(parser, "--set KEY=VALUE", "set a key of the scenario", dest="changes")
     add_shared(parser, "--jobs")
     add_option(parser, "--out DIR", "folder for the table and the figure", required=True)
-    add_shared(parser, "--quiet", "--trust")
+    add_shared(parser, "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -109,18 +109,15 @@ def _study(options: argparse.Namespace) -> Observation:
     """Checks all before anything runs."""
     from jointplay.nonlinear import observables, steady_motion
     from jointplay.nonlinear.rows import Observation, Varied
-    from jointplay.scenario import Scenario
-    from jointplay.scenario.settings import parse
 
-    settings = tuple(parse(text) for text in options.changes)
-    scenario = Scenario.load(options.file, options.trust, settings)
+    scenario = scenario_of(options)
     if options.kind in ("bifurcation", "waterfall", "runup") and not options.vary:
         raise JointplayError(f"{options.kind} needs --vary KEY=FROM:TO:COUNT")
     if options.vary and options.kind not in ("bifurcation", "waterfall", "lyapunov", "runup"):
         raise JointplayError(f"{options.kind} takes no --vary: it analyses a single motion")
     varied = Varied.parse(options.vary) if options.vary else None
     study = Observation(
-        str(scenario.path), scenario.text, tuple(scenario.trust), settings, options.case,
+        str(scenario.path), scenario.text, tuple(scenario.trust), scenario.settings, options.case,
         0, 1, options.records, options.phase, (), varied, options.orders, options.joint or "",
     )  # fmt: skip
     simulation = study.simulation(None if varied is None else varied.values[0])

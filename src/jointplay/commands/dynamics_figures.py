@@ -59,7 +59,7 @@ class FigureJob:
     @property
     def file(self) -> str:
         """The scenario's name."""
-        return Path(self.options.file.removeprefix("jointplay:")).stem
+        return Path(self.options.place.removeprefix("jointplay:")).stem
 
     @property
     def sampling(self) -> str:

@@ -346,6 +346,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     settings += [*_gear_settings(options, said, still), *_other_settings(options), *wanted]
     if file is None:
         scenario = robot_scenario(options.place, names, settings, ideal, still)
+    elif not settings:
+        return file
     else:
         scenario = Scenario.load(options.place, options.trust, settings)
     if preset is not None:
@@ -391,8 +393,9 @@ def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
     """Joints of --joint, each with its clearance or bearing if it has one."""
     from jointplay.joints.bearings import is_designation
 
-    several = _value(options, "joint") or []
-    return dict(name_and_value(entry, is_value=is_designation) for entry in several)
+    if "joints with clearance" not in options.groups:
+        return {}
+    return dict(name_and_value(entry, is_value=is_designation) for entry in options.joint)
 
 
 def for_joints(options: argparse.Namespace) -> list[Flag]:

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from jointplay.commands import Outputs, add_option
+from jointplay.commands.inputs import explain, simulation_of
 from jointplay.commands.wear import add_cycles, cycles
 from jointplay.core.signals import INTERRUPTED
 
@@ -18,7 +19,8 @@ def add(commands: Any) -> None:
         description="Estimate after how many cycles of a scenario wear of its bores lets the "
         "tool's error exceed a target (static worst case along the motion), and "
         "which joint's wear causes it. Joints need a wear_rate in the scenario. "
-        "docs/decisions.md explains the numbers.",
+        "docs/decisions.md explains the numbers. One run is one cycle.",
+        lazy=explain,
     )
     add_cycles(parser, blocks=5, runs=2)
     add_option(parser, "--target LENGTH", "tolerance of the tool", required=True)
@@ -29,12 +31,9 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, draw."""
     out = Outputs(options.out, ["maintenance.csv", "maintenance.png"])
-    from jointplay.scenario import Scenario
     from jointplay.study.maintenance import maintenance
 
-    scenario = Scenario.load(options.file, options.trust)
-    simulation = scenario.simulation(options.case)
-    scenario.ready_run(options.case)  # says what cannot be, before a bar is shown
+    simulation = simulation_of(options)
     out.claim()
     estimate = maintenance(
         simulation, options.target, factor=options.wear_factor, **cycles(options)

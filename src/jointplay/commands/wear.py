@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from jointplay.commands import add_option, add_shared
+from jointplay.commands.inputs import add_inputs, explain, simulation_of
 from jointplay.core import files
 from jointplay.core.signals import INTERRUPTED
 
@@ -18,7 +19,8 @@ def add(commands: Any) -> None:
         description="Estimate how many cycles of a scenario wear the bore of a joint by a given "
         "depth: Archard's law, extrapolated over blocks of equal cycles; the bore's "
         "shape is updated between blocks. The joint needs a wear_rate in the "
-        "scenario.",
+        "scenario. One run is one cycle.",
+        lazy=explain,
     )
     add_cycles(parser, blocks=10, runs=1)
     add_option(parser, "--joint NAME", "the joint whose wear is estimated", required=True)
@@ -28,14 +30,13 @@ def add(commands: Any) -> None:
 
 def add_cycles(parser: Any, blocks: int, runs: int) -> None:
     """Add what commands take that extrapolate wear over blocks of cycles of a scenario."""
-    parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
-    add_shared(parser, "--case")
+    add_inputs(parser, ("robot",), needed=True)
     add_option(parser, "--blocks N", "blocks of cycles", blocks)
     add_option(
         parser, "--runs N", "runs per block, perturbed at the start if there are several", runs
     )
     add_option(parser, "--cycles-per-run X", "cycles in one run", 1.0)
-    add_shared(parser, "--jobs", "--quiet", "--trust")
+    add_shared(parser, "--jobs", "--quiet")
 
 
 def cycles(options: argparse.Namespace) -> dict[str, Any]:
@@ -46,14 +47,11 @@ def cycles(options: argparse.Namespace) -> dict[str, Any]:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
-    from jointplay.scenario import Scenario
     from jointplay.study.wear import wear
 
     if options.out:
         files.check_new(options.out)
-    scenario = Scenario.load(options.file, options.trust)
-    simulation = scenario.simulation(options.case)
-    scenario.ready_run(options.case)  # says what cannot be, before a bar is shown
+    simulation = simulation_of(options)
     life = wear(simulation, options.joint, options.growth, **cycles(options))
     print("  cycles      deepest [um]  mean [um]")
     for number, deepest, mean in zip(life.cycles, life.deepest, life.mean, strict=True):
