@@ -1157,7 +1157,7 @@ def _parsers() -> dict[str, argparse.ArgumentParser]:
 
 LONG_WORK = (
     "--verify",
-    "--restitution",
+    "--runs",
     "--sobol",
     "--certify",
     "--check",

@@ -125,7 +125,7 @@ def add(commands: Any) -> None:
     group = parser.add_argument_group("by simulated runs of the scenario")
     add_option(
         group,
-        "--restitution RUNS",
+        "--runs RUNS",
         "where flights do not determine restitution, fit the impact statistics with this many "
         f"runs ({RUNS} if no number is given)",
         nargs="?",
@@ -173,7 +173,7 @@ def run(options: argparse.Namespace) -> int:
     names = ["identified.csv", "identified.json", "identified.png"]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
     work = task(options)
-    for option in ("verify", "restitution"):
+    for option in ("verify", "runs"):
         if getattr(options, option) and work.simulation is None:
             raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
     shared: dict[str, Any] = {
@@ -247,7 +247,7 @@ def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[s
         reference=options.reference,
         drift=options.drift,
         lag=options.lag,
-        runs=options.restitution or 0,
+        runs=options.runs or 0,
         jobs=options.jobs,
         progress=not options.quiet,
         **shared,

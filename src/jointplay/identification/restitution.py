@@ -223,7 +223,7 @@ def flights(channel: Channel) -> Estimate:
     if number < FEWEST_RATIOS:
         return dark(_too_few(found, number, 1.0 / channel.interval))
     inside = sum(len(impulses) for _, impulses in bounces)
-    otherwise = "--restitution compares with simulations"
+    otherwise = "--runs compares with simulations"
     if inside < _LEAST_SHARE * len(found):
         return dark(
             f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
@@ -611,7 +611,7 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Estimate, .
             reason = (
                 f"an impact may belong to any of {', '.join(names)}: measure '{name} reaction', "
             )
-            reason += "give the others no clearance, or compare with simulations (--restitution)"
+            reason += "give the others no clearance, or compare with simulations (--runs)"
         elif any(measured.has(kind) for kind in IMPACT_KINDS):
             reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at "
             reason += "least, many for each flight, are needed"

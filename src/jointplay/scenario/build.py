@@ -16,7 +16,7 @@ from jointplay.contact import trust
 from jointplay.core.errors import JointplayError, MissingName, require_positive, within
 from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
 from jointplay.core.units import Measured, ask_degrees, expected, named, readable, toml_text
-from jointplay.design.robot_errors import JointErrors, RobotErrors, refuse_misfit
+from jointplay.design.robot_errors import RobotErrors, refuse_misfit
 from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.joints.base import RoundClearance
 from jointplay.loads import Load
@@ -72,7 +72,7 @@ def fit(
     mechanism: Mechanism,
     joint: str,
     value: float,
-    units: tuple[str, str],
+    units: tuple[str, ...],
     path: tuple[str | int, ...],
 ) -> float:
     """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
@@ -96,6 +96,22 @@ def fit(
         except ValueError as error:
             raise JointplayError(str(error), path) from None
     return float(value)
+
+
+def of_joint(draft: Draft, mechanism: Mechanism, joint: str, path: tuple[str, ...]) -> Draft:
+    """A draft with numbers in the unit of its joint, where fields have one for each kind of joint.
+
+    Raises:
+        JointplayError: no such joint, or a unit of another kind; `where` has the key.
+    """
+    fitted = dict(draft.fields)
+    for key, value in draft.fields.items():
+        units = fields_of(draft.kind)[key].units
+        if len(units) == 2 and value is not None:
+            each = value if isinstance(value, tuple) else (value,)
+            own = tuple(fit(mechanism, joint, one, units, (*path, key)) for one in each)
+            fitted[key] = own if isinstance(value, tuple) else own[0]
+    return replace(draft, fields=fitted)
 
 
 # What acts in a scenario: drives, friction, loads, payloads.
@@ -126,14 +142,7 @@ def drive_of(
         path = ("drives", name)
         if name not in mechanism.joints:
             raise MissingName("moving joint", name, mechanism.joints, where=path)
-        fitted = {}
-        if draft.kind is Torque:
-            revolute, prismatic = fields_of(Torque)["values"].units
-            fitted["values"] = tuple(
-                fit(mechanism, name, value, (revolute, prismatic), (*path, "values"))
-                for value in draft.fields["values"]
-            )
-        drives[name] = _one_drive(draft, path, **fitted)
+        drives[name] = _one_drive(of_joint(draft, mechanism, name, path), path)
         if drives[name].follows and (motion is None or name not in motion.joints):
             kind = drives[name].kind
             raise JointplayError(
@@ -143,10 +152,10 @@ def drive_of(
     return drives
 
 
-def _one_drive(draft: Draft, path: tuple[str, ...], **fitted: Any) -> Drive:
+def _one_drive(draft: Draft, path: tuple[str, ...]) -> Drive:
     """A drive; errors are at `path`."""
     with within(*path):
-        drive: Drive = replace(draft, fields={**draft.fields, **fitted}).make()
+        drive: Drive = draft.make()
         return drive
 
 
@@ -161,14 +170,11 @@ def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] 
     }
     for name, draft in drafts(model.joint_friction).items():
         path = ("joint_friction", name)
-        fields = {}
-        for key, value in draft.fields.items():
-            revolute, prismatic = fields_of(JointFriction)[key].units
-            fields[key] = fit(mechanism, name, value, (revolute, prismatic), (*path, key))
         if name not in friction:
             raise MissingName("moving joint", name, mechanism.joints, where=path)
+        own = of_joint(draft, mechanism, name, path)
         with within(*path):
-            friction[name] = JointFriction(**fields)
+            friction[name] = own.make()
     return friction
 
 
@@ -176,17 +182,12 @@ def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load
     """Springs, wrenches and the like, by name; each is tried on the mechanism."""
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
-        fitted = {}
-        for key, value in draft.fields.items():
-            units = fields_of(draft.kind)[key].units
-            if len(units) == 2 and value is not None:
-                at = ("loads", name, key)
-                fitted[key] = fit(mechanism, draft.fields["joint"], value, (units[0], units[1]), at)
+        own = of_joint(draft, mechanism, draft.fields.get("joint", ""), ("loads", name))
         with (
             within("loads", name),
             laws_in_folder(folder, str(draft.fields.get("function", ""))),
         ):
-            load = replace(draft, fields={**draft.fields, **fitted}).make()
+            load = own.make()
             load.site(mechanism)
             load.numbers(mechanism)
         loads[name] = load
@@ -219,15 +220,12 @@ def errors_of(model: Model, mechanism: Mechanism) -> RobotErrors | None:
         return None
     joints = {}
     for name, draft in drafts(robot.fields.get("joints", {})).items():
-        path, fitted = ("errors", "joints", name), dict(draft.fields)
+        path = ("errors", "joints", name)
         if name not in mechanism.joints:
             raise MissingName("moving joint", name, mechanism.joints, where=path)
-        for key, value in draft.fields.items():
-            units = fields_of(JointErrors)[key].units
-            if len(units) == 2 and value is not None:
-                fitted[key] = fit(mechanism, name, value, (units[0], units[1]), (*path, key))
+        own = of_joint(draft, mechanism, name, path)
         with within(*path):
-            joints[name] = replace(draft, fields=fitted).make()
+            joints[name] = own.make()
     with within("errors"):
         errors: RobotErrors = replace(robot, fields={**robot.fields, "joints": joints}).make()
         refuse_misfit(errors, mechanism)
