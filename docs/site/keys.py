@@ -9,7 +9,6 @@ from jointplay.contact.film import FilmLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.core.schema import (
     Preset,
-    default_at,
     explanations,
     family_of,
     fields_of,
@@ -75,7 +74,8 @@ def default_of(field):
     if field.choices and not is_word(field.hint):
         value = next((word for word, one in dict(field.choices[1]).items() if one == value), value)
     if value is None:
-        value = default_at(field.hint, ())
+        family = family_of(field.hint)
+        value = None if family is None else family.default
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     if isinstance(value, str):
