@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+import types
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from functools import cache
-from typing import Any
+from dataclasses import is_dataclass
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.schema import Field, unknown_key
+from jointplay.core.schema import Field, family_of, fields_of, unknown_key
 from jointplay.core.units import toml_text
 from jointplay.scenario.model import Model
 from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.schema import SchemaTables
 
 _PART = re.compile(
     r"""(?P<quoted>"(?:[^"\\]|\\.)*"|'[^']*')|\[(?P<number>\d+)\]|(?P<word>[^."'\[\]]+)"""
@@ -62,60 +62,49 @@ def path_of(name: str) -> Key:
     return tuple(parts)
 
 
-class _Units(SchemaTables):
-    """The schema of scenarios, with the units of its numbers where programs find them."""
+class Kind(NamedTuple):
+    """A type that a value can have."""
 
-    def field(self, field: Field, text: str) -> dict[str, Any]:
-        """Schema of a field, the units at its numbers."""
-        schema = super().field(field, text)
-        _mark(schema, " or ".join(field.units))
-        return schema
-
-
-def _mark(node: Any, unit: str) -> None:
-    """Note the unit at all numbers of a schema."""
-    if node.get("type") == ["number", "string"]:
-        node["x-unit"] = unit
-    for inner in (*node.get("anyOf", ()), node.get("items"), node.get("additionalProperties")):
-        if isinstance(inner, dict):
-            _mark(inner, unit)
+    hint: Any
+    units: tuple[str, ...] = ("",)
+    """SI units of its numbers."""
+    fields: Mapping[str, Field] = {}
+    """Of a table."""
 
 
-@cache
-def _schema() -> Mapping[str, Any]:
-    """JSON schema of scenarios, with units at its numbers."""
-    tables = _Units()
-    own = tables.properties(Model)
-    return {"$defs": tables.definitions, "properties": own}
+def _alternatives(hint: Any, units: tuple[str, ...] = ("",)) -> Iterator[Kind]:
+    """The types that a hint allows, each member of a family for itself."""
+    family = family_of(hint)
+    if get_origin(hint) in (Union, types.UnionType):
+        for part in get_args(hint):
+            yield from _alternatives(part, units)
+    elif family is not None:
+        for word in family.members:
+            member = family.member(word)
+            own = {n: f for n, f in fields_of(member.kind).items() if n not in member.given}
+            yield Kind(member.kind, units, {family.key: Field(family.key, str, ("",), False)} | own)
+    else:
+        yield Kind(hint, units, fields_of(hint) if is_dataclass(hint) else {})  # type: ignore[arg-type]
 
 
-def _inside(node: Any) -> list[Mapping[str, Any]]:
-    """The kinds of table or value that a part of the schema allows."""
-    if "$ref" in node:
-        return _inside(_schema()["$defs"][node["$ref"].rpartition("/")[2]])
-    several = [one for word in ("anyOf", "oneOf", "allOf") for one in node.get(word, ())]
-    return [kind for one in several for kind in _inside(one)] or [node]
-
-
-def kinds(path: Key) -> list[Mapping[str, Any]]:
-    """What the schema says of the values at `path`: one entry for each kind they can have.
+def kinds(path: Key) -> list[Kind]:
+    """What the values at `path` can be.
 
     Raises:
         JointplayError: there is no such key; the nearest names are given.
     """
-    here = [_schema()]
+    here = list(_alternatives(Model))
     for depth, part in enumerate(path):
-        known: dict[str, None] = {}
-        there: list[Mapping[str, Any]] = []
-        for node in here:
-            tables = node.get("properties", {})
-            known |= dict.fromkeys(tables)
-            if isinstance(part, int):
-                there += _inside(node["items"]) if "items" in node else []
-            elif part in tables:
-                there += _inside(tables[part])
-            elif isinstance(node.get("additionalProperties"), Mapping):
-                there += _inside(node["additionalProperties"])
+        known = dict.fromkeys(name for kind in here for name in kind.fields)
+        there: list[Kind] = []
+        for kind in here:
+            origin, parts = get_origin(kind.hint), get_args(kind.hint)
+            by_name = isinstance(origin, type) and issubclass(origin, Mapping)
+            if isinstance(part, str) and part in kind.fields:
+                field = kind.fields[part]
+                there += _alternatives(field.hint, field.units)
+            elif parts and origin is not Literal and by_name == isinstance(part, str):
+                there += _alternatives(parts[1 if by_name else 0], kind.units)
         if not there:
             where = f" in {dotted(path[:depth])}" if depth else ""
             if not known:
@@ -135,16 +124,13 @@ def units_of(path: Key) -> tuple[str, ...] | None:
     Raises:
         JointplayError: there is no such key.
     """
-    units: dict[str, None] = {}
-    for kind in kinds(path):
-        if kind.get("type") == ["number", "string"]:
-            units |= dict.fromkeys(kind.get("x-unit", "").split(" or "))
-    return tuple(units) or None
+    found = [unit for kind in kinds(path) if kind.hint is float for unit in kind.units]
+    return tuple(dict.fromkeys(found)) or None
 
 
 def is_whole(path: Key) -> bool:
     """Whether the key at `path` takes whole numbers."""
-    return any(kind.get("type") == "integer" for kind in kinds(path))
+    return any(kind.hint is int for kind in kinds(path))
 
 
 def put(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: Any) -> None:
