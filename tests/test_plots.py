@@ -12,6 +12,8 @@ from jointplay import analysis, plots
 from jointplay.geometry import Mode
 from jointplay.paper import scara
 from jointplay.plots import figures
+from jointplay.plots.chart import Axis, Chart, Curve, Panel
+from jointplay.plots.draw import draw
 
 
 def shortened(clearance, duration):
@@ -99,7 +101,7 @@ def test_points_of_a_bifurcation_can_be_seen(number, smallest):
 
 def test_a_run_too_short_for_a_spectrum_is_named_in_the_legend(cases):
     short = shortened(0.2e-3, 1e-3)
-    figure = figures._spectra({"long": cases["0.2 mm"], "short": short}, None)
+    figure = draw(figures.spectra({"long": cases["0.2 mm"], "short": short}))
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert words == ["long", "short: too short for a spectrum"]
 
@@ -252,23 +254,17 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
 
 def test_names_that_begin_with_an_underscore_stand_in_the_legend(cases):
     named = {f"_{label}": result for label, result in cases.items()}
-    for draw in (plots.FIGURES["tool_displacement"], plots.FIGURES["overview"]):
-        texts = [text.get_text().strip() for text in draw(named).legends[0].get_texts()]
+    for drawn in (plots.FIGURES["tool_displacement"], plots.FIGURES["overview"]):
+        texts = [text.get_text().strip() for text in drawn(named).legends[0].get_texts()]
         assert len(texts) >= 2
         assert set(texts) <= set(named)
 
 
 @pytest.mark.parametrize("number", [2, 5, 6])
 def test_legends_are_read_in_the_order_of_the_cases(number):
-    from jointplay.plots.figures import ordered_legend
-    from jointplay.plots.style import new_figure
-
-    figure = new_figure(8.0, 4.0)
-    axes = figure.subplots()
     names = [f"case {i}" for i in range(number)]
-    for name in names:
-        axes.plot([0, 1], [0, 1], label=name)
-    ordered_legend(figure, axes)
+    panel = Panel(Axis("x"), Axis("y"), [Curve([0, 1], [0, 1], name) for name in names])
+    figure = draw(Chart([[panel]], (8.0, 4.0), key=3))
     figure.canvas.draw()
     places = []
     for text in figure.legends[0].get_texts():
@@ -278,10 +274,7 @@ def test_legends_are_read_in_the_order_of_the_cases(number):
 
 
 def test_ticks_of_orbits_do_not_overlap_however_small(cases):
-    from jointplay.plots.figures import journal_orbit
-
-    six = {f"{i}": cases["0.2 mm"] for i in range(6)}
-    figure = journal_orbit(six)
+    figure = plots.FIGURES["journal_orbit"]({f"{i}": cases["0.2 mm"] for i in range(6)})
     figure.canvas.draw()
     for panel in figure.axes:
         boxes = [

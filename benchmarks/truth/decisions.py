@@ -168,7 +168,8 @@ def reductions(quick: bool) -> list[str]:
 
 
 def figure(rows: list[dict[str, float]], path: Path) -> None:
-    from jointplay.plots.style import COLOURS, new_figure, style
+    from jointplay.plots.palette import COLOURS
+    from jointplay.plots.style import new_figure, style
 
     with style():
         drawn = new_figure(5.5, 4.2)

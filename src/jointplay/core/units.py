@@ -289,8 +289,22 @@ _DISPLAY = {
 }
 """Factor and unit in which results are shown, by SI unit; others are shown as they are."""
 
-_FINE = {"m": (1e6, "um"), "rad/(N*m)": (1e6, "urad/(N m)"), "m/N": (1e6, "um/N")}
-"""The same of what is as small as a clearance."""
+_FINE = {
+    "m": (1e6, "um"),
+    "rad/(N*m)": (1e6, "urad/(N m)"),
+    "m/N": (1e6, "um/N"),
+    "m/s": (1e3, "mm/s"),
+    "rad/s": (1e3, "mrad/s"),
+    "s": (1e3, "ms"),
+}
+"""The same of what is as small as a clearance, or what goes with it."""
+
+_TYPESET = (
+    (re.compile(r"^u(?=[a-zA-Z])|(?<=[ /(])u(?=[a-zA-Z])"), "µ"),
+    (re.compile(r"\^2"), "²"),
+    (re.compile(r"\^3"), "³"),
+    (re.compile(r"\*"), " "),
+)
 
 
 def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
@@ -301,6 +315,13 @@ def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
         fine: of sizes such as clearances.
     """
     return (_FINE if fine and unit in _FINE else _DISPLAY).get(unit, (1.0, unit))
+
+
+def typeset(unit: str) -> str:
+    """A unit as charts and pages write it: ``um`` is µm. Streams and files may know no Greek."""
+    for plain, nice in _TYPESET:
+        unit = plain.sub(nice, unit)
+    return unit
 
 
 def readable(value: float, unit: str) -> str:

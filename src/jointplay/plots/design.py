@@ -22,7 +22,8 @@ from jointplay.design.static_budget import Budget
 from jointplay.identification import Calibration, Estimate, Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
-from jointplay.plots.style import COLOURS, footnote, listed, panels
+from jointplay.plots.palette import COLOURS
+from jointplay.plots.style import footnote, listed, panels
 from jointplay.study.iso9283 import Iso9283
 from jointplay.study.maintenance import Maintenance
 from jointplay.study.shares import DynamicBudget

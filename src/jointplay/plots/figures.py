@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,16 +19,17 @@ from jointplay.analysis.headline import reference as ideal_run
 from jointplay.analysis.spectra import TooShort
 from jointplay.core import files
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.plots.chart import Axis, Chart, Curve, Panel, overlaid, unjudged
+from jointplay.plots.draw import draw
 from jointplay.plots.names import MARK, PAPER, is_paper_robot
 from jointplay.plots.palette import COLOURS, Cases, colours, reference
-from jointplay.plots.style import footnote, listed, new_figure, style
 from jointplay.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3
 _ORBITS = 3
+"""Columns of a legend, and of orbits, at most."""
 _STILL = 1e-6
 """Motion along an axis relative to the largest, below which there is none."""
-"""Columns of a legend, and of orbits, at most."""
 
 
 def joint_of(cases: Cases) -> str | None:
@@ -41,14 +43,6 @@ def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
         yield label, result, colour
 
 
-def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
-    """Label, result, colour and reference of each case that has a reference among the cases."""
-    ideal = reference(cases)
-    for label, result, colour in coloured(cases):
-        if ideal is not None and analysis.has_play(result) and analysis.is_twin(result, ideal):
-            yield label, result, colour, ideal
-
-
 def is_paper(cases: Cases) -> bool:
     """Whether the cases are runs of the paper's robot, whose figures have the paper's numbers."""
     return all(
@@ -56,63 +50,75 @@ def is_paper(cases: Cases) -> bool:
     )
 
 
-def _figure(width: float, height: float, rows: int, columns: int, **options: Any) -> Any:
-    figure = new_figure(width, height)
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+def _fallen(cases: Cases) -> float:
+    """Until when nothing is judged, while journals fall into their bearings [s]."""
+    return max((result.judge_from for result in cases.values() if result.joints), default=0.0)
 
 
-def ordered_legend(figure: Figure, axes: Any) -> None:
-    """Put the legend of some axes above the figure, to be read row by row."""
-    handles, labels = axes.get_legend_handles_labels()
-    columns = min(len(labels), _LEGEND_COLUMNS)
-    # matplotlib fills columns; cases are read in rows.
-    order = [i for column in range(columns) for i in range(column, len(labels), columns)]
-    figure.legend(
-        [handles[i] for i in order],
-        [labels[i] for i in order],
-        loc="outside upper center",
-        ncols=columns,
-    )
-    for line in figure.legends[0].get_lines():
-        line.set_linewidth(2.0)
-
-
-def _mark_start(panels: Any, cases: Cases) -> str:
-    """Shade over time what is not judged, while journals fall into their bearings; its words."""
-    until = max((result.judge_from for result in cases.values() if result.joints), default=0.0)
+def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str]:
+    """Panels over time in which what is not judged is shaded; its words."""
+    until = _fallen(cases)
     if until <= 0.0:
-        return ""
-    for panel in np.ravel(panels):
-        panel.axvspan(0.0, until, color="0.88", lw=0.0, zorder=0.0)
-    return f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
+        return list(panels), ""
+    words = f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
+    return [panel.with_marks(unjudged(until)) for panel in panels], words
 
 
-def _tool_history(cases: Cases, of: str) -> Figure:
+def tool_panels(cases: Cases, of: str) -> list[Panel]:
+    """x, y, z of the tool over time, all cases in each."""
+    draw = "displacement" if of == "tool_position" else "velocity"
+    return [
+        overlaid(
+            result.plot.panel(draw, axis).styled(colour=colour, name=label)
+            for label, result, colour in coloured(cases)
+        )
+        for axis in moving_axes(cases)
+    ]
+
+
+def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> list[Panel]:
+    """What play does to the tool: differences from the ideal mechanism, one for each axis."""
+    drawn = [item for item in coloured(cases) if item[0] in ideals]
+    found = []
+    for axis in moving_axes(cases) if drawn else ():
+        panel = overlaid(
+            result.plot.panel("deviation", axis, ideals[label], of=of).styled(
+                colour=colour, name=label
+            )
+            for label, result, colour in drawn
+        )
+        found.append(replace(panel, y=replace(panel.y, name=f"{axis} - ideal")))
+    return found
+
+
+def ideals_of(cases: Cases) -> dict[str, Result]:
+    """The ideal mechanism among the cases, for each that it is the reference of."""
+    ideal = reference(cases)
+    return {
+        label: ideal
+        for label, result in cases.items()
+        if ideal is not None and analysis.has_play(result) and analysis.is_twin(result, ideal)
+    }
+
+
+def _tool_history(cases: Cases, of: str) -> Chart:
     """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
-    pairs = list(compared(cases))
     axes = moving_axes(cases)
-    high, columns = 1.4 + 1.55 * len(axes), 2 if pairs else 1
-    figure, panels = _figure(9.0 if pairs else 6.0, high, len(axes), columns, sharex=True)
-    for row, axis in enumerate(axes):
-        for label, result, colour in coloured(cases):
-            draw = result.plot.displacement if of == "tool_position" else result.plot.velocity
-            draw(axis, ax=panels[row, 0], color=colour, label=listed(label))
-        for _, result, colour, ideal in pairs:
-            result.plot.deviation(axis, ideal, of=of, ax=panels[row, 1], color=colour)
-        if pairs:
-            unit = "mm" if of == "tool_position" else "mm/s"
-            panels[row, 1].set_ylabel(f"{axis} - ideal [{unit}]")
-    if pairs:
-        panels[0, 1].set_title("difference from the ideal robot", fontsize=9)
-    for panel in panels[:-1].flat:
-        panel.set_xlabel("")
-    ordered_legend(figure, panels[0, 0])
+    panels, grey = _with_start(tool_panels(cases, of), cases)
+    beside, _ = _with_start(difference_panels(cases, of, ideals_of(cases)), cases)
+    rows: list[list[Panel | None]] = [[panel] for panel in panels]
+    if beside:
+        beside[0] = replace(beside[0], title="difference from the ideal robot")
+        rows = [list(both) for both in zip(panels, beside, strict=True)]
     still = [axis for axis in AXES if axis not in axes]
     words = [f"The tool does not move along {' and '.join(still)}."] if still else []
-    words += [_mark_start(panels, cases)]
-    if any(words):
-        footnote(figure, " ".join(filter(None, words)))
-    return figure
+    return Chart(
+        rows,
+        (9.0 if beside else 6.0, 1.4 + 1.55 * len(axes)),
+        note=" ".join(filter(None, [*words, grey])),
+        key=_LEGEND_COLUMNS,
+        same_x=True,
+    )
 
 
 def moving_axes(cases: Cases) -> list[str]:
@@ -128,53 +134,60 @@ def is_straight(cases: Cases) -> bool:
     return len(moving_axes(cases)) < 2
 
 
-def tool_displacement(cases: Cases) -> Figure:
+def tool_displacement(cases: Cases) -> Chart:
     """Displacement of the end effector over time (Figure 9)."""
     return _tool_history(cases, "tool_position")
 
 
-def tool_velocity(cases: Cases) -> Figure:
+def tool_velocity(cases: Cases) -> Chart:
     """Velocity of the end effector over time (Figure 10)."""
     return _tool_history(cases, "tool_velocity")
 
 
-def tool_path(cases: Cases) -> Figure:
+def path_panel(cases: Cases) -> Panel:
+    """Paths of the end effector in `plane_of` the cases."""
+    return overlaid(
+        result.plot.panel("path", plane_of(cases)).styled(colour=colour, name=label)
+        for label, result, colour in coloured(cases)
+    )
+
+
+def tool_path(cases: Cases) -> Chart:
     """Path of the end effector in `plane_of` the cases, a close-up where it differs (Figure 11)."""
-    pairs = list(compared(cases))
-    plane = plane_of(cases)
-    across = [AXES.index(axis) for axis in plane]
-    figure, panels = _figure(9.0 if pairs else 5.0, 4.4, 1, 2 if pairs else 1)
-    for label, result, colour in coloured(cases):
-        for panel in panels[0]:
-            result.plot.path(plane, ax=panel, color=colour, label=listed(label))
+    pairs, panel = ideals_of(cases), path_panel(cases)
+    across = [AXES.index(axis) for axis in plane_of(cases)]
+    whole, note = panel, ""
+    look: dict[str, Any] = {"colour": "black", "line": "", "frame": True, "order": 4.0}
     begins = [result for result in cases.values() if result.joints and result.judge_from > 0.0]
     for result in begins:
         at = result["tool_position"].values[np.searchsorted(result.time, result.judge_from)]
-        panels[0, 0].plot(*at[across], "x", color="black", ms=5.0, zorder=4.0)
+        x, y = at[across]
+        whole = whole.with_marks(Curve([x], [y], marker="x", size=5.0, **look))
     if begins:
-        footnote(
-            figure,
-            "x: where the tool is when judging begins, "
-            f"{max(result.judge_from for result in begins):g} s after the start.",
-        )
+        late = max(result.judge_from for result in begins)
+        note = f"x: where the tool is when judging begins, {late:g} s after the start."
     worst, spot = 0.0, np.zeros(2)
-    for _, result, _, ideal in pairs:
-        error = analysis.deviation(result, ideal)
+    for label, ideal in pairs.items():
+        error = analysis.deviation(cases[label], ideal)
         away = np.hypot(*error.values[:, across].T)
         if away.max() > worst:
             worst, k = float(away.max()), int(away.argmax())
-            spot = (result["tool_position"].values[k] - error.values[k])[across]
+            spot = (cases[label]["tool_position"].values[k] - error.values[k])[across]
+    row: list[Panel | None] = [whole]
     if worst > 0.0:
-        close = panels[0, 1]
         reach = 2.5 * worst
-        close.set_aspect("equal", adjustable="box")
-        close.set_xlim(spot[0] - reach, spot[0] + reach)
-        close.set_ylim(spot[1] - reach, spot[1] + reach)
-        close.tick_params(axis="x", rotation=30)
-        close.set_title(f"where it differs most: {1e3 * worst:.2f} mm", fontsize=9)
-        panels[0, 0].plot(*spot, "s", mfc="none", mec="black", ms=9)
-    ordered_legend(figure, panels[0, 0])
-    return figure
+        (left, low), (right, high) = spot - reach, spot + reach
+        title = f"where it differs most: {1e3 * worst:.2f} mm"
+        x_axis, y_axis = (
+            replace(axis, low=a, high=b, ticks=4)
+            for axis, a, b in ((panel.x, left, right), (panel.y, low, high))
+        )
+        row.append(replace(panel, x=x_axis, y=y_axis, title=title, equal="box"))
+        row[0] = whole.with_marks(
+            Curve([spot[0]], [spot[1]], marker="s", size=9.0, hollow=True, **look)
+        )
+    size = (9.0 if pairs else 5.0, 4.4)
+    return Chart([row], size, note=note, key=_LEGEND_COLUMNS)
 
 
 def joints_of(cases: Cases) -> list[str]:
@@ -190,86 +203,91 @@ def force_joints(result: Result, cases: Cases) -> list[str]:
     return [name for name in joints_of(cases) if name in moving] or moving[:1]
 
 
-def journal_orbit(cases: Cases) -> Figure:
+def orbit_panels(cases: Cases) -> list[tuple[Panel, Panel | None]]:
+    """The path of each journal's middle, joint by joint; and that of the nearer rim, if any."""
+    red = Curve(
+        [0.0], [0.0], colour=COLOURS[0], line="", marker="o", size=5.0, frame=True, order=4.0
+    )
+    found = []
+    for joint in joints_of(cases):
+        for label, result, colour in coloured(cases):
+            if joint not in result.joints:
+                continue
+            orbit = result.plot.panel("orbit", joint).styled(colour=colour)
+            if reference(cases) is not None:
+                orbit = replace(orbit, marks=[red, *orbit.marks])
+            rims = analysis.has_rims(result, joint)
+            both = [orbit, result.plot.panel("rims", joint)] if rims else [orbit]
+            named = [replace(one, title=f"{label}: {one.title}") for one in both]
+            found.append((named[0], named[1] if rims else None))
+    return found
+
+
+def journal_orbit(cases: Cases) -> Chart:
     """Where the journal goes inside the clearance circle, joint by joint (Figure 12).
 
     The centre of a cylinder's rim that is nearer to the bore, by mode, and below it the path of the
     journal's middle; the middle alone of what has no rims.
     """
-    shown = [
-        (joint, *item)
-        for joint in joints_of(cases)
-        for item in coloured(cases)
-        if joint in item[1].joints
-    ]
+    shown = orbit_panels(cases)
     columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
     columns = max(1, min(columns, len(shown)))
-    rims = any(analysis.has_rims(result, joint) for joint, _, result, _ in shown)
-    high = 2 if rims else 1
-    rows = -(-len(shown) // columns)
-    figure, panels = _figure(4.3 * columns, 0.8 + 4.1 * high * rows, high * rows, columns)
-    for panel in panels.flat:
-        panel.set_axis_off()
-    for number, (joint, label, result, colour) in enumerate(shown):
-        row, column = divmod(number, columns)
-        middle = panels[high * row + high - 1, column]
-        if reference(cases) is not None:
-            middle.plot(0.0, 0.0, "o", color=COLOURS[0], ms=5.0, zorder=4.0)
-        draws = [(middle, result.plot.orbit, {"color": colour})]
-        if analysis.has_rims(result, joint):
-            draws.insert(0, (panels[high * row, column], result.plot.rims, {}))
-        for panel, draw, look in draws:
-            panel.set_axis_on()
-            draw(joint, ax=panel, **look)
-            panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
+    rims = any(above is not None for _, above in shown)
+    rows: list[list[Panel | None]] = []
+    for first in range(0, len(shown), columns):
+        line = shown[first : first + columns]
+        blank = [None] * (columns - len(line))
+        if rims:
+            rows.append([*(above for _, above in line), *blank])
+        rows.append([*(middle for middle, _ in line), *blank])
+    note = ""
     if rims:
-        named = next(panel for panel in panels.flat if panel.get_legend_handles_labels()[0])
-        ordered_legend(figure, named)
-        for handle in figure.legends[0].legend_handles:
-            handle.set_markersize(8.0)
         ideal = "; the ideal joint's is the red point" if reference(cases) else ""
-        footnote(
-            figure,
+        note = (
             "Above: the centre of the journal's rim that is nearer to the bore, as far inside the "
             "circle as its gap is wide, penetration as far outside, magnified; colours by the mode "
             "of the joint (inside it, penetration is at an end wall). "
             f"Below: the centre of the journal's middle{ideal}. A tilted journal touches the bore "
-            "by its rims, while its middle stays inside.",
+            "by its rims, while its middle stays inside."
         )
-    return figure
+    size = (4.3 * columns, 0.8 + 4.1 * len(rows))
+    return Chart(rows, size, note=note, key=_LEGEND_COLUMNS if rims else 0)
 
 
-def joint_force(cases: Cases, axis: str) -> Figure:
+def force_panels(cases: Cases, axis: str) -> list[Panel]:
+    """Force on the journal along a world axis over time, a panel a case and joint."""
+    return [
+        replace(
+            result.plot.panel("forces", axis, joint).styled(colour=colour, width=0.8),
+            title=f"{label}, {joint}",
+            colour=colour,
+        )
+        for label, result, colour in coloured(cases)
+        for joint in force_joints(result, cases)
+    ]
+
+
+def joint_force(cases: Cases, axis: str) -> Chart:
     """Force on the journal along a world axis over time, a panel a case and joint (Figures 13-15).
 
     With clearance the contact force, each record showing the force at the instant since the last
     record at which its magnitude was largest; for the ideal robot the constraint force.
     """
-    shown = [
-        (label, result, colour, joint)
-        for label, result, colour in coloured(cases)
-        for joint in force_joints(result, cases)
-    ]
-    figure, panels = _figure(7.0, 1.3 + 1.7 * len(shown), len(shown), 1, sharex=True, sharey="col")
-    column = panels[:, 0]
-    several = len({joint for *_, joint in shown}) > 1
-    for panel, (label, result, colour, joint) in zip(column, shown, strict=True):
-        result.plot.forces(axis, joint, ax=panel, color=colour, lw=0.8)
-        title = f"{label}, {joint}" if several else label
-        panel.set_title(title, fontsize=9, loc="left", color=colour)
-        panel.set_xlabel("")
-    column[-1].set_xlabel("time [s]")
-    where = "" if several or not shown else f" at {shown[0][3]}"
-    figure.suptitle(f"force on the journal{where} along world {axis}", fontsize=10)
-    words = [_mark_start(column, cases)]
-    if not all(result.joints for _, result, _, _ in shown):
+    panels, grey = _with_start(force_panels(cases, axis), cases)
+    words = [grey]
+    if not all(result.joints for result in cases.values()):
         words.append(
             "With clearance the force of the contacts, the largest since the last record; that of "
             "the ideal joint is a constraint force: nothing touches there."
         )
-    if any(words):
-        footnote(figure, " ".join(filter(None, words)))
-    return figure
+    return Chart(
+        [[panel] for panel in panels],
+        (7.0, 1.3 + 1.7 * len(panels)),
+        title=f"force on the journal along world {axis}",
+        note=" ".join(filter(None, words)),
+        same_x=True,
+        same_y="col",
+    )
 
 
 def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
@@ -297,47 +315,52 @@ def plane_of(cases: Cases) -> str:
     return "xz" if reach[0] >= reach[1] else "yz"
 
 
-def overview(cases: Cases) -> Figure:
+def overview(cases: Cases) -> Chart:
     """The robot from above, its tool's error (or the tilt), the journal's orbit, the force."""
-    figure = new_figure(9.0, 6.2)
-    (plan, error), (orbit, force) = figure.subplots(2, 2, width_ratios=(1.0, 1.5))
     shown = [item for item in coloured(cases) if item[1].joints]
-    pairs = list(compared(cases))
-    if not pairs:  # the ideal mechanism is simulated, where it can be
-        alone = ((item, ideal_run(item[1])) for item in coloured(cases))
-        pairs = [(*item, ideal) for item, ideal in alone if ideal is not None]
+    ideals = ideals_of(cases)
+    if not ideals:  # the ideal mechanism is simulated, where it can be
+        alone = {label: ideal_run(result) for label, result in cases.items()}
+        ideals = {label: ideal for label, ideal in alone.items() if ideal is not None}
     first = reference(cases) or next(iter(cases.values()))
     mechanism, plane = first.simulation.mechanism, plane_of(cases)
-    for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2):
-        for line in _skeleton(mechanism, first["q"].values[moment]):
-            drawn = line[:, [AXES.index(axis) for axis in plane]].T
-            plan.plot(*drawn, "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
-    for _, result, colour in coloured(cases):
-        result.plot.path(plane, ax=plan, color=colour, lw=1.0, label="_")
-    plan.set_title(f"{plane} plane, with the tool's path", fontsize=9)
-    for label, result, colour, ideal in reversed(pairs):
-        result.plot.deviation("total", ideal, ax=error, color=colour, label=listed(label))
-    for label, result, colour in reversed(shown):
-        if not pairs:
-            result.plot.tilt(ax=error, color=colour, label=listed(label))
-        result.plot.forces("total", ax=force, color=colour, label=listed(label))
-    if pairs:
-        error.set_ylabel("tool error [mm]")
-    error.set_xlabel("")
-    force.set_ylabel("contact force [N]")
-    for label, _, colour in shown:  # drawn from the last case on, named from the first
-        plan.plot([], [], color=colour, label=listed(label))
-    ordered_legend(figure, plan)
+    across = [AXES.index(axis) for axis in plane]
+    look: dict[str, Any] = {"colour": "#999999", "opacity": 0.7, "width": 3.0, "marker": "o"}
+    bones = [
+        Curve(line[:, across[0]], line[:, across[1]], frame=True, size=5.0, **look)
+        for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2)
+        for line in _skeleton(mechanism, first["q"].values[moment])
+    ]
+    named = {label for label, *_ in shown}  # only these have errors and contacts
+    plan = overlaid(
+        result.plot.panel("path", plane).styled(
+            colour=colour, width=1.0, name=label if label in named else ""
+        )
+        for label, result, colour in coloured(cases)
+    )
+    plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
+    errors = [
+        result.plot.panel("deviation", "total", ideals[label]).styled(colour=colour)
+        for label, result, colour in reversed(list(coloured(cases)))
+        if label in ideals
+    ]
+    tilts = [result.plot.panel("tilt").styled(colour=colour) for _, result, colour in shown[::-1]]
+    error = overlaid(errors or tilts)
+    if errors:
+        error = replace(error, y=replace(error.y, name="tool error"))
     label, result, colour = shown[-1]
-    result.plot.orbit(ax=orbit, color=colour)
-    ring = analysis.rolls(result, result.joints[0])
-    what = "inner ring in the outer one" if ring else "journal centre in its bearing"
     joint = result.joints[0]
-    orbit.set_title(f"{what}, {joint}, {label}", fontsize=9)
-    force.set_title(f"contact force at {joint}", fontsize=9)
-    plan.set_aspect("equal", adjustable="datalim")
-    orbit.set_aspect("equal", adjustable="box")
-    return figure
+    ring = analysis.rolls(result, joint)
+    what = "inner ring in the outer one" if ring else "journal centre in its bearing"
+    orbit = result.plot.panel("orbit").styled(colour=colour)
+    force = overlaid(
+        one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown[::-1]
+    )
+    force = replace(
+        force, y=replace(force.y, name="contact force"), title=f"contact force at {joint}"
+    )
+    rows = [[plan, error], [replace(orbit, title=f"{what}, {joint}, {label}"), force]]
+    return Chart(rows, (9.0, 6.2), key=_LEGEND_COLUMNS, wide=(1.0, 1.5))
 
 
 def bearings_of(cases: Cases) -> list[tuple[str, str, Result, str]]:
@@ -350,24 +373,17 @@ def bearings_of(cases: Cases) -> list[tuple[str, str, Result, str]]:
     ]
 
 
-def bearing_loads(cases: Cases) -> Figure:
+def bearing_loads(cases: Cases) -> Chart:
     """Largest element load and number of loaded elements over time, a row a rolling bearing."""
-    shown = bearings_of(cases)
-    height = 0.6 + 2.0 * max(len(shown), 1)
-    figure, panels = _figure(9.0, height, max(len(shown), 1), 2, sharex=True)
-    for (load, loaded), (joint, label, result, colour) in zip(panels, shown, strict=True):
-        result.plot.contacts(joint, ax=load, color=colour)
-        load.set_ylim(bottom=0.0)
-        result.plot.loaded(joint, ax=loaded, color=colour, lw=0.6)
-        load.set_title(f"{label}, {joint}", fontsize=9, loc="left", color=colour)
-        for panel in (load, loaded):
-            panel.set_xlabel("")
-    for panel in panels[-1]:
-        panel.set_xlabel("time [s]")
-    return figure
+    rows: list[list[Panel | None]] = []
+    for joint, label, result, colour in bearings_of(cases):
+        load = result.plot.panel("contacts", joint).styled(colour=colour)
+        load = replace(load, y=replace(load.y, low=0.0), title=f"{label}, {joint}", colour=colour)
+        rows.append([load, result.plot.panel("loaded", joint).styled(colour=colour, width=0.6)])
+    return Chart(rows, (9.0, 0.6 + 2.0 * len(rows)), same_x=True)
 
 
-FIGURES: dict[str, Callable[[Cases], Figure]] = {
+CHARTS: dict[str, Callable[[Cases], Chart]] = {
     "tool_displacement": tool_displacement,
     "tool_velocity": tool_velocity,
     "tool_path": tool_path,
@@ -376,17 +392,22 @@ FIGURES: dict[str, Callable[[Cases], Figure]] = {
     "overview": overview,
     "bearing_loads": bearing_loads,
 }
+FIGURES: dict[str, Callable[[Cases], Figure]] = {
+    name: lambda cases, describe=describe: draw(describe(cases))  # type: ignore[misc]
+    for name, describe in CHARTS.items()
+}
+"""The same, drawn."""
 NEEDS_CLEARANCE = ("journal_orbit", "overview")
 
 
-def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
-    for name, draw in FIGURES.items():
+def _charts(cases: Cases) -> Iterator[tuple[str, Chart]]:
+    for name, describe in CHARTS.items():
         if name in NEEDS_CLEARANCE and joint_of(cases) is None:
             continue
         if name == "tool_path" and is_straight(cases):
             continue
         if name != "bearing_loads" or bearings_of(cases):
-            yield name, draw(cases)
+            yield name, describe(cases)
 
 
 def save(cases: Cases, folder: str | Path) -> list[Path]:
@@ -403,60 +424,65 @@ def save(cases: Cases, folder: str | Path) -> list[Path]:
     """
     written = []
     paper = is_paper(cases)
-    with style():
-        for shown, figure in _drawn(cases):
-            name = PAPER.get(shown, shown) if paper else shown
-            for kind in ("png", "pdf"):
-                path = Path(folder) / f"{name}.{kind}"
-                written.append(files.picture(path, figure, mark=MARK))
-                figure.set_layout_engine("none")  # laid out by now; again costs a third more
+    for shown, chart in _charts(cases):
+        name = PAPER.get(shown, shown) if paper else shown
+        figure = draw(chart)
+        for kind in ("png", "pdf"):
+            path = Path(folder) / f"{name}.{kind}"
+            written.append(files.picture(path, figure, mark=MARK))
+            figure.set_layout_engine("none")  # laid out by now; again costs a third more
     return written
 
 
-def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
-    """Timelines, contacts and spectra of every case with clearance."""
+def _states(cases: Cases) -> Iterator[Chart]:
+    """Timelines, contacts and energies of every case with clearance."""
     for label, result, colour in coloured(cases):
+        panel = result.plot.panel
         for joint in result.joints:
-            figure = new_figure(8.0, 8.0)
             has_forms = bool(analysis.shares(result, joint, "form"))
-            ratios = (1, 2, 2, 2) if has_forms else (1, 2, 2)
-            modes, *rest, contacts, gaps = figure.subplots(len(ratios), 1, height_ratios=ratios)
-            result.plot.modes(joint, ax=modes)
-            for forms in rest:
-                result.plot.forms(joint, ax=forms)
-            result.plot.contacts(joint, ax=contacts)
-            result.plot.gaps(joint, ax=gaps)
-            ring = analysis.rolls(result, joint)
-            shown = "loads and gaps of elements" if ring else "modes, forms, contacts, gaps"
-            figure.suptitle(f"{label}, {joint}: {shown}", color=colour)
-            yield f"{label}, {joint}", figure
-            figure = new_figure(7.0, 4.0)
-            left, right = figure.subplots(1, 2)
-            result.plot.impacts(joint, ax=left)
-            result.plot.tilt(joint, ax=right, color=colour)
-            figure.suptitle(f"{label}, {joint}: contacts by duration and peak; tilt", color=colour)
-            yield f"{label}, {joint}", figure
-        figure = new_figure(7.0, 4.2)
-        panel = figure.subplots()
-        result.plot.energy(ax=panel)
-        figure.suptitle(f"{label}: energy balance", color=colour)
-        yield label, figure
+            names = ["modes", *(["forms"] if has_forms else []), "contacts", "gaps"]
+            shown = (
+                "loads and gaps of elements"
+                if analysis.rolls(result, joint)
+                else ("modes, forms, contacts, gaps")
+            )
+            yield Chart(
+                [[panel(name, joint)] for name in names],
+                (8.0, 8.0),
+                f"{label}, {joint}: {shown}",
+                colour,
+                high=(1, 2, 2, 2)[: len(names)],
+            )
+            yield Chart(
+                [[panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]],
+                (7.0, 4.0),
+                f"{label}, {joint}: contacts by duration and peak; tilt",
+                colour,
+            )
+        yield Chart([[panel("energy")]], (7.0, 4.2), f"{label}: energy balance", colour)
 
 
-def _spectra(cases: Cases, start: float | None) -> Figure:
-    figure, panels = _figure(7.0, 6.5, 3, 1, sharex=True)
-    for panel, axis in zip(panels[:, 0], AXES, strict=True):
+def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
+    """Spectra of the tool's acceleration by axis; runs that are too short are named so."""
+    found = []
+    for axis in AXES:
+        panel = Panel(Axis("frequency", "Hz", log=True), Axis(axis, "(m/s^2)^2/Hz", log=True))
         for label, result, colour in coloured(cases):
             try:
-                result.plot.spectrum(axis, start=start, ax=panel, color=colour, label=listed(label))
+                one = result.plot.panel("spectrum", axis, start=start)
+                marks = one.styled(colour=colour, name=label).marks
             except TooShort:
-                reason = f"{listed(label)}: too short for a spectrum"
-                panel.plot([], [], color=colour, label=reason)
-        panel.set_xlabel("")
-    panels[-1, 0].set_xlabel("frequency [Hz]")
-    if panels[0, 0].get_lines():
-        ordered_legend(figure, panels[0, 0])
-    return figure
+                marks = [Curve([], [], f"{label}: too short for a spectrum", colour)]
+            panel = panel.with_marks(*marks)
+        found.append(panel)
+    return found
+
+
+def spectra(cases: Cases, start: float | None = None) -> Chart:
+    """Power spectral densities of the tool's acceleration."""
+    rows: list[list[Panel | None]] = [[panel] for panel in spectrum_panels(cases, start)]
+    title = "power spectral density of the tool's acceleration"
+    return Chart(rows, (7.0, 6.5), title, key=_LEGEND_COLUMNS, same_x=True)
 
 
 def save_pdf(
@@ -480,11 +506,9 @@ def save_pdf(
 def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
     """The file that `save_pdf` writes."""
     drawn = io.BytesIO()
-    with style(look), PdfPages(drawn) as pages:
+    with PdfPages(drawn) as pages:
         pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
-        for _, figure in _drawn(cases):
-            pages.savefig(figure)
-        for _, figure in _states(cases):
-            pages.savefig(figure)
-        pages.savefig(_spectra(cases, start))
+        charts = (chart for _, chart in _charts(cases))
+        for chart in (*charts, *_states(cases), spectra(cases, start)):
+            pages.savefig(draw(chart, look, whole=True))
     return drawn.getvalue()

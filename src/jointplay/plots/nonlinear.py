@@ -10,7 +10,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jointplay.nonlinear.lyapunov import Exponent
-from jointplay.plots.style import COLOURS, Decades, footnote, panels
+from jointplay.plots.palette import COLOURS
+from jointplay.plots.style import Decades, footnote, panels
 
 _WIDE_PT = 480.0
 """Width of a bifurcation diagram between its axes, about [points]."""

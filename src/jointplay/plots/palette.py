@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from jointplay.analysis.twins import has_play
 from jointplay.result.result import Result
@@ -11,8 +12,19 @@ COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
 """For cases. The paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and further ones, in the
 shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008)."""
 
+GREY = "#e0e0e0"
+"""Of what is not judged."""
+
 AXIS_COLOURS = {"x": COLOURS[1], "y": COLOURS[0], "z": COLOURS[3], "total": "black"}
 """For components along axes."""
+
+CONTACT_COLOURS = (
+    *(COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2]),
+    "#808080",
+)
+"""For the contacts of a joint, and its coordinates."""
+_DASHES = ("-", "--", ":")
+"""Tell contacts apart that share a colour: a slider has up to sixteen."""
 
 MODE_COLOURS = ("#B4BDC5", "#5AA5D0", "#34709F")
 """For the modes of a journal, `names.MODES`: the closer the contact, the deeper the blue."""
@@ -36,3 +48,9 @@ def colours(cases: Cases) -> list[str]:
         used += 1
         found.append(COLOURS[1 + (used - 1) % (len(COLOURS) - 1)])
     return found
+
+
+def contact_look(index: int) -> dict[str, Any]:
+    """Colour and dashes of a joint's contact."""
+    round_, at = divmod(index, len(CONTACT_COLOURS))
+    return {"colour": CONTACT_COLOURS[at], "line": _DASHES[round_ % len(_DASHES)]}

@@ -1,41 +1,36 @@
-"""`result.plot`: every quantity of one run, each drawn into one pair of axes."""
+"""`result.plot`: every quantity of one run as a chart of one panel, drawn where it is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import wraps
 from itertools import cycle
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.units import round_below
 from jointplay.geometry import Form, Mode
+from jointplay.plots.chart import Axis, Curve, Panel, Rule, Spans, outline
+from jointplay.plots.draw import draw_panel
 from jointplay.plots.names import MODE_TERMS, MODES
-from jointplay.plots.palette import AXIS_COLOURS, MODE_COLOURS
-from jointplay.plots.style import (
+from jointplay.plots.palette import (
+    AXIS_COLOURS,
     COLOURS,
-    COMPONENTS,
     CONTACT_COLOURS,
-    MARKERS,
-    contact_line,
-    figure_of,
-    legend,
-    listed,
-    literal,
-    logarithmic,
-    narrow,
-    new_figure,
-    style,
-    timeline,
+    MODE_COLOURS,
+    contact_look,
 )
+from jointplay.plots.style import figure_of, literal, new_figure, style
 from jointplay.result.result import AXES, Result
 from jointplay.result.variables import TERMS
+
+COMPONENTS = (*AXES, "total")
 
 _TICKS = 5
 """Intervals between the ticks of an orbit, at most."""
@@ -47,19 +42,19 @@ _RIM_EDGE = 1.5
 
 _RIM_COLOURS = ("#E69F00", "#009E73", MODE_COLOURS[2])
 """Of the modes; points need more contrast than bars."""
+_MARKERS = "o^sDvP*"
 
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
 """Plots that have a meaning for every run."""
 NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
 """Plots that have one only with clearance."""
 
-_UNITS = {
-    "q": {"rad": "rad", "m": "m"},
-    "v": {"rad": "rad/s", "m": "m/s"},
-    "drive": {"rad": "N m", "m": "N"},
+_HISTORIES = {
+    "q": ("position", {"rad": "rad", "m": "m"}),
+    "v": ("velocity", {"rad": "rad/s", "m": "m/s"}),
+    "drive": ("drive", {"rad": "N*m", "m": "N"}),
 }
-_WORDS = {"q": "position", "v": "velocity", "drive": "drive"}
-"""Units, by the coordinate's own, and names of the histories of coordinates."""
+"""Names of the histories of coordinates, and their units by the coordinate's own."""
 
 _ENERGIES = {
     "kinetic_energy": "kinetic",
@@ -70,8 +65,28 @@ _ENERGIES = {
     "load_work": "work of loads",
     "energy_residual": "error of the balance",
 }
-_ENERGY_COLOURS = [*(COLOURS[k] for k in (1, 5, 3, 0, 4, 2)), "0.5", "#0F7E86", "#7A5C2E"]
+_ENERGY_COLOURS = [*(COLOURS[k] for k in (1, 5, 3, 0, 4, 2)), "#808080", "#0F7E86", "#7A5C2E"]
 _ENERGY_COLOURS += ["#B0408A", "#5A7D2B", "black"]
+
+TIME = Axis("time", "s")
+
+
+def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..., Figure]]:
+    """A method that describes a panel as one that draws it, its figure of this size [inches]."""
+
+    def made(describe: Callable[..., Panel]) -> Callable[..., Figure]:
+        named = inspect.signature(describe).parameters
+
+        @wraps(describe)
+        def drawing(
+            self: Plots, *args: Any, ax: Any = None, style: str = "screen", **options: Any
+        ) -> Figure:
+            given = {name: options.pop(name) for name in named if name in options}
+            return self._draw(describe(self, *args, **given), (width, height), ax, style, options)
+
+        return drawing
+
+    return made
 
 
 class Plots:
@@ -109,42 +124,84 @@ class Plots:
             names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
         return names + (("deviation",) if analysis.has_play(self.result) else ())
 
-    def orbit(self, joint: str | None = None, **line: Any) -> Figure:
+    def panel(self, name: str, *args: Any, **options: Any) -> Panel:
+        """What a plot shows, as data: for charts of several results, and pages."""
+        described: Panel = getattr(Plots, name).__wrapped__(self, *args, **options)
+        return described
+
+    def _draw(
+        self, panel: Panel, size: tuple[float, float], ax: Any, look: str, options: dict[str, Any]
+    ) -> Figure:
+        if ax is not None:
+            draw_panel(panel, ax, **options)
+            literal(ax)
+            return figure_of(ax)
+        rows = panel.y.rows
+        if rows:
+            size = size[0], 0.9 + 0.24 * "\n".join(rows).count("\n") + 0.24
+        with style(look):
+            figure = new_figure(*size, look)
+            draw_panel(panel, figure.subplots(), **options)
+        return figure
+
+    @_drawn(4.8, 5.0)
+    def orbit(self, joint: str | None = None) -> Panel:
         """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12).
 
         Of a rolling bearing the inner ring's centre in the outer ring's frame [µm].
         """
         name = self._joint("orbit", joint)
         ring = analysis.rolls(self.result, name)
-        scale, unit = (1e6, "µm") if ring else (1e3, "mm")
-        with self._axes(line, 4.8, 5.0) as panel:
-            centre = scale * self.result["journal_centre"].sel(joint=name).values
-            outline = analysis.clearance_outline(self.result, name)
-            if outline is not None:
-                room = scale * outline
-                panel.plot(*room, color="black", lw=1.0)
-                shape = "circle" if room.shape[1] > 5 else "rectangle"
-                size = f"{room[0].max():.3g}" if ring else f"{room[0].max():g}"
-                panel.set_title(f"{name}, clearance {shape}, ±{size} {unit}")
-            elif ring:
-                panel.set_title(f"{name}, no play across")
-                reach = 1.2 * max(float(np.abs(centre[:, :2]).max()), 1e-3)
-                panel.set(xlim=(-reach, reach), ylim=(-reach, reach))
-            look: dict[str, Any] = {"color": COLOURS[1], "lw": 0.5} | line
-            first = int(np.searchsorted(self.result.time, self.result.judge_from))
-            if first:  # what is not judged
-                fall = look | {"color": "0.8", "label": "_"}
-                panel.plot(centre[: first + 1, 0], centre[: first + 1, 1], **fall)
-            panel.plot(centre[first:, 0], centre[first:, 1], **look)
-            panel.set_aspect("equal")
-            for axis in (panel.xaxis, panel.yaxis):  # small panels have room for few
-                axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
-            frame = "outer ring's" if ring else "bearing"
-            panel.set(xlabel=f"x in the {frame} frame [{unit}]")
-            panel.set(ylabel=f"y in the {frame} frame [{unit}]")
-        return figure_of(panel)
+        x, y = self._plane(ring)
+        centre = self.result["journal_centre"].sel(joint=name).values
+        room = analysis.clearance_outline(self.result, name)
+        marks, title = [], ""
+        factor, unit = x.shown
+        if room is not None:
+            marks.append(outline(*room))
+            shape = "circle" if room.shape[1] > 5 else "rectangle"
+            size = f"{factor * room[0].max():{'.3g' if ring else 'g'}}"
+            title = f"{name}, clearance {shape}, ±{size} {unit}"
+        elif ring:
+            title = f"{name}, no play across"
+        time = self.result.time
+        first = int(np.searchsorted(time, self.result.judge_from))
+        look: dict[str, Any] = {"width": 0.5}
+        if first:  # what is not judged
+            fall = centre[: first + 1]
+            marks.append(
+                Curve(
+                    fall[:, 0],
+                    fall[:, 1],
+                    at=time[: first + 1],
+                    colour="#cccccc",
+                    frame=True,
+                    **look,
+                )
+            )
+        marks.append(Curve(centre[first:, 0], centre[first:, 1], at=time[first:], **look))
+        return Panel(x, y, marks, title, equal="box")
 
-    def rims(self, joint: str | None = None, **points: Any) -> Figure:
+    @staticmethod
+    def _plane(ring: bool, reach: float | None = None) -> tuple[Axis, Axis]:
+        """Axes across a bearing, of which rolling ones are shown much larger."""
+        frame = "outer ring's" if ring else "bearing"
+        low = None if reach is None else -reach
+        x, y = (
+            Axis(
+                f"{axis} in the {frame} frame",
+                "m",
+                "fine" if ring else "",
+                low=low,
+                high=reach,
+                ticks=_TICKS,
+            )
+            for axis in "xy"
+        )
+        return x, y
+
+    @_drawn(4.8, 5.2)
+    def rims(self, joint: str | None = None) -> Panel:
         """Centre of the rim that is nearer to the bore, by the joint's mode (Fig. 12) [mm].
 
         It is drawn as far inside the clearance circle as its gap to the bore is wide, and
@@ -165,41 +222,36 @@ class Plots:
         gap = gaps[each, nearer]
         across = analysis.rim_centres(self.result, name)[:, judged, :2][nearer, each]
         mode = self.result["mode"].sel(joint=name).values[judged]
-        outline = analysis.clearance_outline(self.result, name)
-        assert outline is not None  # a cylinder's is a circle
-        clearance = float(outline.max())
+        room = analysis.clearance_outline(self.result, name)
+        assert room is not None  # a cylinder's is a circle
+        clearance = float(room.max())
         deep = np.quantile(-gap[gap < 0.0], 0.99) if (gap < 0.0).any() else clearance
         factor = max(1.0, round_below(_DRAWN_DEPTH * clearance / deep))
         reach = clearance - np.where(gap < 0.0, factor * gap, gap)
         reach = np.minimum(reach, _RIM_EDGE * clearance)
         far = np.linalg.norm(across, axis=1)
-        reach = np.divide(reach, far, out=np.ones_like(far), where=far > 0.0)
-        drawn = 1e3 * across * reach[:, None]
-        with self._axes(points, 4.8, 5.2) as panel:
-            panel.plot(*(1e3 * outline), color="black", lw=1.0)
-            look: dict[str, Any] = {"marker": ".", "ms": 2.0, "ls": "", "mew": 0.0}
-            for one in reversed(Mode):
-                look |= {"color": _RIM_COLOURS[one], "label": f"{MODE_TERMS[one]} ({MODES[one]})"}
-                panel.plot(*drawn[mode == one].T, **look, rasterized=True, **points)
-            panel.set_aspect("equal")
-            panel.set_title(f"{name}, nearer rim, penetration × {factor:g}")
-            edge = 1e3 * 1.05 * _RIM_EDGE * clearance
-            panel.set(xlim=(-edge, edge), ylim=(-edge, edge))
-            for axis in (panel.xaxis, panel.yaxis):
-                axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
-            panel.set(xlabel="x in the bearing frame [mm]", ylabel="y in the bearing frame [mm]")
-        return figure_of(panel)
+        drawn = across * np.divide(reach, far, out=np.ones_like(far), where=far > 0.0)[:, None]
+        marks = [outline(*room)]
+        for one in reversed(Mode):
+            label = f"{MODE_TERMS[one]} ({MODES[one]})"
+            x, y = drawn[mode == one].T
+            marks.append(Curve(x, y, label, _RIM_COLOURS[one], line="", marker=".", size=2.0))
+        axes = self._plane(False, 1.05 * _RIM_EDGE * clearance)
+        return Panel(*axes, marks, f"{name}, nearer rim, penetration × {factor:g}", equal="box")
 
-    def contacts(self, joint: str | None = None, **line: Any) -> Figure:
+    @_drawn()
+    def contacts(self, joint: str | None = None) -> Panel:
         """Largest normal force at each of the joint's contacts since the last record [N].
 
         Of a rolling bearing the load of the most loaded element.
         """
         name = self._joint("contacts", joint)
-        force = "largest element load" if analysis.rolls(self.result, name) else "normal force"
-        return self._of_contacts("normal_force_peak", name, 1.0, f"{force} [N]", line)
+        ring = analysis.rolls(self.result, name)
+        axis = Axis("largest element load" if ring else "normal force", "N")
+        return self._of_contacts("normal_force_peak", name, axis)
 
-    def loaded(self, joint: str | None = None, **line: Any) -> Figure:
+    @_drawn()
+    def loaded(self, joint: str | None = None) -> Panel:
         """How many balls or rollers of a rolling bearing bear load, over time.
 
         Args:
@@ -213,48 +265,35 @@ class Plots:
             raise JointplayError(
                 f"plot 'loaded' is of rolling bearings, and joint {name!r} has none"
             )
-        with self._axes(line) as panel:
-            values = self.result["loaded_elements"].sel(joint=name).values
-            look = {"color": COLOURS[1], "drawstyle": "steps-mid"} | line
-            panel.plot(self.result.time, values, **look)
-            panel.set_ylim(bottom=0)
-            panel.yaxis.set_major_locator(MaxNLocator(integer=True))
-            panel.set(xlabel="time [s]", ylabel="loaded elements")
-        return figure_of(panel)
+        values = self.result["loaded_elements"].sel(joint=name).values
+        marks = [Curve(self.result.time, values, steps=True)]
+        return Panel(TIME, Axis("loaded elements", low=0.0, whole=True), marks)
 
-    def gaps(self, joint: str | None = None, **line: Any) -> Figure:
+    @_drawn()
+    def gaps(self, joint: str | None = None) -> Panel:
         """Smallest gap at each of the joint's contacts since the last record; < 0 sunk in [mm]."""
         name = self._joint("gaps", joint)
-        panel = line.get("ax")
-        ring = analysis.rolls(self.result, name)
-        scale, label = (1e6, "least gap of elements [µm]") if ring else (1e3, "gap [mm]")
-        figure = self._of_contacts("gap_min", name, scale, label, line)
-        (panel or figure.axes[0]).axhline(0.0, color="black", lw=0.6)
-        return figure
+        axis = Axis("gap", "m")
+        if analysis.rolls(self.result, name):
+            axis = Axis("least gap of elements", "m", "fine")
+        return self._of_contacts("gap_min", name, axis).with_marks(Rule(0.0))
 
-    def modes(self, joint: str | None = None, **bar: Any) -> Figure:
+    @_drawn()
+    def modes(self, joint: str | None = None) -> Panel:
         """Timeline of the joint's mode (Table 1), with the share of the time in each."""
         name = self._joint("modes", joint)
-        with self._axes(bar, 6.0, 2.2) as panel:
-            shares = analysis.shares(self.result, name)
-            rows = [
-                f"{text}\n{100 * share:.1f} %"
-                for text, share in zip(MODES, shares.values(), strict=True)
-            ]
-            modes, colours = list(Mode), list(MODE_COLOURS)
-            if analysis.rolls(self.result, name):
-                modes, colours = [modes[0], modes[2]], [MODE_COLOURS[0], MODE_COLOURS[2]]
-                rows = [
-                    f"{text}\n{100 * list(shares.values())[int(mode)]:.1f} %"
-                    for text, mode in zip(
-                        ("no element\nloaded", "elements\nloaded"), modes, strict=True
-                    )
-                ]
-            values = self.result["mode"].sel(joint=name).values
-            timeline(panel, self.result.time, values, modes, rows, colours, bar)
-        return figure_of(panel)
+        shares = list(analysis.shares(self.result, name).values())
+        modes, words = list(Mode), list(MODES)
+        if analysis.rolls(self.result, name):
+            modes, words = [modes[0], modes[2]], ["no element\nloaded", "elements\nloaded"]
+        rows = [
+            f"{text}\n{100 * shares[int(mode)]:.1f} %"
+            for text, mode in zip(words, modes, strict=True)
+        ]
+        return self._timeline("mode", name, modes, rows, [MODE_COLOURS[mode] for mode in modes])
 
-    def forms(self, joint: str | None = None, **bar: Any) -> Figure:
+    @_drawn()
+    def forms(self, joint: str | None = None) -> Panel:
         """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
         name = self._joint("forms", joint)
         shares = analysis.shares(self.result, name, "form")
@@ -263,65 +302,82 @@ class Plots:
                 f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
             )
         occurred = [form for form in Form if shares[form.name.lower()] > 0.0]
-        with self._axes(bar, 6.0, 0.9 + 0.24 * len(occurred)) as panel:
-            rows = []
-            for form in occurred:
-                words = form.name.lower().replace("_", " ")
-                if form:
-                    words = form.letter if narrow(panel) else f"{form.letter}: {words}"
-                rows.append(f"{words}, {100 * shares[form.name.lower()]:.1f} %")
-            values = self.result["form"].sel(joint=name).values
-            timeline(panel, self.result.time, values, occurred, rows, (COLOURS[1],) * 13, bar)
-        return figure_of(panel)
+        rows = []
+        for form in occurred:
+            words = form.name.lower().replace("_", " ")
+            words = f"{form.letter}: {words}" if form else words
+            rows.append(f"{words}, {100 * shares[form.name.lower()]:.1f} %")
+        return self._timeline("form", name, occurred, rows, [COLOURS[1]] * len(rows))
 
-    def tilt(self, joint: str | None = None, **line: Any) -> Figure:
+    def _timeline(
+        self,
+        variable: str,
+        joint: str,
+        members: Sequence[int],
+        rows: list[str],
+        colours: Sequence[str],
+    ) -> Panel:
+        """A row for each member, filled while a variable equals it."""
+        time = self.result.time
+        values = self.result[variable].sel(joint=joint).values
+        marks = [
+            Spans(*spans(time, values == int(member)), row, rows[row].partition("\n")[0], colour)
+            for row, (member, colour) in enumerate(zip(members, colours, strict=True))
+        ]
+        x = Axis("time", "s", low=float(time[0]), high=float(time[-1]))
+        return Panel(x, Axis(rows=rows), marks)
+
+    @_drawn()
+    def tilt(self, joint: str | None = None) -> Panel:
         """Angle between the axes of journal and bearing, or of both rings, over time [mrad]."""
-        name = self._joint("tilt", joint)
-        with self._axes(line) as panel:
-            values = 1e3 * self.result["tilt"].sel(joint=name).values
-            panel.plot(self.result.time, values, **({"color": COLOURS[1]} | line))
-            panel.set(xlabel="time [s]", ylabel="tilt [mrad]")
-        return figure_of(panel)
+        values = self.result["tilt"].sel(joint=self._joint("tilt", joint)).values
+        return Panel(TIME, Axis("tilt", "rad"), [Curve(self.result.time, values)])
 
-    def impacts(self, joint: str | None = None, **dots: Any) -> Figure:
-        """Peak normal force [N] of every contact over its duration [ms], by place."""
+    @_drawn(5.0, 3.6)
+    def impacts(self, joint: str | None = None, start: float | None = None) -> Panel:
+        """Peak normal force [N] of every contact over its duration [ms], by place.
+
+        Args:
+            joint: a clearance joint; None takes the first.
+            start: contacts before this are left out [s]; None: none is.
+        """
         name = self._joint("impacts", joint)
-        with self._axes(dots, 5.0, 3.6) as panel:
-            places = [p for p in analysis.contacts(self.result) if p.joint == name]
-            for i, place in enumerate(places):
-                look = {
-                    **contact_line(i),
-                    "marker": MARKERS[i % len(MARKERS)],
-                    "label": f"{place.contact.replace('_', ' ')}, {len(place.peak)}",
-                    **{"ls": "none", "ms": 3.5, "mew": 0.0, "alpha": 0.8},
-                }
-                panel.plot(1e3 * place.duration, place.peak, **(look | dots))
-            if any(len(place.peak) for place in places):
-                logarithmic(panel, "xy")
-            ring = analysis.rolls(self.result, name)
-            panel.set_xlabel(f"duration of the {'load' if ring else 'contact'} [ms]")
-            panel.set_ylabel(f"{'peak element load' if ring else 'peak normal force'} [N]")
-            legend(panel, 2)
-        return figure_of(panel)
+        marks = [
+            Curve(
+                place.duration,
+                place.peak,
+                f"{place.contact.replace('_', ' ')}, {len(place.peak)}",
+                contact_look(i)["colour"],
+                line="",
+                marker=_MARKERS[i % len(_MARKERS)],
+                size=3.5,
+                opacity=0.8,
+            )
+            for i, place in enumerate(
+                one for one in analysis.contacts(self.result, start) if one.joint == name
+            )
+        ]
+        ring = analysis.rolls(self.result, name)
+        log = any(len(mark.x) for mark in marks)
+        x = Axis(f"duration of the {'load' if ring else 'contact'}", "s", "fine", log=log)
+        y = Axis("peak element load" if ring else "peak normal force", "N", log=log)
+        return Panel(x, y, marks, columns=2)
 
-    def displacement(self, axis: str | None = None, **line: Any) -> Figure:
+    @_drawn()
+    def displacement(self, axis: str | None = None) -> Panel:
         """Tool position over time along world `axis` x, y, z (None: all) [m] (Figure 9)."""
         values = self.result["tool_position"].values
-        return self._components(values, axis, "displacement", "m", line)
+        return self._components(values, axis, Axis("displacement", "m", "large"))
 
-    def velocity(self, axis: str | None = None, **line: Any) -> Figure:
+    @_drawn()
+    def velocity(self, axis: str | None = None) -> Panel:
         """Tool velocity over time along world `axis` x, y, z, total (None: all) [m/s] (Fig. 10)."""
-        values = self.result["tool_velocity"].values
-        return self._components(values, axis, "velocity", "m/s", line)
+        return self._components(self.result["tool_velocity"].values, axis, Axis("velocity", "m/s"))
 
+    @_drawn()
     def deviation(
-        self,
-        axis: str | None = None,
-        ideal: Result | None = None,
-        *,
-        of: str = "tool_position",
-        **line: Any,
-    ) -> Figure:
+        self, axis: str | None = None, ideal: Result | None = None, *, of: str = "tool_position"
+    ) -> Panel:
         """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
 
         Args:
@@ -336,20 +392,20 @@ class Plots:
             )
         reference = analysis.twin(self.result) if ideal is None else ideal
         error = analysis.deviation(self.result, reference, of)
-        unit, time = f"m{error.attrs['units']}", error["time"].values
-        return self._components(1e3 * error.values, axis, "deviation", unit, line, time)
+        unit = str(error.attrs["units"])
+        shown = Axis("deviation", unit, "fine" if unit.endswith("/s") else "")
+        return self._components(error.values, axis, shown, error["time"].values)
 
-    def path(self, plane: str = "xy", **line: Any) -> Figure:
+    @_drawn(4.6, 4.4)
+    def path(self, plane: str = "xy") -> Panel:
         """Tool path in the world plane `plane`, two of x, y, z [m] (Figure 11)."""
         if len(plane) != 2 or plane[0] == plane[1] or not set(plane) <= set(AXES):
             raise MissingName("plane", plane, ("xy", "xz", "yz"))
-        with self._axes(line, 4.6, 4.4) as panel:
-            across, up = (self.result["tool_position"].sel(axis=a).values for a in plane)
-            panel.plot(across, up, **({"color": COLOURS[1]} | line))
-            panel.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]")
-            panel.set_aspect("equal", adjustable="datalim")
-        return figure_of(panel)
+        across, up = (self.result["tool_position"].sel(axis=a).values for a in plane)
+        x, y = (Axis(axis, "m", "large") for axis in plane)
+        return Panel(x, y, [Curve(across, up, at=self.result.time)], equal="data")
 
+    @_drawn()
     def spectrum(
         self,
         axis: str | None = None,
@@ -357,8 +413,7 @@ class Plots:
         *,
         of: str = "acceleration",
         start: float | None = None,
-        **line: Any,
-    ) -> Figure:
+    ) -> Panel:
         """Power spectral density of the tool's vibration; see `analysis.spectrum`.
 
         Args:
@@ -370,22 +425,17 @@ class Plots:
         names = _axes_of(axis)
         density = analysis.spectrum(self.result, ideal, of, start)
         frequency = density["frequency"].values[1:]
-        with self._axes(line) as panel:
-            for name in names:
-                values = density.sel(axis=name).values[1:]
-                if values.any():  # else the tool does not move this way
-                    panel.plot(frequency, values, **(_axis_line(name, axis) | line))
-            logarithmic(panel, "xy")
-            unit = "(m/s²)²/Hz" if of == "acceleration" else "m²/Hz"
-            label = f"PSD of {of}{f' {axis}' if axis else ''} [{unit}]"
-            panel.set(xlabel="frequency [Hz]", ylabel=label)
-            if axis is None:
-                legend(panel, 3)
-        return figure_of(panel)
+        marks = [
+            Curve(frequency, values, **_look_of(name, axis))
+            for name in names
+            if (values := density.sel(axis=name).values[1:]).any()  # else it does not move this way
+        ]
+        unit = "(m/s^2)^2/Hz" if of == "acceleration" else "m^2/Hz"
+        y = Axis(f"PSD of {of}{f' {axis}' if axis else ''}", unit, log=True)
+        return Panel(Axis("frequency", "Hz", log=True), y, marks, columns=0 if axis else 3)
 
-    def coordinates(
-        self, names: Sequence[str] | str | None = None, *, of: str = "q", **line: Any
-    ) -> Figure:
+    @_drawn()
+    def coordinates(self, names: Sequence[str] | str | None = None, *, of: str = "q") -> Panel:
         """Generalised coordinates, their rates or their drives' efforts over time.
 
         Args:
@@ -393,8 +443,8 @@ class Plots:
                 without clearance that turn, or if there are none those that slide.
             of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
         """
-        if of not in _UNITS:
-            raise MissingName("history of coordinates", of, tuple(_UNITS))
+        if of not in _HISTORIES:
+            raise MissingName("history of coordinates", of, tuple(_HISTORIES))
         every = [str(name) for name in self.result["coordinate"].values]
         unit = dict(zip(every, map(str, self.result["coordinate_unit"].values), strict=True))
         if names is None:
@@ -409,16 +459,15 @@ class Plots:
                 f"coordinates {', '.join(names)} have different units, or there are none; draw "
                 "those in rad and those in m separately"
             )
-        with self._axes(line) as panel:
-            for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False):
-                look = {"color": colour, "label": listed(name)}
-                values = self.result[of].sel(coordinate=name).values
-                panel.plot(self.result.time, values, **(look | line))
-            panel.set(xlabel="time [s]", ylabel=f"{_WORDS[of]} [{_UNITS[of][unit[names[0]]]}]")
-            legend(panel, 4)
-        return figure_of(panel)
+        marks = [
+            Curve(self.result.time, self.result[of].sel(coordinate=name).values, name, colour)
+            for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False)
+        ]
+        word, units = _HISTORIES[of]
+        return Panel(TIME, Axis(word, units[unit[names[0]]], "large"), marks, columns=4)
 
-    def forces(self, axis: str | None = None, joint: str | None = None, **line: Any) -> Figure:
+    @_drawn()
+    def forces(self, axis: str | None = None, joint: str | None = None) -> Panel:
         """Force on the journal over time, world axes [N] (Figures 13-15).
 
         With clearance the contact force, each record showing it at the instant since the last
@@ -435,39 +484,21 @@ class Plots:
             if joint is not None and joint not in moving:
                 raise MissingName("moving joint", joint, moving)
             forces = self.result["reaction_force"].sel(moving_joint=joint or moving[0])
-        panel = line.get("ax")
-        figure = self._components(forces.values, axis, "force", "N", line)
-        if axis in AXES:
-            (panel or figure.axes[0]).set_ylabel(f"F{axis} [N]")
-        return figure
+        found = self._components(forces.values, axis, Axis("force", "N"))
+        return replace(found, y=Axis(f"F{axis}", "N")) if axis in AXES else found
 
-    def energy(self, **line: Any) -> Figure:
+    @_drawn(6.0, 3.8)
+    def energy(self) -> Panel:
         """Terms of the energy balance over time, and its error [J]."""
-        with self._axes(line, 6.0, 3.8) as panel:
-            for (name, text), colour in zip(_ENERGIES.items(), _ENERGY_COLOURS, strict=True):
-                if name not in self.result.dataset:
-                    continue
-                values = self.result[name].values
-                values = values if values.ndim == 1 else values.sum(axis=1)
-                if name == "energy_residual" or np.any(values != values[0]):
-                    look = {"color": colour, "label": text}
-                    panel.plot(self.result.time, values, **(look | line))
-            panel.set(xlabel="time [s]", ylabel="energy [J]")
-            legend(panel, 3)
-        return figure_of(panel)
-
-    @contextmanager
-    def _axes(
-        self, options: dict[str, Any], width: float = 6.0, height: float = 3.2
-    ) -> Iterator[Axes]:
-        """The axes to draw into: the keywords `ax` and `style` are taken out of the options."""
-        ax, look = options.pop("ax", None), options.pop("style", "screen")
-        if ax is not None:
-            yield ax
-            literal(ax)
-            return
-        with style(look):
-            yield new_figure(width, height, look).subplots()
+        marks = []
+        for (name, text), colour in zip(_ENERGIES.items(), _ENERGY_COLOURS, strict=True):
+            if name not in self.result.dataset:
+                continue
+            values = self.result[name].values
+            values = values if values.ndim == 1 else values.sum(axis=1)
+            if name == "energy_residual" or np.any(values != values[0]):
+                marks.append(Curve(self.result.time, values, text, colour))
+        return Panel(TIME, Axis("energy", "J"), marks, columns=3)
 
     def _joint(self, plot: str, joint: str | None) -> str:
         """A joint with clearance, by default the first."""
@@ -484,40 +515,41 @@ class Plots:
         return joint
 
     def _components(
-        self,
-        vectors: np.ndarray,
-        axis: str | None,
-        symbol: str,
-        unit: str,
-        line: dict[str, Any],
-        time: np.ndarray | None = None,
-    ) -> Figure:
+        self, vectors: np.ndarray, axis: str | None, shown: Axis, time: np.ndarray | None = None
+    ) -> Panel:
         """One component of vectors (n, 3) over time, or all three in the colours of the axes."""
         time = self.result.time if time is None else time
-        with self._axes(line) as panel:
-            for name in _axes_of(axis):
-                total = name == "total"
-                values = np.linalg.norm(vectors, axis=1) if total else vectors[:, AXES.index(name)]
-                panel.plot(time, values, **(_axis_line(name, axis) | line))
-            if axis is None:
-                legend(panel, 3)
-            part = {None: "", "total": ", total"}.get(axis, f" {axis}")
-            panel.set(xlabel="time [s]", ylabel=f"{symbol}{part} [{unit}]")
-        return figure_of(panel)
+        marks = []
+        for name in _axes_of(axis):
+            total = name == "total"
+            values = np.linalg.norm(vectors, axis=1) if total else vectors[:, AXES.index(name)]
+            marks.append(Curve(time, values, **_look_of(name, axis)))
+        part = {None: "", "total": ", total"}.get(axis, f" {axis}")
+        y = replace(shown, name=f"{shown.name}{part}")
+        return Panel(TIME, y, marks, columns=0 if axis else 3)
 
-    def _of_contacts(
-        self, variable: str, joint: str, scale: float, label: str, line: dict[str, Any]
-    ) -> Figure:
+    def _of_contacts(self, variable: str, joint: str, axis: Axis) -> Panel:
         """A history of each contact of a joint."""
-        with self._axes(line) as panel:
-            for i, contact in enumerate(analysis.places(self.result, joint)):
-                values = self.result[variable].sel(joint=joint, contact=contact).values
-                look = {"label": contact.replace("_", " "), "lw": 0.7, **contact_line(i)}
-                panel.plot(self.result.time, scale * values, **(look | line))
-            panel.set(xlabel="time [s]", ylabel=label)
-            if not analysis.rolls(self.result, joint):  # all elements are one place
-                legend(panel, 4)
-        return figure_of(panel)
+        places = self.result[variable].sel(joint=joint)
+        marks = [
+            Curve(
+                self.result.time,
+                places.sel(contact=contact).values,
+                contact.replace("_", " "),
+                width=0.7,
+                **contact_look(i),
+            )
+            for i, contact in enumerate(analysis.places(self.result, joint))
+        ]
+        # All elements of a rolling bearing are one place.
+        return Panel(TIME, axis, marks, columns=0 if analysis.rolls(self.result, joint) else 4)
+
+
+def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """When each stretch begins and ends in which records hold something, (n,) of `time`."""
+    edges = np.diff(np.concatenate([[False], holds, [False]]).astype(int))
+    following = np.append(time, time[-1])
+    return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
 
 
 def _axes_of(axis: str | None) -> tuple[str, ...]:
@@ -527,6 +559,6 @@ def _axes_of(axis: str | None) -> tuple[str, ...]:
     return AXES if axis is None else (axis,)
 
 
-def _axis_line(name: str, asked: str | None) -> dict[str, Any]:
-    """Colour of a component, and its label among several."""
-    return {"color": AXIS_COLOURS[name], **({"label": name} if asked is None else {})}
+def _look_of(name: str, asked: str | None) -> dict[str, Any]:
+    """Colour of a component, and its name among several."""
+    return {"colour": AXIS_COLOURS[name], "name": name if asked is None else ""}

@@ -6,14 +6,13 @@ import io
 import os
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,8 +20,6 @@ from matplotlib.ticker import LogFormatterSciNotation
 
 from jointplay.core import files
 from jointplay.core.errors import MissingName
-from jointplay.plots.palette import COLOURS
-from jointplay.result.result import AXES
 
 _SMALL_PRINT, _LETTERS_AN_INCH = 6.5, 20
 """Size of footnotes [pt], and how many of their letters stand side by side."""
@@ -192,9 +189,15 @@ def listed(name: str) -> str:
     return f" {name}" if name.startswith("_") else name
 
 
-def new_figure(width: float, height: float, look: str = "screen") -> StyledFigure:
-    """An empty figure, its size [inches] being that on screen; call it within `style`."""
-    return StyledFigure(figsize=(width * SIZES[look], height * SIZES[look]), look=look)
+def new_figure(
+    width: float, height: float, look: str = "screen", whole: bool = False
+) -> StyledFigure:
+    """An empty figure, its size [inches] being that on screen; call it within `style`.
+
+    It is made smaller for a journal's column, unless it is to stay `whole`.
+    """
+    factor = 1.0 if whole else SIZES[look]
+    return StyledFigure(figsize=(width * factor, height * factor), look=look)
 
 
 @contextmanager
@@ -217,16 +220,6 @@ def footnote(figure: Figure, text: str) -> None:
     figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")
 
 
-# Axes to draw into, their legends and timelines.
-
-COMPONENTS = (*AXES, "total")
-
-CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2], "0.5")
-_DASHES = ("-", "--", ":")
-"""Tell contacts apart that share a colour: a slider has up to sixteen."""
-MARKERS = "o^sDvP*"
-
-
 def figure_of(panel: Axes) -> Figure:
     """The figure that axes belong to."""
     figure = panel.get_figure(root=True)
@@ -234,58 +227,6 @@ def figure_of(panel: Axes) -> Figure:
     return figure
 
 
-def contact_line(index: int) -> dict[str, Any]:
-    """Colour and dashes of a joint's contact."""
-    round_, at = divmod(index, len(CONTACT_COLOURS))
-    return {"color": CONTACT_COLOURS[at], "ls": _DASHES[round_ % len(_DASHES)]}
-
-
 def narrow(panel: Axes) -> bool:
     """Whether the figure is as wide as a column of a journal, or less."""
     return bool(figure_of(panel).get_figwidth() < 4.5)
-
-
-def legend(panel: Axes, columns: int) -> None:
-    """Above the axes, in fewer columns on a narrow figure."""
-    if narrow(panel) and columns > 3:
-        columns = 2
-    made = panel.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=columns,
-        borderaxespad=0.2,
-        handlelength=1.3,
-        columnspacing=1.2,
-    )
-    for line in made.get_lines():
-        line.set_linewidth(max(line.get_linewidth(), 1.6))
-
-
-def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """When each stretch begins and ends in which records hold something, (n,) of `time`."""
-    edges = np.diff(np.concatenate([[False], holds, [False]]).astype(int))
-    following = np.append(time, time[-1])
-    return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
-
-
-def timeline(
-    panel: Axes,
-    time: np.ndarray,
-    values: np.ndarray,
-    members: Sequence[int],
-    rows: Sequence[str],
-    colours: Sequence[str],
-    options: dict[str, Any],
-) -> None:
-    """A row for each of `members`, filled while `values` equals it."""
-    for row, (member, colour) in enumerate(zip(members, colours, strict=False)):
-        begin, end = spans(time, values == member)
-        drawn: dict[str, Any] = {"facecolors": colour, "linewidth": 0.0} | options
-        bars = np.column_stack([begin, end - begin])
-        panel.broken_barh(bars.tolist(), (row - 0.4, 0.8), **drawn)
-    panel.set_yticks(range(len(rows)), rows)
-    panel.set_ylim(len(rows) - 0.5, -0.5)
-    panel.set_xlim(time[0], time[-1])
-    panel.grid(axis="y", visible=False)
-    panel.tick_params(axis="y", length=0)
-    panel.set_xlabel("time [s]")

@@ -10,7 +10,10 @@ import xarray as xr
 
 from jointplay.analysis.uncertainty import convergence, enough, estimate
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.plots.style import COLOURS, StyledFigure, listed, logarithmic, panels
+from jointplay.plots.chart import Axis, Chart, Curve, Map, Panel, Rule
+from jointplay.plots.draw import draw as drawn
+from jointplay.plots.palette import COLOURS
+from jointplay.plots.style import StyledFigure
 from jointplay.study.plan import SAMPLE
 from jointplay.study.table import coordinate_text, label, measured, samples_of, scale, select
 
@@ -62,86 +65,70 @@ def draw(
         raise JointplayError(
             f"hue {hue} has {len(groups)} values; at most {MOST_LINES} can be drawn"
         )
-    return _lines(dataset, x, y, hue, groups, look)
+    marks = []
+    across = Axis(label(dataset, x), log=_equal_ratios(dataset, x))
+    for number, k in enumerate(groups):
+        part = values if k is None else values.isel({hue: k})
+        if not np.isfinite(part.values).any():  # none of its cases ran to its end
+            continue
+        text = "" if k is None or hue is None else coordinate_text(dataset, hue, k)
+        again = number >= len(COLOURS)
+        named: dict[str, Any] = {"name": text, "colour": COLOURS[number % len(COLOURS)]}
+        if x in sampled:
+            marks.append(_points(dataset, part, x, y, named))
+            continue
+        marks.append(_line(dataset, part, x, y, {**named, "line": "--" if again else "-"}))
+    if x in dims and not _is_number(dataset, x):
+        across = Axis(label(dataset, x), rows=_texts(dataset, x))
+    title = label(dataset, hue) if hue is not None else ""
+    legend = "best" if hue is not None else ""
+    panel = Panel(across, Axis(label(dataset, y)), marks, legend=legend, legend_title=title)
+    return drawn(Chart([[panel]], (6.0, 3.8)), look)
 
 
-def _lines(
-    dataset: xr.Dataset, x: str, y: str, hue: str | None, groups: list[int | None], look: str
-) -> StyledFigure:
-    """A line, or points, for each value of `hue`."""
-    values, sampled = measured(dataset, y), list(dataset.attrs["sampled"])
-    with panels(6.0, 3.8, look=look) as (figure, axes):
-        for number, k in enumerate(groups):
-            part = values if k is None else values.isel({hue: k})
-            if not np.isfinite(part.values).any():  # none of its cases ran to its end
-                continue
-            text = None if k is None or hue is None else listed(coordinate_text(dataset, hue, k))
-            options: dict[str, Any] = {"color": COLOURS[number % len(COLOURS)], "label": text}
-            if number >= len(COLOURS):
-                options["linestyle"] = "--"
-            if x in sampled:
-                options.pop("linestyle", None)
-                _points(axes, dataset, part, x, y, options)
-            else:
-                _line(axes, dataset, part, x, y, options)
-        axes.set_xlabel(label(dataset, x))
-        axes.set_ylabel(label(dataset, y))
-        _log_where_spaced_so(axes, dataset, x)
-        if hue is not None:
-            axes.legend(title=label(dataset, hue))
-    return figure
+def _is_number(dataset: xr.Dataset, name: str) -> bool:
+    return name in dataset.coords and dataset[name].dtype.kind in "fi"
 
 
-def _log_where_spaced_so(axes: Any, dataset: xr.Dataset, x: str) -> None:
-    """A logarithmic axis for values of equal ratios."""
-    if x not in dataset.coords or x not in dataset.dims or dataset[x].dtype.kind not in "fi":
-        return
+def _texts(dataset: xr.Dataset, name: str) -> list[str]:
+    return [coordinate_text(dataset, name, k) for k in range(dataset.sizes[name])]
+
+
+def _equal_ratios(dataset: xr.Dataset, x: str) -> bool:
+    """Whether values of a dimension are spaced for a logarithmic axis."""
+    if x not in dataset.dims or not _is_number(dataset, x):
+        return False
     values = dataset[x].values.astype(float)
-    if len(values) > 3 and (values > 0.0).all():
-        ratios = values[1:] / values[:-1]
-        if np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05:
-            logarithmic(axes, "x")
+    if len(values) < 4 or not (values > 0.0).all():
+        return False
+    ratios = values[1:] / values[:-1]
+    return bool(np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05)
 
 
-def _line(
-    axes: Any, dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, options: dict[str, Any]
-) -> None:
+def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
     """Mean and its confidence band at each value of a dimension."""
-    factor = scale(dataset, y)[0]
     table = part.transpose(x, ...).values.reshape(part.sizes[x], -1)
     estimates = [estimate(row) for row in table]
-    words = x not in dataset.coords or dataset[x].dtype.kind not in "fi"
-    at = np.arange(len(estimates)) if words else dataset[x].values * scale(dataset, x)[0]
-    if words:
-        axes.set_xticks(at, [coordinate_text(dataset, x, k) for k in range(len(estimates))])
+    at = np.arange(len(estimates))
+    if _is_number(dataset, x):
+        at = dataset[x].values * scale(dataset, x)[0]
     order = np.argsort(at)
-    _band(
-        axes, at[order], [estimates[k] for k in order], factor, options | {"marker": "o", "ms": 3}
-    )
+    known = [estimates[k] for k in order]
+    return _band(at[order], known, scale(dataset, y)[0], {**look, "marker": "o"})
 
 
-def _band(
-    axes: Any,
-    at: np.ndarray,
-    estimates: Sequence[Any],
-    factor: float,
-    options: dict[str, Any],
-) -> None:
+def _band(at: np.ndarray, estimates: Sequence[Any], factor: float, look: dict[str, Any]) -> Curve:
     """Values as a line, and their confidence intervals, where they are known, as a band."""
     middle, low, high = factor * np.array([(one.value, one.low, one.high) for one in estimates]).T
-    axes.plot(at, middle, **options)
-    known = np.isfinite(low) & np.isfinite(high)
-    if known.any():
-        axes.fill_between(at, low, high, where=known, color=options["color"], alpha=0.2, lw=0)
+    return Curve(at, middle, low=low, high=high, **look)
 
 
-def _points(
-    axes: Any, dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, options: dict[str, Any]
-) -> None:
+def _points(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
     """Values over a sampled quantity."""
-    table = part.transpose(SAMPLE, ...).values.reshape(part.sizes[SAMPLE], -1)
+    table = scale(dataset, y)[0] * part.transpose(SAMPLE, ...).values
+    table = table.reshape(part.sizes[SAMPLE], -1)
     at = np.repeat(dataset[x].values[:, None], table.shape[1], axis=1) * scale(dataset, x)[0]
-    axes.plot(at.ravel(), table.ravel() * scale(dataset, y)[0], ".", ms=3, alpha=0.6, **options)
+    return Curve(at.ravel(), table.ravel(), line="", marker=".", opacity=0.6, **look)
 
 
 def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledFigure:
@@ -151,29 +138,13 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledF
             raise MissingName("dimension", name, [str(d) for d in values.dims])
     if x == y:
         raise JointplayError(f"x and y are both {x}; a heat map needs two dimensions")
-    factor = scale(dataset, z)[0]
     rest = [d for d in values.dims if d not in (x, y)]
-    table = factor * values.mean(rest, skipna=True).transpose(y, x).values
+    table = scale(dataset, z)[0] * values.mean(rest, skipna=True).transpose(y, x).values
     if not np.isfinite(table).any():
         raise JointplayError(f"no case has a value of {z}")
-    with panels(6.0, 4.4, look=look) as (figure, axes):
-        image = axes.imshow(table, cmap="cividis", origin="lower", aspect="auto")
-        axes.grid(False)
-        for name, ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
-            size = values.sizes[name]
-            at = np.unique(np.linspace(0, size - 1, min(size, 9)).round().astype(int))
-            ticks(at, [coordinate_text(dataset, name, k) for k in at])
-        axes.set_xlabel(label(dataset, x))
-        axes.set_ylabel(label(dataset, y))
-        if table.size <= 120:
-            middle = 0.5 * (np.nanmin(table) + np.nanmax(table))
-            for (row, column), value in np.ndenumerate(table):
-                if np.isfinite(value):
-                    colour = "white" if value < middle else "black"
-                    axes.text(column, row, f"{value:.3g}", ha="center", va="center",
-                              color=colour, fontsize=7)  # fmt: skip
-        figure.colorbar(image, label=label(dataset, z))
-    return figure
+    across, up = (Axis(label(dataset, name), rows=_texts(dataset, name)) for name in (x, y))
+    panel = Panel(across, up, [Map(table, Axis(label(dataset, z)), written=True)])
+    return drawn(Chart([[panel]], (6.0, 4.4)), look)
 
 
 def draw_convergence(
@@ -185,20 +156,17 @@ def draw_convergence(
         JointplayError: nothing is sampled, or no such measure.
     """
     values = samples_of(dataset, measure)
-    factor = scale(dataset, measure)[0]
-    with panels(6.0, 3.8, look=look) as (figure, axes):
-        for number, (name, probability, text) in enumerate(
-            (("mean", 0.5, "mean"), ("quantile", 0.95, "95 % quantile"))
-        ):
-            estimates = convergence(values, name, probability)
-            runs, colour = np.array([one.runs for one in estimates]), COLOURS[number]
-            _band(axes, runs, estimates, factor, {"color": colour, "label": text})
-            done = enough(estimates, precision)
-            if done is not None:
-                axes.axvline(done, color=colour, ls=":",
-                             label=f"{text}: {done} runs give {100 * precision:g} %")  # fmt: skip
-        logarithmic(axes, "x")
-        axes.set_xlabel("runs")
-        axes.set_ylabel(label(dataset, measure))
-        axes.legend()
-    return figure
+    marks: list[Curve | Rule] = []
+    for colour, (name, probability, text) in zip(
+        COLOURS, (("mean", 0.5, "mean"), ("quantile", 0.95, "95 % quantile")), strict=False
+    ):
+        estimates = convergence(values, name, probability)
+        runs = np.array([one.runs for one in estimates])
+        look_of = {"colour": colour, "name": text}
+        marks.append(_band(runs, estimates, scale(dataset, measure)[0], look_of))
+        done = enough(estimates, precision)
+        if done is not None:
+            words = f"{text}: {done} runs give {100 * precision:g} %"
+            marks.append(Rule(done, "x", words, colour, ":", 0.9))
+    across, up = Axis("runs", log=True), Axis(label(dataset, measure))
+    return drawn(Chart([[Panel(across, up, marks, legend="best")]], (6.0, 3.8)), look)

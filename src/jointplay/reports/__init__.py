@@ -183,11 +183,13 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
 
 
 def _place(chart: Chart) -> Html:
-    shown = dict.fromkeys(panel.get("title") or panel["label"] for panel in chart["panels"])
+    shown = dict.fromkeys(panel["title"] or panel["y"]["label"] for panel in chart["panels"])
     names = dict.fromkeys(trace["name"] for panel in chart["panels"] for trace in panel["traces"])
     return markup(
         '<h3>{}</h3><div class="chart" id="chart-{}" role="img" aria-label="{}"></div>',
         chart["title"],
         chart["id"],
-        f"{chart['title']}: {', '.join(shown)} of {', '.join(names)}",
+        f"{chart['title']}: {', '.join(shown)} of {', '.join(filter(None, names))}".removesuffix(
+            " of "
+        ),
     )

@@ -1,21 +1,19 @@
-"""Interactive charts as plain data: what `page/report.js` draws with plotly."""
+"""Charts in pages: their descriptions as plain data, which `page/report.js` draws with plotly."""
 
 from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from jointplay import analysis
-from jointplay.analysis.spectra import TooShort
-from jointplay.geometry import Mode
-from jointplay.plots.figures import force_joints, is_paper, moving_axes, plane_of
-from jointplay.plots.names import MODES, PAPER
-from jointplay.plots.palette import MODE_COLOURS
-from jointplay.plots.style import contact_line, spans
+from jointplay.plots import figures
+from jointplay.plots.chart import Axis, Curve, Panel, Rule, Spans
+from jointplay.plots.names import PAPER
 from jointplay.reports.cases import Case
 from jointplay.result.result import AXES, Result
 
@@ -101,91 +99,183 @@ class Thinning:
 
 
 _FINE, _COARSE = 18, 13
-"""Bits of the mantissa kept of motions (4e-6, relative) and of forces and gaps (6e-5)."""
+"""Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
 Chart = dict[str, Any]
-_DASHES = {"-": "solid", "--": "dash", ":": "dot"}
-"""What plotly calls the dashes of figures."""
+_DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
+"""What plotly calls them."""
 
 
-class ChartSeries:
-    """One case's series in the block, each stored once."""
+class Times:
+    """Points of time of one case: whole numbers of its steps, each series of them packed once."""
 
-    def __init__(self, case: Case, pack: Pack) -> None:
+    def __init__(self, case: Case, result: Result) -> None:
         """Take the records, and every step where the run was replayed."""
-        self.case = case
-        self.result: Result = case.detailed()
-        self._pack = pack
-        self._step = case.result.audit.step
-        self._at = np.rint(self.result.time / self._step).astype(np.uint32)
-        self.thinning = Thinning(np.isin(self.result.time, case.result.time))
-        self._times: dict[bytes, int] = {}
+        self.time = result.time
+        self.step = case.result.audit.step
+        self.thinning = Thinning(np.isin(self.time, case.result.time))
 
-    def _time(self, kept: np.ndarray) -> int:
-        steps = self._at[kept]
+    def has(self, time: np.ndarray) -> bool:
+        """Whether these are its own, or the first of them."""
+        return len(time) > 1 and np.array_equal(self.time[: len(time)], time)
+
+    def steps(self, time: np.ndarray) -> np.ndarray:
+        """Times as whole numbers of steps."""
+        return np.rint(time / self.step).astype(np.uint32)
+
+
+class Drawing:
+    """Charts in terms of a page; their series go into a `Pack`.
+
+    Args:
+        pack: receives the series.
+        times: of all cases.
+    """
+
+    def __init__(self, pack: Pack, times: Sequence[Times]) -> None:
+        """Nothing is drawn yet."""
+        self._pack, self._times = pack, times
+        self._packed: dict[bytes, int] = {}
+
+    def chart(self, name: str, title: str, panels: Sequence[Panel], *, same: bool = False) -> Chart:
+        """A chart: panels over time or frequency below each other, others side by side.
+
+        Args:
+            name: by which the page knows it.
+            title: above it.
+            panels: of which it consists.
+            same: whether their y axes are the same.
+        """
+        across = panels[0].x.name if panels else ""
+        return {
+            "id": name,
+            "title": title,
+            "stacked": across in ("time", "frequency"),
+            "time": across == "time",
+            "same": same,
+            "panels": [self._panel(panel) for panel in panels],
+        }
+
+    def _panel(self, panel: Panel) -> Chart:
+        marks = (self._mark(mark, panel) for mark in panel.marks)
+        return {
+            "x": _axis(panel.x),
+            "y": _axis(panel.y),
+            "title": panel.title,
+            "equal": bool(panel.equal),
+            "traces": [mark for mark in marks if mark is not None],
+        }
+
+    def _mark(self, mark: Any, panel: Panel) -> dict[str, Any] | None:
+        look = {"name": getattr(mark, "name", ""), "color": getattr(mark, "colour", "")}
+        if isinstance(mark, Spans):
+            owner = self._times[0]
+            for one in self._times:
+                owner = one if np.isin(mark.begin, one.time).all() else owner
+            ends = (self._pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
+            return {
+                **dict(zip(("from", "to"), ends, strict=True)),
+                "dt": owner.step,
+                "row": mark.row,
+                **look,
+            }
+        if not isinstance(mark, Curve):
+            return None  # lines across are the page's own
+        x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
+        look |= {"dash": _DASHES.get(mark.line, ""), "frame": mark.frame}
+        bits = EXACT if panel.y.size == "large" else _COARSE if panel.y.unit in ("N", "") else _FINE
+        time = np.asarray(mark.x if panel.x.unit == "s" and mark.at is None else mark.at)
+        timed = next((one for one in self._times if time.ndim and one.has(time)), None)
+        if timed is None:
+            return {"x": self._pack.add(x), "y": self._pack.add(y, bits), **look}
+        curve, ended = mark.at is not None, np.full(len(timed.time) - len(y), np.nan)
+        x, y = np.append(x, ended), np.append(y, ended)  # such as where its reference ended
+        kept = timed.thinning.kept(x, y) if curve else timed.thinning.kept(y)
+        found = {"t": self._time(timed, kept), "dt": timed.step, "y": self._pack.add(y[kept], bits)}
+        return {**found, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
+
+    def _time(self, owner: Times, kept: np.ndarray) -> int:
+        steps = owner.steps(owner.time[kept])
         key = steps.tobytes()
-        if key not in self._times:
-            self._times[key] = self._pack.add(steps)
-        return self._times[key]
-
-    def series(self, values: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
-        """A trace of `values` over all points of time; further keywords are its look."""
-        return self._trace(self.thinning.kept(values), values, bits, look)
-
-    def _trace(
-        self, kept: np.ndarray, values: np.ndarray, bits: int, look: dict[str, Any]
-    ) -> dict[str, Any]:
-        return {
-            "t": self._time(kept),
-            "dt": self._step,
-            "y": self._pack.add(values[kept], bits),
-            "color": self.case.colour,
-            "name": self.case.label,
-            **look,
-        }
-
-    def curve(self, x: np.ndarray, y: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
-        """A trace in a plane, whose points keep their times."""
-        kept = self.thinning.kept(x, y)
-        return {**self._trace(kept, y, bits, look), "x": self._pack.add(x[kept], bits)}
-
-    def spans(self, values: np.ndarray, row: int, member: int, **look: Any) -> dict[str, Any]:
-        """A bar in `row` wherever `values` equals `member`."""
-        begin, end = spans(self._at, values == member)
-        return {
-            "from": self._pack.add(begin),
-            "to": self._pack.add(end),
-            "dt": self._step,
-            "row": row,
-            **look,
-        }
+        if key not in self._packed:
+            self._packed[key] = self._pack.add(steps)
+        return self._packed[key]
 
 
-def _chart(kind: str, name: str, title: str, panels: list[Chart], **more: Any) -> Chart:
-    return {"kind": kind, "id": name, "title": title, "panels": panels, **more}
-
-
-def _panel(label: str, traces: list[dict[str, Any]], **more: Any) -> Chart:
-    return {"label": label, "traces": traces, **more}
+def _axis(axis: Axis) -> dict[str, Any]:
+    rows = None if axis.rows is None else list(axis.rows)
+    return {"label": axis.label, "unit": axis.shown[1], "log": axis.log, "rows": rows}
 
 
 def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     """All charts of a report; their series go into `pack`."""
-    histories = [ChartSeries(case, pack) for case in cases]
-    paper = is_paper({case.label: case.result for case in cases})
-    charts = [
-        *_tool(histories, "tool_position", "tool_displacement", "Displacement of the tool"),
-        *_tool(histories, "tool_velocity", "tool_velocity", "Velocity of the tool"),
-        _path(histories, cases, paper),
-        *_orbits(histories),
-        *(_forces(histories, cases, axis, f"force_{axis}") for axis in AXES),
-        *_modes(histories, paper),
-        _loaded(histories),
-        *_places(histories, "normal_force_peak", 1.0, "contacts", "Normal force of each contact"),
-        *_places(histories, "gap_min", 1e3, "gaps", "Gap of each contact"),
-        *_impacts(cases, pack, start),
-        *_spectra(cases, pack, start),
+    results = {case.label: case.detailed() for case in cases}
+    recorded = {case.label: case.result for case in cases}
+    ideals = {
+        case.label: case.ideal
+        for case in cases
+        if case.error is not None and case.ideal is not None
+    }
+    times = [Times(case, results[case.label]) for case in cases]
+    draw = Drawing(pack, times).chart
+    paper = figures.is_paper(recorded)
+    rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
+    kinds = tuple(sorted(rolls))
+    charts = []
+    axes = figures.moving_axes(results)
+    along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
+    for of, name, word in (
+        ("tool_position", "tool_displacement", "Displacement"),
+        ("tool_velocity", "tool_velocity", "Velocity"),
+    ):
+        title = f"{word} of the tool{along}"
+        charts.append(draw(name, title, figures.tool_panels(results, of)))
+        less = figures.difference_panels(results, of, ideals)
+        charts.append(draw(f"{name}_error", f"{title}, less the ideal mechanism's", less))
+    if not figures.is_straight(results):
+        plane = figures.plane_of(recorded)
+        where = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
+        panels = [figures.path_panel(results)]
+        charts.append(draw("tool_path", f"Path of the tool in {where}", panels))
+    centre = {
+        (True,): "Inner ring's centre in the outer ring",
+        (False, True): "Centre in the bearing",
+    }.get(kinds, "Journal centre in its bearing")
+    orbits = [panel for panel, _ in figures.orbit_panels(results)]
+    charts.append(draw("journal_orbit", f"{centre}, with its clearance", orbits))
+    on = {(True,): "inner ring", (False, True): "journal or inner ring"}.get(kinds, "journal")
+    for axis in AXES:
+        title = f"Force on the {on} along world {axis}"
+        forces = figures.force_panels(results, axis)
+        charts.append(draw(f"force_{axis}", title, forces, same=True))
+    modes = [  # shares are those of records, not of steps: the table has them
+        replace(panel, y=Axis(rows=[mark.name for mark in panel.marks if isinstance(mark, Spans)]))
+        for panel, ring in _of_joints(results, "modes")
+        if not ring
     ]
+    charts.append(draw("modes", f"Contact mode{' (Table 1)' if paper else ''}", modes))
+    loaded = [panel for panel, ring in _of_joints(results, "loaded", rolling=True) if ring]
+    charts.append(draw("loaded", "Balls or rollers that bear load", loaded))
+    for name, title in (
+        ("contacts", "Normal force of each contact"),
+        ("gaps", "Gap of each contact"),
+    ):
+        panels = [panel for panel, _ in _of_joints(results, name)]
+        charts.append(draw(name, title, panels, same=True))
+    met = [panel for panel, _ in _of_joints(recorded, "impacts", start=start)]
+    met = [
+        replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in found])
+        for panel in met
+        if (found := [mark for mark in _curves(panel) if len(mark.x)])
+    ]
+    charts.append(draw("impacts", "Contacts by duration and peak force", met))
+    density = [
+        replace(panel, marks=found)
+        for panel in figures.spectrum_panels(recorded, start)
+        if (found := [mark for mark in _curves(panel) if len(mark.x)])
+    ]
+    title = "Power spectral density of the tool's acceleration"
+    charts.append(draw("spectrum", title, density))
     for chart in charts:
         number = PAPER.get(chart["id"].removesuffix("_error"), "") if paper else ""
         if number:
@@ -194,185 +284,28 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     return [chart for chart in charts if chart["panels"]]
 
 
-def _tool(histories: list[ChartSeries], of: str, name: str, title: str) -> list[Chart]:
-    unit, small = ("m", "mm") if of == "tool_position" else ("m/s", "mm/s")
-    panels: list[dict[str, Any]] = []
-    differences: list[dict[str, Any]] = []
-    axes = moving_axes({h.case.label: h.case.result for h in histories})
-    shown = [(AXES.index(axis), axis) for axis in axes]
-    if len(axes) < len(AXES):
-        title += f" (along {' and '.join(axes)}, the others are at rest)"
-    for k, axis in shown:
-        bits = EXACT if of == "tool_position" else _FINE
-        traces = [h.series(h.result[of].values[:, k], bits) for h in histories]
-        panels.append(_panel(f"{axis} [{unit}]", traces))
-    for h in histories:
-        if h.case.error is None or h.case.ideal is None:
-            continue
-        error = 1e3 * analysis.deviation(h.result, h.case.ideal, of).values
-        for row, (k, axis) in enumerate(shown):
-            if len(differences) <= row:
-                differences.append(_panel(f"{axis} − ideal [{small}]", []))
-            differences[row]["traces"].append(
-                h.series(_padded(error[:, k], len(h.result.time)), _FINE)
-            )
-    return [
-        _chart("time", name, title, panels),
-        _chart("time", f"{name}_error", f"{title}, less the ideal mechanism's", differences),
-    ]
+def _curves(panel: Panel) -> list[Curve]:
+    return [mark for mark in panel.marks if isinstance(mark, Curve)]
 
 
-def _padded(values: np.ndarray, size: int) -> np.ndarray:
-    """Not a number where the reference has ended."""
-    return np.concatenate([values, np.full(size - len(values), np.nan)])
+def _of_joints(
+    results: Mapping[str, Result], name: str, rolling: bool = False, **options: Any
+) -> list[tuple[Panel, bool]]:
+    """A plot of each joint with clearance, and whether it has a rolling bearing.
 
-
-def _path(histories: list[ChartSeries], cases: Sequence[Case], paper: bool) -> Chart:
-    plane = plane_of({case.label: case.result for case in cases})
-    one, two = (AXES.index(axis) for axis in plane)
-    paths = [(h, h.result["tool_position"].values) for h in histories]
-    traces = [h.curve(path[:, one], path[:, two], EXACT) for h, path in paths]
-    reach = np.ptp(np.concatenate([path for _, path in paths]), axis=0)
-    if min(reach[one], reach[two]) < 1e-3 * max(reach[one], reach[two]):
-        traces = []  # on a straight line there is no path to see
-    name = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
-    panels = [_panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")] if traces else []
-    return _chart("plane", "tool_path", f"Path of the tool in {name}", panels)
-
-
-def _orbits(histories: list[ChartSeries]) -> list[Chart]:
-    panels = []
-    for h in histories:
-        for joint in h.case.joints:
-            # The play of rolling bearings is of the order of micrometres.
-            scale, unit = (1e6, "µm") if analysis.rolls(h.result, joint) else (1e3, "mm")
-            centre = scale * h.result["journal_centre"].sel(joint=joint).values
-            outline = analysis.clearance_outline(h.result, joint)
-            panels.append(
-                _panel(
-                    f"y [{unit}]",
-                    [h.curve(centre[:, 0], centre[:, 1], _COARSE)],
-                    across=f"x [{unit}]",
-                    title=f"{h.case.label}, {joint}",
-                    outline=None if outline is None else np.round(scale * outline, 6).tolist(),
-                )
-            )
-    kinds = {analysis.rolls(h.result, joint) for h in histories for joint in h.case.joints}
-    what = {
-        (True,): "Inner ring's centre in the outer ring",
-        (False, True): "Centre in the bearing",
-    }
-    of = what.get(tuple(sorted(kinds)), "Journal centre in its bearing")
-    title = f"{of}, with its clearance"
-    return [_chart("plane", "journal_orbit", title, panels)]
-
-
-def _forces(histories: list[ChartSeries], cases: Sequence[Case], axis: str, name: str) -> Chart:
-    k, panels = AXES.index(axis), []
-    by_label = {case.label: case.result for case in cases}
-    for h in histories:
-        for joint in force_joints(h.case.result, by_label):
-            if h.case.joints:
-                force = h.result["joint_force_peak"].sel(joint=joint).values[:, k]
-            else:
-                force = h.result["reaction_force"].sel(moving_joint=joint).values[:, k]
-            traces = [h.series(force, _COARSE)]
-            panels.append(_panel(f"F{axis} [N]", traces, title=f"{h.case.label}, {joint}"))
-    kinds = {analysis.rolls(h.result, joint) for h in histories for joint in h.case.joints}
-    on = {(True,): "inner ring", (False, True): "journal or inner ring"}
-    title = f"Force on the {on.get(tuple(sorted(kinds)), 'journal')} along world {axis}"
-    return _chart("time", name, title, panels, same=True)
-
-
-def _modes(histories: list[ChartSeries], paper: bool) -> list[Chart]:
-    panels = []
-    for h in histories:
-        for joint in h.case.joints:
-            if analysis.rolls(h.result, joint):
-                continue
-            values = h.result["mode"].sel(joint=joint).values
-            bars = [
-                h.spans(values, row, int(mode), color=colour, name=text)
-                for row, (mode, colour, text) in enumerate(
-                    zip(Mode, MODE_COLOURS, MODES, strict=True)
-                )
-            ]
-            panels.append(_panel("", bars, title=f"{h.case.label}, {joint}", rows=MODES))
-    return [_chart("time", "modes", f"Contact mode{' (Table 1)' if paper else ''}", panels)]
-
-
-def _loaded(histories: list[ChartSeries]) -> Chart:
-    panels = []
-    for h in histories:
-        for joint in h.case.joints:
-            if analysis.rolls(h.result, joint):
-                values = h.result["loaded_elements"].sel(joint=joint).values
-                traces = [h.series(values, _COARSE)]
-                panels.append(_panel("loaded elements", traces, title=f"{h.case.label}, {joint}"))
-    return _chart("time", "loaded", "Balls or rollers that bear load", panels)
-
-
-def _look(index: int, contact: str) -> dict[str, Any]:
-    """Colour, dashes and name of a contact, as in the figures."""
-    line = contact_line(index)
-    colour = "#808080" if line["color"] == "0.5" else line["color"]
-    return {"color": colour, "dash": _DASHES[line["ls"]], "name": contact.replace("_", " ")}
-
-
-def _places(
-    histories: list[ChartSeries], of: str, scale: float, name: str, title: str
-) -> list[Chart]:
-    panels = []
-    unit = "N" if scale == 1.0 else "mm"
-    for h in histories:
-        for joint in h.case.joints:
-            values = h.result[of].sel(joint=joint)
-            traces = [
-                h.series(scale * values.sel(contact=contact).values, _COARSE, **_look(i, contact))
-                for i, contact in enumerate(analysis.places(h.case.result, joint))
-            ]
-            label = f"{'normal force' if unit == 'N' else 'gap'} [{unit}]"
-            if analysis.rolls(h.result, joint):
-                of_element = "largest element load" if unit == "N" else "least gap of elements"
-                label = f"{of_element} [{unit}]"
-            panels.append(_panel(label, traces, title=f"{h.case.label}, {joint}"))
-    return [_chart("time", name, title, panels, same=True)]
-
-
-def _impacts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
-    panels = []
-    for case in cases:
-        contacts = analysis.contacts(case.result, start)
-        for joint in case.joints:
-            here = [place for place in contacts if place.joint == joint and len(place.peak)]
-            traces = [
-                {
-                    "x": pack.add(1e3 * place.duration),
-                    "y": pack.add(place.peak),
-                    **_look(i, place.contact),
-                }
-                for i, place in enumerate(here)
-            ]
-            if traces:
-                title = f"{case.label}, {joint}"
-                across = "duration of the contact [ms]"
-                panels.append(_panel("peak normal force [N]", traces, across=across, title=title))
-    return [_chart("points", "impacts", "Contacts by duration and peak force", panels)]
-
-
-def _spectra(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
-    panels = [_panel(f"{axis} [(m/s²)²/Hz]", []) for axis in AXES]
-    for case in cases:
-        try:
-            density = analysis.spectrum(case.result, start=start)
-        except TooShort:  # the table beneath says so
-            continue
-        x = pack.add(density["frequency"].values[1:])
-        for k, panel in enumerate(panels):
-            if not density.values[1:, k].any():  # the tool does not move this way
-                continue
-            y = pack.add(density.values[1:, k], _COARSE)
-            panel["traces"].append({"x": x, "y": y, "color": case.colour, "name": case.label})
-    title = "Power spectral density of the tool's acceleration"
-    panels = [panel for panel in panels if panel["traces"]]
-    return [_chart("spectrum", "spectrum", title, panels)]
+    Args:
+        results: by label.
+        name: of the plot.
+        rolling: whether it is of rolling bearings alone.
+        options: of the plot.
+    """
+    found = []
+    for label, result in results.items():
+        for joint in result.joints:
+            ring = analysis.rolls(result, joint)
+            if ring or not rolling:
+                panel = result.plot.panel(name, joint, **options)
+                title = f"{label}, {joint}"
+                marks = [mark for mark in panel.marks if not isinstance(mark, Rule)]
+                found.append((replace(panel, title=title, marks=marks), ring))
+    return found

@@ -136,6 +136,7 @@
 
   // A case's colour, lighter in the dark.
   function tone(given) {
+    if (given === "black") return colour("ink");
     if (!isDark()) return given;
     const mixed = [1, 3, 5].map((i) => Math.round(0.7 * parseInt(given.slice(i, i + 2), 16) + 76));
     return `rgb(${mixed.join(",")})`;
@@ -153,12 +154,11 @@
       modebar: { bgcolor: "rgba(0,0,0,0)", color: line, activecolor: ink },
       margin: { l: wide < 640 ? 56 : 76, r: 16, t: 34, b: 44 }, hovermode: "closest", uirevision: "keep",
       legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top" } };
-    const time = chart.kind === "time";
-    const stacked = time || chart.kind === "spectrum";
+    const { time, stacked } = chart;
     const count = chart.panels.length;
     const columns = stacked ? 1 : Math.min(count, most);
     const rows = Math.ceil(count / columns);
-    const rowHeight = chart.id === "modes" ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, wide);
+    const rowHeight = chart.panels[0].y.rows ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, wide);
     const titled = chart.panels.some((panel) => panel.title);
     const gap = (titled ? 26 : 14) / (rows * rowHeight);
     layout.height = rows * rowHeight + 90;
@@ -169,60 +169,52 @@
       const high = (1 - (rows - 1) * down) / rows, wide = (1 - (columns - 1) * across) / columns;
       const top = 1 - row * (high + down), left = column * (wide + across);
       const n = number(i), xn = stacked ? "" : n;
-      layout["yaxis" + n] = { ...AXIS, domain: [Math.max(0, top - high), top], anchor: "x" + xn,
-        title: { text: panel.label, standoff: 6 } };
-      if (stacked) layout.xaxis = layout.xaxis || { ...AXIS, anchor: "y" + number(count - 1) };
-      else layout["xaxis" + n] = { ...AXIS, domain: [left, left + wide], anchor: "y" + n,
-        title: { text: panel.across, standoff: 6 } };
-      const x = layout["xaxis" + xn], y = layout["yaxis" + n];
+      const titleOf = (axis) => ({ text: plain(axis.label), standoff: 6 });
+      const y = layout["yaxis" + n] = { ...AXIS, domain: [Math.max(0, top - high), top], anchor: "x" + xn,
+        title: titleOf(panel.y) };
+      const x = layout["xaxis" + xn] = layout["xaxis" + xn] || { ...AXIS, title: titleOf(panel.x),
+        ...(stacked ? { anchor: "y" + number(count - 1) } : { domain: [left, left + wide], anchor: "y" + n }) };
       if (time) y.fixedrange = true;
-      if (chart.kind === "plane") { y.scaleanchor = "x" + n; y.constrain = x.constrain = "domain"; }
-      if (chart.kind === "points" || chart.kind === "spectrum") {
-        x.type = y.type = "log"; x.dtick = 1; x.exponentformat = y.exponentformat = "power";
-        if (chart.kind === "spectrum") {
-          let low = Infinity, high = 0;
-          for (const trace of panel.traces) for (const value of series(trace.y)) {
-            if (value > 0) { low = Math.min(low, value); high = Math.max(high, value); }
-          }
-          y.dtick = Math.max(1, Math.ceil(Math.log10(high / low) / 5)); // five labels or so
+      if (panel.equal) { y.scaleanchor = "x" + n; y.constrain = x.constrain = "domain"; }
+      if (panel.x.log) Object.assign(x, { type: "log", dtick: 1, exponentformat: "power" });
+      if (panel.y.log) {
+        let low = Infinity, high = 0;
+        for (const trace of panel.traces) for (const value of series(trace.y)) {
+          if (value > 0) { low = Math.min(low, value); high = Math.max(high, value); }
         }
+        const dtick = Math.max(1, Math.ceil(Math.log10(high / low) / 5)); // five labels or so
+        Object.assign(y, { type: "log", exponentformat: "power", dtick });
       }
       if (chart.same && i) y.matches = "y";
-      if (panel.rows) {
-        y.tickvals = panel.rows.map((_, k) => -k); y.ticktext = panel.rows;
-        y.range = [0.5 - panel.rows.length, 0.5]; y.showgrid = false; y.zeroline = false;
+      if (panel.y.rows) {
+        const words = panel.y.rows.map((one) => plain(one).replace("\n", "<br>"));
+        Object.assign(y, { tickvals: words.map((_, k) => -k), ticktext: words, showgrid: false, zeroline: false,
+          range: [0.5 - words.length, 0.5] });
       }
       if (panel.title) annotations.push({ text: plain(panel.title), xref: "paper", yref: "paper", x: left,
         y: top, xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
-      if (panel.outline) data.push({ x: panel.outline[0], y: panel.outline[1], mode: "lines",
-        line: { color: ink, width: 1.2 }, name: "clearance", showlegend: !seen.has("clearance"),
-        legendgroup: "clearance", hoverinfo: "skip", xaxis: "x" + xn, yaxis: "y" + n });
-      if (panel.outline) seen.add("clearance");
       for (const trace of panel.traces) {
-        const unit = (label) => plain((/\[(.*)\]/.exec(label || "") || ["", ""])[1]);
-        const below = time ? "s" : chart.kind === "spectrum" ? "Hz" : unit(panel.across);
-        const base = { name: plain(trace.name), legendgroup: trace.name, showlegend: !seen.has(trace.name),
-          hovertemplate: `%{y:.5~g} ${unit(panel.label)} at %{x:.6~g} ${below}`,
-          xaxis: "x" + xn, yaxis: "y" + n, type: "scatter" };
-        seen.add(trace.name);
+        const name = plain(trace.name || panel.title);
+        const base = { name, legendgroup: name, showlegend: Boolean(trace.name) && !seen.has(name),
+          hovertemplate: `%{y:.5~g} ${plain(panel.y.unit)} at %{x:.6~g} ${plain(panel.x.unit)}`,
+          xaxis: "x" + xn, yaxis: "y" + n, type: "scatter", ...(trace.frame ? { hoverinfo: "skip" } : {}) };
+        if (trace.name) seen.add(name);
+        const color = tone(trace.color);
         // Plotly's own simplification would leave polygons of smooth curves.
-        const line = { color: tone(trace.color), width: 1.2, dash: trace.dash || "solid", simplify: false };
+        const line = { color, width: 1.2, dash: trace.dash || "solid", simplify: false };
         if (trace.from !== undefined) {
-          data.push({ ...base, ...spans(trace), mode: "lines", hovertemplate: "%{x:.6~g} s",
-            line: { color: tone(trace.color), width: 16 } });
-        } else if (time || chart.kind === "plane") {
-          const { count: points, ...drawn } = time ? reduce(trace) : curve(trace);
+          data.push({ ...base, ...spans(trace), mode: "lines", hovertemplate: "%{x:.6~g} s", line: { color, width: 16 } });
+        } else if (trace.t !== undefined) {
+          const { count: points, ...drawn } = trace.x === undefined ? reduce(trace) : curve(trace);
           data.push({ ...base, ...drawn, line, mode: points <= SINGLE ? "lines+markers" : "lines",
-            marker: { size: 4, color: tone(trace.color) } });
+            marker: { size: 4, color } });
         } else {
-          const dots = chart.kind === "points";
           data.push({ ...base, x: Array.from(series(trace.x)), y: Array.from(series(trace.y)), line,
-            mode: dots ? "markers" : "lines", marker: { size: 5, color: tone(trace.color), opacity: 0.7 } });
+            mode: trace.dash ? "lines" : "markers", marker: { size: 5, color, opacity: 0.7 } });
         }
       }
     });
-    if (time) Object.assign(layout.xaxis, { title: { text: "time [s]" }, range: window_() });
-    if (chart.kind === "spectrum") layout.xaxis.title = { text: "frequency [Hz]" };
+    if (time) layout.xaxis.range = window_();
     layout.showlegend = seen.size > 1;
     return { data, layout };
   }
@@ -242,7 +234,7 @@
       entry.listens = true;
       state.drawn += 1;
       host.classList.add("drawn");
-      if (entry.chart.kind === "time") host.on("plotly_relayout", zoomed);
+      if (entry.chart.time) host.on("plotly_relayout", zoomed);
     }
   }
 
@@ -309,7 +301,7 @@
     const [a, b] = window_();
     from.value = Number(a.toPrecision(8)); to.value = Number(b.toPrecision(8));
     for (const entry of hosts.values())
-      if (entry.chart.kind === "time" || entry.chart.kind === "plane") entry.stale = true;
+      if (entry.chart.time || entry.chart.panels.some((panel) => panel.equal)) entry.stale = true;
     if (!waiting) {
       waiting = true;
       requestAnimationFrame(() => { waiting = false; refresh(); });
