@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
@@ -22,39 +23,59 @@ from jointplay.design.static_budget import Budget
 from jointplay.identification import Calibration, Estimate, Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
-from jointplay.plots.palette import COLOURS
-from jointplay.plots.style import footnote, listed, panels
+from jointplay.plots.chart import Area, Axis, Bars, Chart, Curve, Dots, Mark, Panel, Rule, Words
+from jointplay.plots.draw import draw
+from jointplay.plots.palette import COLOURS, LINE, many
 from jointplay.study.iso9283 import Iso9283
 from jointplay.study.maintenance import Maintenance
 from jointplay.study.shares import DynamicBudget
 
-# Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
-
-
 _SHARES = "YlOrRd"
-_ERRORS = "viridis"
+
+
+def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Figure:
+    """A figure of panels side by side."""
+    return draw(Chart([list(panels)], size, **more))
+
+
+# Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
 
 
 def bars(budget: Budget, pose: int | None = None) -> Figure:
     """What each joint adds to the tool's error at a pose, by default the worst one."""
     at = budget.worst_pose if pose is None else pose
-    place = np.arange(len(budget.joints))
     rests, whole, _ = budget.standing.rest(at)
     groups = (
         ("worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
         ("RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
         ("at rest", np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1), COLOURS[3]),
     )
-    with panels(7.0, 1.6 + 0.42 * len(place)) as (figure, axes):
-        for index, (words, total, values, colour) in enumerate(groups):
-            label = f"{words}, all {1e3 * total:.3g} mm"
-            axes.barh(place + 0.27 * (index - 1), 1e3 * values, 0.25, label=label, color=colour)
-        axes.set_yticks(place, budget.joints)
-        axes.invert_yaxis()
-        axes.set_xlabel(f"contribution of the joint to the error of {budget.tool!r} [mm]")
-        figure.legend(loc="outside upper center", ncols=2)
-        footnote(figure, budget.accuracy)
-    return figure
+    marks = [
+        Bars(
+            values,
+            f"{words}, all {1e3 * total:.3g} mm",
+            colour,
+            shift=0.27 * (index - 1),
+            height=0.25,
+        )
+        for index, (words, total, values, colour) in enumerate(groups)
+    ]
+    across = Axis(f"contribution of the joint to the error of {budget.tool!r}", "m")
+    panel = Panel(across, Axis(rows=budget.joints), marks)
+    return _row([panel], (7.0, 1.6 + 0.42 * len(budget.joints)), note=budget.accuracy, key=2)
+
+
+def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]:
+    """Bars of each cause, one where the other ends, negative ones to the left (causes, rows)."""
+    marks: list[Mark] = []
+    ends = {1.0: np.zeros(parts.shape[1]), -1.0: np.zeros(parts.shape[1])}
+    for own, name, colour in zip(parts, names, COLOURS, strict=False):
+        for sign, end in ends.items():  # loads may shift the tool back
+            part = np.where(np.sign(own) == sign, own, 0.0)
+            if sign > 0.0 or part.any():
+                marks.append(Bars(part, name if sign > 0.0 else "", colour, end.copy(), **look))
+            end += part
+    return marks
 
 
 def cause_bars(budget: ErrorBudget) -> Figure:
@@ -66,33 +87,18 @@ def cause_bars(budget: ErrorBudget) -> Figure:
     shown = np.zeros((2, len(causes), len(joints)))
     for part, one in zip(budget.parts[:, at], budget.contributions, strict=True):
         cell = causes.index(one.cause), joints.index(one.joint)
-        shown[0][cell] += 1e3 * part
+        shown[0][cell] += part
         shown[1][cell] += 100.0 * float(np.trace(one.variance()[at])) / variance
-    labels = (
-        f"part of the worst case of {1e3 * budget.worst[at]:.3g} mm [mm]",
-        f"part of the variance (RMS with the mean {1e3 * budget.rms[at]:.3g} mm) [%]",
+    axes = (
+        Axis(f"part of the worst case of {1e3 * budget.worst[at]:.3g} mm", "m"),
+        Axis(f"part of the variance (RMS with the mean {1e3 * budget.rms[at]:.3g} mm)", "%"),
     )
-    place = np.arange(len(joints))
-    with panels(9.0, 1.8 + 0.35 * len(joints), 1, 2, sharey=True) as (figure, axes):
-        for panel, values, label in zip(axes, shown, labels, strict=True):
-            for k, cause in enumerate(causes):
-                panel.barh(
-                    place, values[k], 0.6, left=values[:k].sum(axis=0), color=COLOURS[k],
-                    label=cause if panel is axes[0] else None,
-                )  # fmt: skip
-            panel.set_xlabel(label)
-            _leave_room(panel)
-        axes[0].set_yticks(place, joints)
-        axes[0].invert_yaxis()
-        figure.legend(loc="outside upper center", ncols=len(causes))
-        footnote(figure, "; ".join(budget.assumed))
-    return figure
-
-
-def _leave_room(panel: Axes) -> None:
-    """Leave room beside bars that begin where others end, which Matplotlib keeps at the edge."""
-    low, high = panel.dataLim.intervalx
-    panel.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
+    panels = [
+        Panel(axis, Axis(rows=joints), _stacked(values, causes))
+        for axis, values in zip(axes, shown, strict=True)
+    ]
+    size, note = (9.0, 1.8 + 0.35 * len(joints)), "; ".join(budget.assumed)
+    return _row(panels, size, note=note, key=len(causes), same_y=True)
 
 
 def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
@@ -131,32 +137,31 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     """
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
-    rest = 1e3 * budget.standing.rest(at).whole
-    ends = 1e3 * budget.standing.interval(at)
+    rest = budget.standing.rest(at).whole
+    ends = budget.standing.interval(at)
     held = f"{budget.standing.words} may hold it"
     if budget.standing.unsearched:
         held = "entire play: friction not searched"
-    with panels(8.5, 3.4, 1, 3) as (figure, axes):
-        for panel, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
-            directions = np.zeros((len(budget.positions), len(angle), 3))
-            directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
-            outline = np.zeros((len(angle), 3))
-            for error in budget.sources.along(directions).error[:, at]:
-                outline = outline + error[:, :3]
-                panel.plot(*(1e3 * outline[:, [i, j]]).T, color="0.75", lw=0.6)
-            panel.plot(*(1e3 * outline[:, [i, j]]).T, color=COLOURS[0], label="reachable")
-            panel.plot(rest[i], rest[j], "o", color=COLOURS[3], ms=5, label="at rest")
-            (left, right), (low, high) = ends[i], ends[j]
-            box = [left, right, right, left, left], [low, low, high, high, low]
-            panel.plot(*box, "--", color=COLOURS[3], lw=1.0, label=held)
-            panel.plot(0.0, 0.0, "+", color="black", label="without play")
-            panel.set(xlabel=f"{'xyz'[i]} [mm]", ylabel=f"{'xyz'[j]} [mm]")
-            panel.set_aspect("equal", adjustable="datalim")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4)
-        joints = ", ".join(budget.joints)
-        footnote(figure, f"grey: first joint, first two, ... of {joints}\n{budget.accuracy}")
-    return figure
+    panels = []
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        directions = np.zeros((len(budget.positions), len(angle), 3))
+        directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
+        edge = np.zeros((len(angle), 3))
+        marks = []
+        for error in budget.sources.along(directions).error[:, at]:
+            edge = edge + error[:, :3]
+            marks.append(Curve(edge[:, i], edge[:, j], colour="#bfbfbf", width=0.6))
+        (left, right), (low, high) = ends[i], ends[j]
+        box = [left, right, right, left, left], [low, low, high, high, low]
+        marks += [
+            Curve(edge[:, i], edge[:, j], "reachable", COLOURS[0]),
+            Curve([rest[i]], [rest[j]], "at rest", COLOURS[3], "", marker="o", size=5.0),
+            Curve(*box, held, COLOURS[3], "--", 1.0),
+            Curve([0.0], [0.0], "without play", "black", "", marker="+", size=6.0),
+        ]
+        panels.append(Panel(Axis("xyz"[i], "m"), Axis("xyz"[j], "m"), marks, equal="data"))
+    note = f"grey: first joint, first two, ... of {', '.join(budget.joints)}\n{budget.accuracy}"
+    return _row(panels, (8.5, 3.4), note=note, key=4)
 
 
 def course(budget: Budget, time: np.ndarray | None = None) -> Figure:
@@ -167,64 +172,61 @@ def course(budget: Budget, time: np.ndarray | None = None) -> Figure:
         time: of its poses [s], shape (n,); None counts them.
     """
     x = np.arange(len(budget.worst)) if time is None else time
-    with panels(7.0, 3.6) as (figure, axes):
-        tones = mpl.colormaps["tab20"](np.linspace(0.0, 1.0, max(len(budget.joints), 2)))
-        axes.stackplot(
-            x, 1e3 * budget.worst_parts.T, labels=budget.joints, colors=tones, alpha=0.75
-        )
-        axes.plot(x, 1e3 * budget.worst, color="black", label="worst case")
-        axes.plot(x, 1e3 * budget.rms, "--", color="black", label="RMS over load directions")
-        axes.plot(x, 1e3 * budget.rest_error, ":", color="black", label="at rest under its load")
-        axes.set(
-            xlabel="pose" if time is None else "time in the motion [s]",
-            ylabel=f"error of {budget.tool!r} [mm]",
-            xlim=(x[0], x[-1]),
-        )
-        axes.set_ylim(bottom=0.0)
-        figure.legend(loc="outside right upper", fontsize=7)
-        footnote(figure, budget.accuracy)
-    return figure
+    tops = np.cumsum(np.column_stack([np.zeros(len(x)), budget.worst_parts]), axis=1).T
+    tones = many(len(budget.joints))
+    marks: list[Mark] = [
+        Area(x, low, high, joint, tone)
+        for (low, high), joint, tone in zip(pairwise(tops), budget.joints, tones, strict=False)
+    ]
+    for values, name, line in (
+        (budget.worst, "worst case", "-"),
+        (budget.rms, "RMS over load directions", "--"),
+        (budget.rest_error, "at rest under its load", ":"),
+    ):
+        marks.append(Curve(x, values, name, "black", line))
+    across = Axis("pose") if time is None else Axis("time in the motion", "s")
+    across = replace(across, low=float(x[0]), high=float(x[-1]))
+    panel = Panel(across, Axis(f"error of {budget.tool!r}", "m", low=0.0), marks)
+    at = "outside right upper"
+    return _row([panel], (7.0, 3.6), note=budget.accuracy, key=1, key_at=at)
 
 
 def workspace_map(budget: Budget) -> Figure:
     """Where in the workspace the worst case is large: from the side and from above."""
     x, y, z = budget.positions.T
-    views = (
-        (np.hypot(x, y), z, "distance from the z axis [m]", "z [m]"),
-        (x, y, "x [m]", "y [m]"),
-    )
+    scale = Axis(f"worst-case error of {budget.tool!r}", "m")
     order = np.argsort(budget.worst)
-    with panels(8.0, 4.0, 1, 2) as (figure, axes):
-        for panel, (across, up, word, other) in zip(axes, views, strict=True):
-            dots: Any = {"c": 1e3 * budget.worst[order], "cmap": _ERRORS, "s": 14, "linewidths": 0}
-            drawn = panel.scatter(across[order], up[order], **dots)
-            panel.set(xlabel=word, ylabel=other)
-            panel.set_aspect("equal", adjustable="datalim")
-        figure.colorbar(drawn, ax=axes, label=f"worst-case error of {budget.tool!r} [mm]")
-        footnote(figure, budget.accuracy)
-    return figure
+    views = (
+        (np.hypot(x, y), z, "distance from the z axis", "z"),
+        (x, y, "x", "y"),
+    )
+    panels = [
+        Panel(
+            Axis(word, "m", "large"),
+            Axis(other, "m", "large"),
+            [Dots(across[order], up[order], budget.worst[order], scale)],
+            equal="data",
+        )
+        for across, up, word, other in views
+    ]
+    return _row(panels, (8.0, 4.0), note=budget.accuracy)
 
 
 def allocation(allotment: Allocation) -> Figure:
     """Clearances, what they add to the error, and what another micrometre of each would save."""
-    place = np.arange(len(allotment.joints))
     shown = (
-        (1e6 * allotment.clearance, "clearance [µm]", COLOURS[1]),
-        (1e6 * allotment.gain * allotment.clearance, "adds to the error [µm]", COLOURS[0]),
-        (allotment.price, f"saved by one µm more\n[cost, {allotment.cost}]", COLOURS[3]),
+        (allotment.clearance, Axis("clearance", "m", "fine"), COLOURS[1]),
+        (allotment.gain * allotment.clearance, Axis("adds to the error", "m", "fine"), COLOURS[0]),
+        (allotment.price, Axis(f"saved by one µm more\n[cost, {allotment.cost}]"), COLOURS[3]),
     )
-    with panels(9.0, 1.6 + 0.35 * len(place), 1, 3, sharey=True) as (figure, axes):
-        for panel, (values, label, colour) in zip(axes, shown, strict=True):
-            panel.barh(place, values, 0.6, color=colour)
-            panel.set_xlabel(label)
-        axes[0].set_yticks(place, allotment.joints)
-        axes[0].invert_yaxis()
-        figure.suptitle(
-            f"{allotment.kind} {1e6 * allotment.error:.4g} µm, "
-            f"target {1e6 * allotment.target:.4g} µm",
-            fontsize=9,
-        )
-    return figure
+    panels = [
+        Panel(axis, Axis(rows=allotment.joints), [Bars(values, colour=colour)])
+        for values, axis, colour in shown
+    ]
+    title = (
+        f"{allotment.kind} {1e6 * allotment.error:.4g} µm, target {1e6 * allotment.target:.4g} µm"
+    )
+    return _row(panels, (9.0, 1.6 + 0.35 * len(allotment.joints)), title=title, same_y=True)
 
 
 def cause_allocation(allotment: CauseAllocation) -> Figure:
@@ -232,46 +234,32 @@ def cause_allocation(allotment: CauseAllocation) -> Figure:
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(allotment.causes))
     shown = np.zeros((3, len(causes), len(joints)))
-    values = (1e3 * allotment.before, 1e3 * allotment.after, allotment.price)
+    values = (allotment.before, allotment.after, allotment.price)
     for k, (joint, cause) in enumerate(zip(allotment.joints, allotment.causes, strict=True)):
         shown[:, causes.index(cause), joints.index(joint)] += [one[k] for one in values]
-    place, errors = np.arange(len(joints)), allotment.words
-    labels = (
-        f"part of the {errors} [mm]\npale: {1e3 * allotment.before.sum():.4g} mm as it is; full: "
-        f"{1e3 * allotment.error:.4g} mm",
-        f"price, {allotment.total:.4g} in all",
+    part = (
+        f"part of the {allotment.words}, pale as it is ({1e3 * allotment.before.sum():.4g} mm),\n"
+        f"full in the end ({1e3 * allotment.error:.4g} mm)"
     )
-    with panels(9.0, 1.9 + 0.42 * len(joints), 1, 2, sharey=True) as (figure, axes):
-        for panel, label, bars_of in zip(
-            axes, labels, (((0, -0.2, 0.45), (1, 0.2, 1.0)), ((2, 0.0, 1.0),)), strict=True
-        ):
-            for which, shift, opacity in bars_of:
-                ends = {1.0: np.zeros(len(joints)), -1.0: np.zeros(len(joints))}
-                for k, cause in enumerate(causes):
-                    own = shown[which, k]
-                    for sign, end in ends.items():  # loads may shift the tool back
-                        part = np.where(np.sign(own) == sign, own, 0.0)
-                        named = which == 1 and sign > 0.0
-                        panel.barh(
-                            place + shift, part, 0.36 if len(bars_of) > 1 else 0.6, left=end,
-                            color=COLOURS[k], alpha=opacity, label=cause if named else None,
-                        )  # fmt: skip
-                        end += part
-            panel.set_xlabel(label)
-            _leave_room(panel)
-        axes[0].set_yticks(place, joints)
-        axes[0].invert_yaxis()
-        figure.legend(loc="outside upper center", ncols=len(causes))
-        footnote(figure, "; ".join(one for one in allotment.notes if one.startswith("assumed")))
-    return figure
+    nameless = [""] * len(causes)
+    before = _stacked(shown[0], nameless, shift=-0.2, height=0.36, opacity=0.45)
+    after = _stacked(shown[1], causes, shift=0.2, height=0.36)
+    rows = Axis(rows=joints)
+    panels = [
+        Panel(Axis(part, "m"), rows, [*before, *after]),
+        Panel(Axis(f"price, {allotment.total:.4g} in all"), rows, _stacked(shown[2], nameless)),
+    ]
+    note = "; ".join(one for one in allotment.notes if one.startswith("assumed"))
+    size = (9.0, 1.9 + 0.42 * len(joints))
+    return _row(panels, size, note=note, key=len(causes), same_y=True)
 
 
 # Figure of an identification: what was found beside the scenario, restitution, agreement.
 
 
-_SCALES = {
-    "tool": (1e6, "deviation of the tool [µm]"),
-    "link": (1e3, "link - motor [mrad]"),
+_AGREEMENT = {
+    "tool": Axis("deviation of the tool", "m", "fine"),
+    "link": Axis("link - motor", "rad"),
 }
 
 
@@ -280,99 +268,87 @@ def identification(fit: Identification) -> Figure:
     kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
     words = "statistical; bars: 95 % intervals"
     shown = [one for one in fit.estimates if one.unknown.sought]
-    count = bool(shown) + len(kinds) + bool(fit.restitutions)
+    panels = []
+    if shown:
+        panel = _intervals(shown, 1.0, [one.unknown.scale for one in shown])
+        found = Axis("found / scenario", low=0.0)
+        panels.append(replace(panel.with_marks(Rule(1.0, "x", colour=LINE, line=":")), x=found))
+        words += f"; static model, left over {fit.misfit:.2g} standard errors (RMS)"
+    panels += [_agreement(fit, kind) for kind in kinds]
+    if fit.restitutions:
+        panel = _intervals(fit.restitutions, 0.5, [1.0] * len(fit.restitutions))
+        panels.append(replace(panel, x=Axis("restitution", low=0.0, high=1.0)))
     height = max(2.0 + 0.3 * len(shown), 3.2)
-    with panels(1.6 + 3.0 * count, height, 1, count, squeeze=False) as (figure, axes):
-        free = iter(axes[0])
-        if shown:
-            panel = next(free)
-            _intervals(panel, shown, 1.0, [one.unknown.scale for one in shown])
-            panel.axvline(1.0, color="0.5", lw=0.8, ls=":")
-            panel.set_xlim(left=0.0)
-            panel.set_xlabel("found / scenario")
-            words += f"; static model, left over {fit.misfit:.2g} standard errors (RMS)"
-        for kind in kinds:
-            _agreement(next(free), fit, kind)
-        if fit.restitutions:
-            panel = next(free)
-            _intervals(panel, fit.restitutions, 0.5, [1.0] * len(fit.restitutions))
-            panel.set_xlim(0.0, 1.0)
-            panel.set_xlabel("restitution")
-        footnote(figure, words)
-    return figure
+    return _row(panels, (1.6 + 3.0 * len(panels), height), note=words)
 
 
-def _intervals(
-    panel: Any, rows: Sequence[Estimate], middle: float, scales: Sequence[float]
-) -> None:
+def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
+    return [
+        Curve([low, high], [row, row], width=2.0),
+        Curve([value], [row], line="", marker="o", size=4.0),
+    ]
+
+
+def _intervals(rows: Sequence[Estimate], middle: float, scales: Sequence[float]) -> Panel:
     """Name, interval and value of a row each, by its scale; of what cannot be told that it is."""
+    marks: list[Mark] = []
     for row, (one, scale) in enumerate(zip(rows, scales, strict=True)):
         if one.reason:
-            look: Any = {"va": "center", "ha": "center", "color": "0.4", "fontsize": 7}
-            panel.text(middle, row, "cannot tell", **look)
+            marks.append(Words(middle, row, "cannot tell"))
             continue
-        panel.plot([end / scale for end in one.interval], [row, row], color=COLOURS[1], lw=2.0)
-        panel.plot(one.value / scale, row, "o", ms=4, color=COLOURS[1])
-    panel.set_yticks(range(len(rows)), [one.label for one in rows])
-    panel.set_ylim(len(rows) - 0.5, -0.5)
+        low, high = (end / scale for end in one.interval)
+        marks += _interval(row, low, high, one.value / scale)
+    return Panel(Axis(), Axis(rows=[one.label for one in rows]), marks)
 
 
-def _agreement(panel: Any, fit: Identification, kind: str) -> None:
+def _agreement(fit: Identification, kind: str) -> Panel:
     """Means by the model over measured ones, offsets included."""
-    factor, label = _SCALES.get(kind, (1.0, "torque [N m]"))
-    ends = []
+    axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
+    marks: list[Mark] = []
+    ends: list[float] = []
     for column, (own, name) in enumerate(fit.observed.keys):
         use = np.isfinite(fit.error[:, column])
         if own != kind or not use.any():
             continue
-        x = factor * fit.observed.mean[use, column]
-        y = factor * fit.predicted[use, column]
+        x, y = fit.observed.mean[use, column], fit.predicted[use, column]
         ends += [x.min(), x.max()]
-        colour = COLOURS[column % len(COLOURS)]
-        bars = factor * fit.error[use, column]
-        panel.errorbar(x, y, xerr=bars, fmt=".", ms=3, lw=0.5, color=colour, label=listed(name))
+        colour, aside = COLOURS[column % len(COLOURS)], fit.error[use, column]
+        marks.append(Curve(x, y, name, colour, "", 0.5, marker="o", size=2.5, aside=aside))
     if ends:
-        panel.plot([min(ends), max(ends)], [min(ends), max(ends)], color="0.5", lw=0.7)
-        panel.legend(fontsize=6)
-    panel.set_xlabel(f"measured: {label}")
-    panel.set_ylabel("static model")
+        line = [min(ends), max(ends)]
+        marks.append(Curve(line, line, colour=LINE, width=0.7))
+    across, up = replace(axis, name=f"measured: {axis.name}"), replace(axis, name="static model")
+    return Panel(across, up, marks, legend="best")
 
 
 def calibration(fit: Calibration) -> Figure:
     """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
     told = [one for one in fit.play if not one.reason]
-    count = 3 if told else 2
-    with panels(3.4 * count, 1.6 + 0.3 * max(len(fit.steps), 5), 1, count) as (figure, axes):
-        place = np.arange(len(fit.steps))
-        for offset, name, colour in (
-            (-0.2, "training", COLOURS[0]),
-            (0.2, "held_back", COLOURS[1]),
-        ):
-            sizes = [1e3 * getattr(one, name)[0] for one in fit.steps]
-            axes[0].barh(place + offset, sizes, 0.38, color=colour, label=name.replace("_", " "))
-        names = [one.added + (" (kept)" if one.kept else "") for one in fit.steps]
-        axes[0].set_yticks(place, names)
-        axes[0].invert_yaxis()
-        axes[0].set_xlabel("position error [mm] (RMS)")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-        for name, colour in (("training", COLOURS[0]), ("held_back", COLOURS[1])):
-            sizes = 1e3 * np.linalg.norm(getattr(fit, name)[0], axis=1)
-            axes[1].plot(np.arange(1, len(sizes) + 1), sizes, ".", ms=4, color=colour)
-        axes[1].set_xlabel("pose")
-        axes[1].set_ylabel("position error [mm]")
-        axes[1].set_ylim(bottom=0.0)
-        for row, one in enumerate(told):
-            if one.found:
-                axes[2].plot([1e3 * one.low, 1e3 * one.high], [row, row], color=COLOURS[1], lw=2.0)
-                axes[2].plot(1e3 * one.value, row, "o", ms=4, color=COLOURS[1])
-            else:
-                axes[2].barh(row, 1e3 * one.upper, 0.5, color="0.8")
-        if told:
-            axes[2].set_yticks(range(len(told)), [listed(one.joint) for one in told])
-            axes[2].invert_yaxis()
-            axes[2].set_xlabel("half-play [mrad or mm]\ninterval; grey: bound")
-        footnote(figure, f"held back: {fit.folds}; statistical, 95 %")
-    return figure
+    groups = ((-0.2, "training", COLOURS[0]), (0.2, "held_back", COLOURS[1]))
+    steps: list[Mark] = []
+    poses: list[Mark] = []
+    for shift, name, colour in groups:
+        sizes = [getattr(one, name)[0] for one in fit.steps]
+        label = name.replace("_", " ")
+        steps.append(Bars(sizes, label, colour, shift=shift, height=0.38))
+        each = np.linalg.norm(getattr(fit, name)[0], axis=1)
+        poses.append(Curve(np.arange(1, len(each) + 1), each, "", colour, "", marker="o", size=2.5))
+    rows = [one.added + (" (kept)" if one.kept else "") for one in fit.steps]
+    panels = [
+        Panel(Axis("position error (RMS)", "m"), Axis(rows=rows), steps),
+        Panel(Axis("pose"), Axis("position error", "m", low=0.0), poses),
+    ]
+    bounds: list[Mark] = []
+    for row, one in enumerate(told):
+        if one.found:
+            bounds += _interval(row, 1e3 * one.low, 1e3 * one.high, 1e3 * one.value)
+        else:
+            bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
+    if told:
+        across = Axis("half-play [mrad or mm]\ninterval; grey: bound")
+        panels.append(Panel(across, Axis(rows=[one.joint for one in told]), bounds))
+    size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
+    return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
 
 
 # Figures of accuracy and repeatability: attained poses around the command, and the path.
@@ -387,115 +363,101 @@ def poses(performance: Iso9283) -> Figure:
     worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
     shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
-    with panels(1.4 + 2.4 * max(len(shown), 2), 5.6, 2, len(shown), squeeze=False) as (
-        figure,
-        axes,
-    ):
-        for column, pose in enumerate(shown):
-            ap, rp = pose.figures["AP_p"].value, pose.figures["RP_l"].value
-            centre = pose.attained.mean(axis=0)
-            points = 1e6 * (pose.attained - centre)
-            circle = 1e6 * rp * np.array([np.cos(angle), np.sin(angle)])
-            towards = -centre / max(float(np.linalg.norm(centre)), 1e-300)
-            arrow = 0.8e6 * rp * towards
-            for row, (i, j) in enumerate(((0, 1), (0, 2))):
-                panel = axes[row, column]
-                panel.plot(*points[:, [i, j]].T, "o", ms=2.5, color=COLOURS[0], label="attained")
-                panel.plot(0.0, 0.0, "x", color=COLOURS[1], label="barycentre")
-                panel.plot(*circle, color=COLOURS[1], lw=0.8, label="RP_l")
-                way = "direction to the command pose (length not to scale)"
-                panel.plot([0.0, arrow[i]], [0.0, arrow[j]], color="0.6", lw=0.8, label=way)
-                panel.set(xlabel=f"{'xyz'[i]} [um]", ylabel=f"{'xyz'[j]} [um]")
-                panel.set_aspect("equal", adjustable="datalim")
-                panel.locator_params(nbins=5)
-            axes[0, column].set_title(
-                f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} um",
-                fontsize=8,
-            )
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-        _note(figure, performance)
-    return figure
+    rows: list[list[Panel | None]] = [[], []]
+    for pose in shown:
+        ap, rp = pose.figures["AP_p"].value, pose.figures["RP_l"].value
+        centre = pose.attained.mean(axis=0)
+        points = pose.attained - centre
+        arrow = -0.8 * rp * centre / max(float(np.linalg.norm(centre)), 1e-300)
+        title = f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} µm"
+        way = "direction to the command pose (length not to scale)"
+        for row, (i, j) in zip(rows, ((0, 1), (0, 2)), strict=True):
+            dot: dict[str, Any] = {"line": "", "marker": "o", "size": 2.5}
+            cross: dict[str, Any] = {"line": "", "marker": "x", "size": 6.0}
+            marks = [
+                Curve(points[:, i], points[:, j], "attained", COLOURS[0], **dot),
+                Curve([0.0], [0.0], "barycentre", COLOURS[1], **cross),
+                Curve(rp * np.cos(angle), rp * np.sin(angle), "RP_l", COLOURS[1], width=0.8),
+                Curve([0.0, arrow[i]], [0.0, arrow[j]], way, LINE, width=0.8),
+            ]
+            x, y = (Axis("xyz"[k], "m", "fine", ticks=5) for k in (i, j))
+            row.append(Panel(x, y, marks, title if row is rows[0] else "", equal="data"))
+    size = (1.4 + 2.4 * max(len(shown), 2), 5.6)
+    return draw(Chart(rows, size, note=_note(performance), key=2))
 
 
 def path(performance: Iso9283) -> Figure:
     """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
-    with panels(6.5, 3.4) as (figure, axes):
-        lines = (
+    marks = [
+        Curve(
+            performance.path_times,
+            values,
+            f"{name} = {performance.path[name].words(1e3, 'mm')}",
+            colour,
+            width=0.8,
+            marker="o",
+            size=2.5,
+        )
+        for values, name, colour in (
             (performance.path_accuracy, "AT_p", COLOURS[0]),
             (performance.path_repeatability, "RT_p", COLOURS[1]),
         )
-        for values, name, colour in lines:
-            label = f"{name} = {performance.path[name].words(1e3, 'mm')}"
-            axes.plot(
-                performance.path_times, 1e3 * values, ".-", ms=3, lw=0.8, color=colour, label=label
-            )
-        axes.set(xlabel="time in the cycle [s]", ylabel="across the command path [mm]")
-        axes.set_ylim(bottom=0.0)
-        figure.legend(loc="outside upper center", ncols=2)
-        _note(figure, performance)
-    return figure
+    ]
+    up = Axis("across the command path", "m", low=0.0)
+    panel = Panel(Axis("time in the cycle", "s"), up, marks)
+    return _row([panel], (6.5, 3.4), note=_note(performance), key=2)
 
 
-def _note(figure: Figure, performance: Iso9283) -> None:
+def _note(performance: Iso9283) -> str:
     parts = performance.accuracy.split("; ")
     half = len(parts) // 2
-    text = "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
-    footnote(figure, text)
+    return "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
 
 
 def wear_course(estimate: Maintenance) -> Figure:
     """The tool's error up to its tolerance, and each joint's growth of clearance."""
-    aside = np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
-    with panels(7.5, 3.4, 1, 2) as (figure, axes):
-        look: Any = {"fmt": "o-", "ms": 3, "capsize": 2, "color": COLOURS[0]}
-        axes[0].errorbar(
-            estimate.cycles,
-            1e3 * estimate.error,
-            xerr=2.0 * aside,
-            label="worst case, static",
-            **look,
+    aside = 2.0 * np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
+    course = Curve(estimate.cycles, estimate.error, "worst case, static", COLOURS[0], marker="o")
+    errors: list[Mark] = [
+        replace(course, aside=aside),
+        Rule(estimate.target, "y", "tolerance", "black", "--", 0.9),
+    ]
+    depths = [
+        Curve(estimate.cycles, depth, name, colour, marker="o")
+        for name, depth, colour in zip(
+            estimate.joints, estimate.growth.T, many(len(estimate.joints)), strict=False
         )
-        axes[0].axhline(1e3 * estimate.target, color="black", ls="--", label="tolerance")
-        axes[0].set(xlabel="cycles", ylabel="error of the tool [mm]")
-        axes[0].set_ylim(bottom=0.0)
-        axes[0].legend(fontsize=7)
-        for name, depths in zip(estimate.joints, estimate.growth.T, strict=True):
-            axes[1].plot(estimate.cycles, 1e6 * depths, "o-", ms=3, label=listed(name))
-        axes[1].set(xlabel="cycles", ylabel="growth of clearance, deepest [um]")
-        axes[1].legend(fontsize=7)
-        low, high = estimate.spread
-        footnote(
-            figure,
-            "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
-            f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
-            f"{estimate.factor:g}",
-        )
-    return figure
+    ]
+    cycles, (low, high) = Axis("cycles"), estimate.spread
+    panels = [
+        Panel(cycles, Axis("error of the tool", "m", low=0.0), errors, legend="best"),
+        Panel(cycles, Axis("growth of clearance, deepest", "m", "fine"), depths, legend="best"),
+    ]
+    note = (
+        "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
+        f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
+        f"{estimate.factor:g}"
+    )
+    return _row(panels, (7.5, 3.4), note=note)
 
 
 def reversals(reduction: Reduction) -> Figure:
     """The lag of the link behind the motor in time, and over the motor's angle (hysteresis)."""
-    past = reduction.history
-    with panels(8.5, 3.4, 1, 2) as (figure, axes):
-        for name, colour, line in (("full", COLOURS[0], "-"), ("reduced", COLOURS[1], "--")):
-            lag = 1e3 * (past["motor"] - past[name])
-            axes[0].plot(past["time"], lag, line, color=colour, label=f"{name} model")
-            axes[1].plot(past["motor"], lag, line, color=colour)
-        half = 0.5e3 * reduction.dead_band
-        for panel in axes:
-            for side in (-half, half):
-                panel.axhline(side, color="0.6", lw=0.7, ls=":")
-            panel.set_ylabel("motor - link [mrad]")
-        axes[1].locator_params(axis="x", nbins=5)
-        axes[0].set_xlabel("time [s]")
-        axes[1].set_xlabel(f"motor of {reduction.joint} [rad]")
-        figure.legend(loc="outside upper center", ncols=2)
-        footnote(
-            figure,
-            f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} urad, "
-            f"RMS difference {1e6 * reduction.angle_rms:.3g} urad; dotted: the dead band",
-        )
-    return figure
+    past, half = reduction.history, 0.5 * reduction.dead_band
+    sides = [Rule(side, "y", colour=LINE, line=":", width=0.7) for side in (-half, half)]
+    curves: list[list[Mark]] = [[*sides], [*sides]]
+    for name, colour, line in (("full", COLOURS[0], "-"), ("reduced", COLOURS[1], "--")):
+        lag = past["motor"] - past[name]
+        curves[0].append(Curve(past["time"], lag, f"{name} model", colour, line))
+        curves[1].append(Curve(past["motor"], lag, "", colour, line))
+    up = Axis("motor - link", "rad")
+    angle = Axis(f"motor of {reduction.joint}", "rad", "large")
+    panels = [Panel(Axis("time", "s"), up, curves[0]), Panel(angle, up, curves[1])]
+    note = (
+        f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} µrad, "
+        f"RMS difference {1e6 * reduction.angle_rms:.3g} µrad; dotted: the dead band"
+    )
+    return _row(panels, (8.5, 3.4), note=note, key=2)
 
 
 def share_bars(budget: DynamicBudget) -> Figure:
@@ -503,21 +465,17 @@ def share_bars(budget: DynamicBudget) -> Figure:
     names = [*budget.joints, "all together"]
     rms = [*budget.alone_rms.mean(axis=0), budget.rms.mean()]
     peak = [*budget.alone_peak.max(axis=0), budget.peak.max()]
-    parts = np.column_stack([budget.parts, budget.interaction])
-    place = np.arange(len(names))
-    several = len(parts) > 1
-    known = 100 * parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if several else None
-    with panels(8.5, 1.8 + 0.45 * len(names), 1, 2) as (figure, axes):
-        axes[0].barh(place - 0.2, 1e3 * np.array(peak), 0.38, color=COLOURS[1], label="peak")
-        axes[0].barh(place + 0.2, 1e3 * np.array(rms), 0.38, color=COLOURS[0], label="RMS")
-        axes[0].set_yticks(place, names)
-        axes[0].set_xlabel("error of the tool [mm]")
-        axes[0].legend(fontsize=7)
-        axes[1].barh(place, 100 * parts.mean(axis=0), 0.6, xerr=known, color=COLOURS[0])
-        axes[1].set_yticks(place, [*budget.joints, "interaction"])
-        axes[1].set_xlabel("share of the mean square of the error [%]")
-        for panel in axes:
-            panel.invert_yaxis()
-            panel.axvline(0.0, color="black", lw=0.6)
-        footnote(figure, budget.accuracy)
-    return figure
+    parts = 100.0 * np.column_stack([budget.parts, budget.interaction])
+    known = parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if len(parts) > 1 else None
+    zero = Rule(0.0, "x")
+    sizes = [
+        Bars(peak, "peak", shift=-0.2, height=0.38),
+        Bars(rms, "RMS", COLOURS[0], shift=0.2, height=0.38),
+    ]
+    shares = Bars(parts.mean(axis=0), colour=COLOURS[0], error=known)
+    share = Axis("share of the mean square of the error", "%")
+    panels = [
+        Panel(Axis("error of the tool", "m"), Axis(rows=names), [*sizes, zero], legend="best"),
+        Panel(share, Axis(rows=[*budget.joints, "interaction"]), [shares, zero]),
+    ]
+    return _row(panels, (8.5, 1.8 + 0.45 * len(names)), note=budget.accuracy)

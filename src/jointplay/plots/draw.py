@@ -94,8 +94,7 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
     made = figure.legend([named[name] for name in names], names, loc=place, ncols=columns)
     for line in made.get_lines():
         line.set_linewidth(max(line.get_linewidth(), 2.0))
-        if line.get_marker() == ".":
-            line.set_markersize(8.0)
+        line.set_markersize(max(line.get_markersize(), 4.0))
 
 
 def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:

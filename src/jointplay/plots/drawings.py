@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from jointplay.geometry import Form
 from jointplay.plots.palette import COLOURS
-from jointplay.plots.style import StyledFigure, footnote, panels
+from jointplay.plots.style import StyledFigure, footnote, new_figure, style
 
 _RADIUS, _HALF = 0.7, 1.5
 """Of the drawn journal."""
@@ -91,7 +91,9 @@ def _form(panel: Axes, form: Form) -> None:
 
 def contact_forms() -> StyledFigure:
     """The twelve contact forms of Figure 2, sections through the bearing's axis."""
-    with panels(9.0, 4.6, 3, 4) as (figure, axes):
+    with style():
+        figure = new_figure(9.0, 4.6)
+        axes = figure.subplots(3, 4)
         for panel, form in zip(axes.flat, FORMS, strict=True):
             _form(panel, form)
         footnote(
@@ -184,7 +186,9 @@ def _parallel(panel: Axes) -> None:
 
 def joint_drawings() -> StyledFigure:
     """Figures 1, 3, 4 and 5: sizes, modes, gaps of axes that meet and that are parallel."""
-    with panels(9.5, 5.6, 2, 2) as (figure, axes):
+    with style():
+        figure = new_figure(9.5, 5.6)
+        axes = figure.subplots(2, 2)
         for panel, draw in zip(axes.flat, (_sizes, _modes, _crossing, _parallel), strict=True):
             draw(panel)
         footnote(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jointplay.nonlinear.lyapunov import Exponent
-from jointplay.plots.palette import COLOURS
-from jointplay.plots.style import Decades, footnote, panels
+from jointplay.plots.chart import Area, Axis, Chart, Curve, Dots, Map, Panel, Rule
+from jointplay.plots.draw import draw
+from jointplay.plots.palette import COLOURS, LINE, many
 
 _WIDE_PT = 480.0
 """Width of a bifurcation diagram between its axes, about [points]."""
@@ -34,17 +33,17 @@ def turns(
         labels: of the quantities.
         title: of the figure.
     """
-    height = 0.6 + 2.2 * len(labels)
-    with panels(7.0, height, len(labels), sharex=True, squeeze=False) as (figure, axes):
-        column = axes[:, 0]
-        for panel, label, history, plain in zip(column, labels, values.T, ideal.T, strict=True):
-            panel.plot(angle, history, color=COLOURS[1], lw=0.7, label="with clearance")
-            panel.plot(angle, plain, color=COLOURS[0], lw=1.0, ls="--", label="ideal")
-            panel.set_ylabel(label)
-        column[0].legend(loc="upper right")
-        column[0].set_title(title)
-        column[-1].set(xlabel="turn", xlim=(angle[0], angle[-1]))
-    return figure
+    x = Axis("turn", low=float(angle[0]), high=float(angle[-1]))
+    rows: list[list[Panel | None]] = []
+    for label, history, plain in zip(labels, values.T, ideal.T, strict=True):
+        marks = [
+            Curve(angle, history, "with clearance", width=0.7),
+            Curve(angle, plain, "ideal", COLOURS[0], "--", 1.0),
+        ]
+        first = not rows
+        legend = "upper right" if first else ""
+        rows.append([Panel(x, Axis(label), marks, title if first else "", legend=legend)])
+    return draw(Chart(rows, (7.0, 0.6 + 2.2 * len(labels)), same_x=True))
 
 
 def bifurcation(
@@ -65,23 +64,18 @@ def bifurcation(
         caption: beneath it: how samples were taken.
     """
     size = float(np.clip(_WIDE_PT / max(len(values), 1), *_POINTS_PT))
-    with panels(8.0, 4.6) as (figure, axes):
-        at = np.repeat(values, samples.shape[1])
-        look = {"color": COLOURS[1], "ms": size, "mew": 0, "alpha": 0.7, "rasterized": True}
-        axes.plot(at, samples.ravel(), "o", **look)
-        axes.set(xlabel=across, ylabel=up, title=title)
-        axes.margins(x=0.01)
-        footnote(figure, caption)
-    return figure
+    at = np.repeat(values, samples.shape[1])
+    dots = Curve(at, samples.ravel(), line="", marker="o", size=size, opacity=0.7)
+    panel = Panel(Axis(across), Axis(up), [dots], title)
+    return draw(Chart([[panel]], (8.0, 4.6), note=caption))
 
 
 def poincare(points: np.ndarray, labels: Sequence[str], title: str = "") -> Figure:
     """A section: two quantities once a turn, shape (turns, 2), coloured in order."""
-    with panels(5.2, 4.4) as (figure, axes):
-        drawn = axes.scatter(*points.T, c=np.arange(len(points)), s=7, cmap="viridis", linewidths=0)
-        figure.colorbar(drawn, ax=axes, label="turn after settling")
-        axes.set(xlabel=labels[0], ylabel=labels[1], title=title)
-    return figure
+    x, y = points.T
+    dots = Dots(x, y, np.arange(len(points)), Axis("turn after settling"), size=7.0)
+    panel = Panel(Axis(labels[0]), Axis(labels[1]), [dots], title)
+    return draw(Chart([[panel]], (5.2, 4.4)))
 
 
 def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = "") -> Figure:
@@ -94,15 +88,17 @@ def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = 
         title: of the figure.
     """
     number = np.arange(1, len(growths) + 1)
-    with panels(6.4, 3.6) as (figure, axes):
-        axes.plot(number, growths, ".", color="0.7", ms=3, label="growth in a turn")
-        axes.plot(number, np.cumsum(growths) / number, color=COLOURS[1], label="mean so far")
-        label = f"{100 * estimate.confidence:g} % interval: {estimate.verdict}"
-        axes.axhspan(estimate.low, estimate.high, color=COLOURS[0], alpha=0.25, lw=0, label=label)
-        axes.axhline(0.0, color="0.4", lw=0.6)
-        axes.set(xlabel=f"turns of {1e3 * turn:.4g} ms", ylabel="growth [1/s]", title=title)
-        axes.legend(fontsize=7)
-    return figure
+    label = f"{100 * estimate.confidence:g} % interval: {estimate.verdict}"
+    marks: list[Curve | Rule] = [
+        Curve(number, growths, "growth in a turn", LINE, "", marker="o", size=2.5),
+        Curve(number, np.cumsum(growths) / number, "mean so far"),
+        Rule(estimate.low, "y", label, COLOURS[0], end=estimate.high, opacity=0.25),
+        Rule(0.0, colour=LINE),
+    ]
+    panel = Panel(
+        Axis(f"turns of {1e3 * turn:.4g} ms"), Axis("growth [1/s]"), marks, title, legend="best"
+    )
+    return draw(Chart([[panel]], (6.4, 3.6)))
 
 
 def exponents(
@@ -110,29 +106,23 @@ def exponents(
 ) -> Figure:
     """Largest exponents over a parameter, with intervals; None where a run failed."""
     known = [(value, one) for value, one in zip(values, estimates, strict=True) if one is not None]
-    with panels(7.0, 3.6) as (figure, axes):
-        for verdict, colour in zip(("chaotic", "undecided", "regular"), COLOURS, strict=False):
-            of = [(value, one) for value, one in known if one.verdict == verdict]
-            if of:
-                at, mean = [v for v, _ in of], np.array([e.value for _, e in of])
-                sides = [mean - [e.low for _, e in of], [e.high for _, e in of] - mean]
-                axes.errorbar(
-                    at, mean, sides, fmt="o", ms=3, lw=0.8, color=colour, label=verdict
-                )  # fmt: skip
-        axes.axhline(0.0, color="0.4", lw=0.6)
-        axes.set(xlabel=across, ylabel="largest Lyapunov exponent [1/s]", title=title)
-        if known:
-            axes.legend()
-    return figure
+    marks: list[Curve | Rule] = [Rule(0.0, colour=LINE)]
+    for verdict, colour in zip(("chaotic", "undecided", "regular"), COLOURS, strict=False):
+        of = [(value, one) for value, one in known if one.verdict == verdict]
+        if of:
+            mean, low, high = np.array([(one.value, one.low, one.high) for _, one in of]).T
+            at = [value for value, _ in of]
+            marks.append(Curve(at, mean, verdict, colour, "", marker="o", low=low, high=high))
+    panel = Panel(
+        Axis(across), Axis("largest Lyapunov exponent [1/s]"), marks, title, legend="best"
+    )
+    return draw(Chart([[panel]], (7.0, 3.6)))
 
 
 def recurrence(near: np.ndarray, span: float, title: str = "") -> Figure:
     """A recurrence plot over a number of turns."""
-    with panels(5.0, 5.2) as (figure, axes):
-        axes.imshow(near, origin="lower", cmap="binary", extent=(0.0, span, 0.0, span))
-        axes.grid(visible=False)
-        axes.set(xlabel="turn", ylabel="turn", title=title)
-    return figure
+    places = Map(near, palette="binary", extent=(0.0, span, 0.0, span))
+    return draw(Chart([[Panel(Axis("turn"), Axis("turn"), [places], title)]], (5.0, 5.2)))
 
 
 def waterfall(
@@ -152,24 +142,20 @@ def waterfall(
     good = np.isfinite(amplitudes).all(axis=1)
     values, amplitudes = values[good], amplitudes[good]
     top = float(amplitudes.max(initial=1e-300))
-    with panels(9.0, 4.4, 1, 2) as (figure, (lines, panel)):
-        chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), 25)).astype(int))
-        apart = np.median(np.diff(values[chosen])) if len(chosen) > 1 else 1.0
-        for k in chosen[::-1]:
-            height = values[k] + 3.0 * apart * amplitudes[k] / top
-            lines.fill_between(order, values[k], height, color="white", zorder=-k)
-            lines.plot(order, height, color=COLOURS[1], lw=0.6, zorder=-k)
-        lines.set(xlabel="order (frequency over turning speed)", ylabel=across)
-        unit = up[up.rfind("[") + 1 : -1] if up.endswith("]") else ""
-        lines.set_title(f"tallest peak: {top:.3g} {unit}".rstrip(), fontsize=8)
-        drawn = panel.pcolormesh(
-            order, values, np.maximum(amplitudes, 1e-4 * top), norm=LogNorm(1e-4 * top, top),
-            shading="nearest", rasterized=True,
-        )  # fmt: skip
-        panel.set(xlabel="order (frequency over turning speed)", ylabel=across)
-        figure.colorbar(drawn, ax=panel, label=f"amplitude: {up}", format=Decades())
-        figure.suptitle(title, fontsize=9)
-    return figure
+    chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), 25)).astype(int))
+    apart = np.median(np.diff(values[chosen])) if len(chosen) > 1 else 1.0
+    lines: list[Area | Curve] = []
+    for k in chosen[::-1]:
+        height = values[k] + 3.0 * apart * amplitudes[k] / top
+        below = np.full(len(order), values[k])
+        lines.append(Area(order, below, height, colour="white", opacity=1.0, order=-k))
+        lines.append(Curve(order, height, width=0.6, order=-k))
+    unit = up[up.rfind("[") + 1 : -1] if up.endswith("]") else ""
+    x, y = Axis("order (frequency over turning speed)"), Axis(across)
+    scale = Axis(f"amplitude: {up}", log=True)
+    seen = Map(np.maximum(amplitudes, 1e-4 * top), scale, order, values, palette="viridis")
+    tallest = f"tallest peak: {top:.3g} {unit}".rstrip()
+    return draw(Chart([[Panel(x, y, lines, tallest), Panel(x, y, [seen])]], (9.0, 4.4), title))
 
 
 def basin(
@@ -185,15 +171,14 @@ def basin(
         title: of the figure.
     """
     words = {-1: "does not repeat itself", -2: "failed"}
-    colours = {-1: "0.35", -2: "0.85"}
-    with panels(6.4, 4.6) as (figure, axes):
-        for label in np.unique(labels):
-            at = 1e3 * places[labels == label]
-            word = words.get(label) or f"orbit {label + 1}, period {periods[label]}"
-            many = mpl.colormaps["tab20"](label % 20) if len(periods) > len(COLOURS) else None
-            colour = colours.get(label) or many or COLOURS[label]
-            axes.plot(*at.T, "s", ms=5, mew=0, color=colour, label=f"{word}: {len(at)}")
-        axes.set_aspect("equal")
-        axes.set(xlabel=f"start of the journal of {joint}, x [mm]", ylabel="y [mm]", title=title)
-        axes.legend(bbox_to_anchor=(1.02, 1.0), loc="upper left", fontsize=7)
-    return figure
+    colours = {-1: "#595959", -2: "#d9d9d9"}
+    marks = []
+    for label in np.unique(labels):
+        at = places[labels == label]
+        word = words.get(label) or f"orbit {label + 1}, period {periods[label]}"
+        colour = colours.get(label) or many(len(periods))[label]
+        name = f"{word}: {len(at)}"
+        marks.append(Curve(at[:, 0], at[:, 1], name, colour, "", marker="s", size=5.0))
+    x, y = Axis(f"start of the journal of {joint}, x", "m"), Axis("y", "m")
+    panel = Panel(x, y, marks, title, equal="box", legend="beside")
+    return draw(Chart([[panel]], (6.4, 4.6)))

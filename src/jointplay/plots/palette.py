@@ -12,8 +12,15 @@ COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
 """For cases. The paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and further ones, in the
 shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008)."""
 
-GREY = "#e0e0e0"
-"""Of what is not judged."""
+GREY, LINE = "#e0e0e0", "#808080"
+"""Of what is not judged, and of lines that are no data."""
+
+_MANY = (
+    *("#1f77b4", "#aec7e8", "#ff7f0e", "#ffbb78", "#2ca02c", "#98df8a", "#d62728", "#ff9896"),
+    *("#9467bd", "#c5b0d5", "#8c564b", "#c49c94", "#e377c2", "#f7b6d2", "#7f7f7f", "#c7c7c7"),
+    *("#bcbd22", "#dbdb8d", "#17becf", "#9edae5"),
+)
+"""Where six are too few: Tableau's twenty."""
 
 AXIS_COLOURS = {"x": COLOURS[1], "y": COLOURS[0], "z": COLOURS[3], "total": "black"}
 """For components along axes."""
@@ -54,3 +61,9 @@ def contact_look(index: int) -> dict[str, Any]:
     """Colour and dashes of a joint's contact."""
     round_, at = divmod(index, len(CONTACT_COLOURS))
     return {"colour": CONTACT_COLOURS[at], "line": _DASHES[round_ % len(_DASHES)]}
+
+
+def many(number: int) -> list[str]:
+    """So many colours; beyond twenty they repeat."""
+    own = COLOURS if number <= len(COLOURS) else _MANY
+    return [own[k % len(own)] for k in range(number)]

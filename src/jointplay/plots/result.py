@@ -235,7 +235,7 @@ class Plots:
         for one in reversed(Mode):
             label = f"{MODE_TERMS[one]} ({MODES[one]})"
             x, y = drawn[mode == one].T
-            marks.append(Curve(x, y, label, _RIM_COLOURS[one], line="", marker=".", size=2.0))
+            marks.append(Curve(x, y, label, _RIM_COLOURS[one], line="", marker="o", size=1.0))
         axes = self._plane(False, 1.05 * _RIM_EDGE * clearance)
         return Panel(*axes, marks, f"{name}, nearer rim, penetration × {factor:g}", equal="box")
 

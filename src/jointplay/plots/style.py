@@ -200,19 +200,6 @@ def new_figure(
     return StyledFigure(figsize=(width * factor, height * factor), look=look)
 
 
-@contextmanager
-def panels(
-    width: float, height: float, rows: int = 1, columns: int = 1, look: str = "screen", **more: Any
-) -> Iterator[tuple[StyledFigure, Any]]:
-    """A new figure and its axes, to be drawn in its style within the block.
-
-    The axes are as `matplotlib.figure.Figure.subplots` gives them, to which `more` goes.
-    """
-    with style(look):
-        figure = new_figure(width, height, look)
-        yield figure, figure.subplots(rows, columns, **more)
-
-
 def footnote(figure: Figure, text: str) -> None:
     """Put small print below a figure, in as many lines as its width needs."""
     across = int(_LETTERS_AN_INCH * figure.get_figwidth())

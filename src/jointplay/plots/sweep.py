@@ -109,7 +109,7 @@ def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[st
     """Mean and its confidence band at each value of a dimension."""
     table = part.transpose(x, ...).values.reshape(part.sizes[x], -1)
     estimates = [estimate(row) for row in table]
-    at = np.arange(len(estimates))
+    at: np.ndarray = np.arange(len(estimates))
     if _is_number(dataset, x):
         at = dataset[x].values * scale(dataset, x)[0]
     order = np.argsort(at)
@@ -128,7 +128,7 @@ def _points(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[
     table = scale(dataset, y)[0] * part.transpose(SAMPLE, ...).values
     table = table.reshape(part.sizes[SAMPLE], -1)
     at = np.repeat(dataset[x].values[:, None], table.shape[1], axis=1) * scale(dataset, x)[0]
-    return Curve(at.ravel(), table.ravel(), line="", marker=".", opacity=0.6, **look)
+    return Curve(at.ravel(), table.ravel(), line="", marker="o", size=2.5, opacity=0.6, **look)
 
 
 def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledFigure:
