@@ -14,10 +14,8 @@ import pinocchio as pin
 import trimesh
 
 from jointplay.core.imports import extra
-from jointplay.core.progress import ProgressBar
 from jointplay.exports.table import columns
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.visuals import look
+from jointplay.mechanism.scene import Scene
 from jointplay.result.result import Result
 
 ARROW = 0.15
@@ -41,13 +39,15 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     text = f"{result.message}\n\n{result.judgement}"
     recording.log("about", rr.TextDocument(text), static=True)
-    reach = _robot(rr, recording, mechanism)
-    links, poses, bearings = _poses(mechanism, result, progress)
-    for name, pose in zip(links, poses, strict=True):
+    scene = Scene(mechanism)
+    _robot(rr, recording, scene)
+    poses = scene.poses(result.q)
+    for k, name in enumerate(scene.links):
+        pose = poses[:, k]
         moved = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, 3:])
         recording.send_columns(f"robot/{escape(name)}", [time], moved)
     _tool(rr, recording, result, time)
-    _forces(rr, recording, result, bearings, ARROW * reach, time)
+    _forces(rr, recording, result, _bearings(scene, poses), ARROW * scene.look.reach, time)
     for name, (values, unit) in columns(result).items():
         if name == "time":
             continue
@@ -61,11 +61,10 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
     return content
 
 
-def _robot(rr: Any, recording: Any, mechanism: Mechanism) -> float:
-    """Log the shapes of all links; returns the robot's size [m]."""
+def _robot(rr: Any, recording: Any, scene: Scene) -> None:
+    """Log the shapes of all links."""
     escape = rr.escape_entity_path_part
-    seen = look(mechanism)
-    for number, shape in enumerate(seen.shapes):
+    for number, shape in enumerate(scene.look.shapes):
         for k, (part, colour) in enumerate(zip(shape.parts, shape.colours, strict=True)):
             mesh = trimesh.Trimesh(part.points, part.triangles)
             mesh.apply_transform(shape.placement)
@@ -79,26 +78,17 @@ def _robot(rr: Any, recording: Any, mechanism: Mechanism) -> float:
                 ),
                 static=True,
             )
-    return seen.reach
 
 
-def _poses(
-    mechanism: Mechanism, result: Result, progress: bool
-) -> tuple[list[str], np.ndarray, dict[str, np.ndarray]]:
-    """Links, their poses (links, n, 7: position, quaternion x y z w), origins of the bearings."""
-    model, data = mechanism.model, mechanism.data
-    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    frames = [model.getFrameId(link, pin.FrameType.BODY) for link in links]
-    held = {name: mechanism.bearing_frame(name) for name in mechanism.clearance}
-    poses = np.empty((len(links), len(result.time), 7))
-    origins = {name: np.empty((len(result.time), 3)) for name in held}
-    for i, q in enumerate(ProgressBar(result.q, "poses", disable=not progress, unit="record")):
-        pin.framesForwardKinematics(model, data, q)
-        for k, frame in enumerate(frames):
-            poses[k, i] = pin.SE3ToXYZQUAT(data.oMf[frame])
-        for name, (index, placement) in held.items():
-            origins[name][i] = (data.oMi[index] * placement).translation
-    return links, poses, origins
+def _bearings(scene: Scene, poses: np.ndarray) -> dict[str, np.ndarray]:
+    """Origins of the bearings of joints with clearance, by name, shape (n, 3) [m]."""
+    return {
+        joint.name: np.array(
+            [pin.XYZQUATToSE3(pose).act(joint.place.translation) for pose in poses[:, joint.link]]
+        )
+        for joint in scene.joints
+        if joint.play
+    }
 
 
 def _tool(rr: Any, recording: Any, result: Result, time: Any) -> None:

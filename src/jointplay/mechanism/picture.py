@@ -20,7 +20,8 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from jointplay.core.errors import JointplayError
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.visuals import Look, look
+from jointplay.mechanism.scene import Scene
+from jointplay.mechanism.visuals import Look
 
 _LIGHT = np.array([0.35, -0.6, 0.72])
 """Towards the light, in world axes."""
@@ -89,9 +90,9 @@ def picture(
             f"q must have the shape ({mechanism.model.nq},): {', '.join(mechanism.coordinates)}; "
             f"got {q.shape}"
         )
-    looks = look(mechanism, folders)
-    pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    bodies, paints = _placed(mechanism, looks, colours)
+    scene = Scene(mechanism, folders)
+    places = dict(zip(scene.links, map(pin.XYZQUATToSE3, scene.poses(q[None])[0]), strict=True))
+    bodies, paints = _placed(scene, places, colours)
     points = np.concatenate(bodies).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.linalg.norm(high - low))
@@ -109,16 +110,22 @@ def picture(
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
     notes: list[_Note] = []
-    for name, place, colour, text in _marks(mechanism):
-        text = f"{name}\n{text}" if labels is None else labels.get(name, name)
-        notes.append((_mark(axes, place, _RING * size, colour), text, colour))
+    for joint in scene.joints:
+        if not joint.hinge:
+            colour = _PLAY if joint.play else _LOOP
+            text = f"{joint.name}\n{joint.words}"
+            if joint.play and labels is not None:
+                text = labels.get(joint.name, joint.name)
+            where = places[scene.links[joint.link]] * joint.place
+            notes.append((_mark(axes, where, _RING * size, colour), text, colour))
+    pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
     tool = mechanism.data.oMf[mechanism.tool_frame].translation
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
     notes.append((tool, mechanism.tool, _TOOL))
     _frame(axes, low, high, view)
     _write(axes, notes)
     axes.set_title(title, fontsize=11)
-    _say_missing(figure, looks)
+    _say_missing(figure, scene.look)
     return figure
 
 
@@ -131,14 +138,14 @@ def _say_missing(figure: Figure, looks: Look) -> None:
 
 
 def _placed(
-    mechanism: Mechanism, looks: Look, colours: Mapping[str, str] | None
+    scene: Scene, places: Mapping[str, pin.SE3], colours: Mapping[str, str] | None
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Triangles of every part where it stands (n, 3, 3) [m], and its colour."""
-    model, bodies, paints = mechanism.model, [], []
-    for shape in looks.shapes:
-        frame = model.getFrameId(shape.link, pin.FrameType.BODY)
-        place = mechanism.data.oMf[frame].homogeneous @ shape.placement
-        carrier = mechanism.owner(model.frames[frame].parentJoint)
+    mechanism, bodies, paints = scene.mechanism, [], []
+    for shape in scene.look.shapes:
+        place = places[shape.link].homogeneous @ shape.placement
+        frame = mechanism.model.getFrameId(shape.link, pin.FrameType.BODY)
+        carrier = mechanism.owner(mechanism.model.frames[frame].parentJoint)
         for part, colour in zip(shape.parts, shape.colours, strict=True):
             bodies.append(part.corners() @ place[:3, :3].T + place[:3, 3])
             if not (np.abs(bodies[-1]) < _FARTHEST).all():
@@ -187,25 +194,6 @@ def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> 
     shade = 0.45 + 0.5 * np.abs(normals @ light)
     faces = np.clip(colours * shade[:, None], 0.0, 1.0)
     return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
-
-
-def _marks(mechanism: Mechanism) -> list[tuple[str, pin.SE3, str, str]]:
-    """Name, world frame, colour and description of what is marked."""
-    marks = []
-    hinges = {name for its in mechanism.hinges.values() for name in its}
-    for name, joint in mechanism.clearance.items():
-        if name in hinges:
-            continue
-        index, placement = mechanism.bearing_frame(name)
-        where = mechanism.data.oMi[index] * placement
-        play = joint.play_words
-        words = play if joint.springs is not None else f"play {play}"
-        marks.append((name, where, _PLAY, words))
-    for name in mechanism.loops:
-        if name not in mechanism.clearance:
-            index, placement = mechanism.bearing_frame(name)
-            marks.append((name, mechanism.data.oMi[index] * placement, _LOOP, "closes a loop"))
-    return marks
 
 
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:

@@ -16,7 +16,7 @@ from jointplay.player.server import HOST, PORT, Server, check_host, open_browser
 
 if TYPE_CHECKING:
     from jointplay.player.movie import MovieFile, Shot
-    from jointplay.player.scene import Scene
+    from jointplay.player.scene import Packed
     from jointplay.result.result import Result
 
 MOST_BYTES = 15_000_000
@@ -55,7 +55,7 @@ def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, 
 
 def page(
     cases: Mapping[str, Result], title: str | None = None, **options: Any
-) -> tuple[bytes, Scene]:
+) -> tuple[bytes, Packed]:
     """The page that plays `cases`, and the scene in it.
 
     Moments between impacts are left out until the page has no more than `MOST_BYTES`.
@@ -161,7 +161,7 @@ def play(
             say("")
 
 
-def _tell(scene: Scene, say: Callable[[str], None]) -> None:
+def _tell(scene: Packed, say: Callable[[str], None]) -> None:
     """Say what is to be known of a scene."""
     for note in scene.notes:
         say(f"note: {note}")

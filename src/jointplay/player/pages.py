@@ -12,7 +12,7 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from jointplay.player.scene import Scene
+from jointplay.player.scene import Packed
 from jointplay.plots.names import MODE_MEANINGS, MODE_TERMS, MODES
 from jointplay.plots.palette import MODE_COLOURS
 
@@ -77,7 +77,7 @@ def components() -> str:
     return "\n".join((f"const MODES = {json.dumps(modes)};", *sources))
 
 
-def render(scene: Scene, title: str) -> bytes:
+def render(scene: Packed, title: str) -> bytes:
     """The page that plays `scene`, HTML in UTF-8.
 
     Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content

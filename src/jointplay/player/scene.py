@@ -30,8 +30,8 @@ from jointplay.joints import Clearance, Coordinate, RollingBearing
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.meshes import Colour, Surface
-from jointplay.mechanism.tree import BodyMotion, Tree
-from jointplay.mechanism.visuals import Look, look
+from jointplay.mechanism.scene import Scene, continuous, quaternions
+from jointplay.mechanism.visuals import Look
 from jointplay.player.tracks import ImpactTrack, Packer, impacts, select_records, strongest
 from jointplay.plots.palette import colours
 from jointplay.result.result import Result
@@ -212,30 +212,6 @@ def _turned(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,...j->...i", matrix, vector)
 
 
-def continuous(quaternions: np.ndarray) -> None:
-    """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
-    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
-    quaternions[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
-
-
-def quaternions(matrices: np.ndarray) -> np.ndarray:
-    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), by the largest component: (n, 4)."""
-    m = matrices
-    diagonal = m[:, (0, 1, 2), (0, 1, 2)]
-    trace = diagonal.sum(axis=1)
-    # Four times the products of each component with all others, whichever is used to divide.
-    products = np.empty((len(m), 4, 4))
-    for i in range(3):
-        products[:, i, i] = 1.0 + 2.0 * diagonal[:, i] - trace
-        j, k = (i + 1) % 3, (i + 2) % 3
-        products[:, i, j] = products[:, j, i] = m[:, i, j] + m[:, j, i]
-        products[:, i, 3] = products[:, 3, i] = m[:, k, j] - m[:, j, k]
-    products[:, 3, 3] = 1.0 + trace
-    best = products[:, range(4), range(4)].argmax(axis=1)
-    rows = products[np.arange(len(m)), best]
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
-
-
 # What play lets the tool do at rest, as the track of an ellipsoid about the ideal tool.
 
 
@@ -303,8 +279,8 @@ Notes = list[str]
 
 
 @dataclass
-class Scene:
-    """What a page plays.
+class Packed:
+    """A scene as a page plays it.
 
     Attributes:
         contents: what there is and where in `block` it lies, as plain data.
@@ -326,7 +302,7 @@ def build(
     ghosts: bool = True,
     budget: int = BUDGET,
     progress: bool = False,
-) -> Scene:
+) -> Packed:
     """Make the scene of one or several results.
 
     Args:
@@ -353,15 +329,15 @@ def build(
     names = list(dict.fromkeys(name for result in cases.values() for name in result.joints))
     if joint is not None and joint not in names:
         raise MissingName("joint with clearance", joint, names)
-    taken = [_Case(label, result) for label, result in cases.items()]
+    taken = [_Case(label, result, meshes) for label, result in cases.items()]
     if joint is None:  # what bends is less to look at than what has play
-        hinges = {name for one in taken for its in one.mechanism.hinges.values() for name in its}
-        joint = next((name for name in names if name not in hinges), None)
+        play = [one for case in taken for one in case.scene.joints if one.play]
+        joint = next((one.name for one in play if not one.hinge), None)
     entries = []
     surfaces = _Surfaces(packer)
     for case, colour in zip(taken, colours(cases), strict=True):
         entry = case.pack(packer, max(budget // len(taken), 4))
-        visuals = look(case.mechanism, meshes)
+        visuals = case.scene.look
         if visuals.missing:
             notes.append(
                 f"{case.label}: {len(visuals.missing)} of its meshes not found "
@@ -383,13 +359,13 @@ def build(
         "magnification": magnification,
         "notes": notes,
     }
-    return Scene(contents, packer.deflated(), notes)
+    return Packed(contents, packer.deflated(), notes)
 
 
 # Parts of a scene, for who shows one machine that changes: its bodies once, its motion again.
 
 
-def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Scene:
+def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Packed:
     """What does not move: surfaces of a mechanism's bodies, and where they stand.
 
     Args:
@@ -400,14 +376,14 @@ def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Scene:
         JointplayError: see `visuals.look`.
     """
     packer = Packer()
-    surfaces, visuals = _Surfaces(packer), look(mechanism, meshes)
+    surfaces, visuals = _Surfaces(packer), Scene(mechanism, meshes).look
     objects = surfaces.objects(visuals)
     contents = {"surfaces": surfaces.entries, "objects": objects, "reach": visuals.reach}
     notes = [f"{len(visuals.missing)} meshes not found: simple shapes instead"]
-    return Scene(contents, packer.deflated(), notes if visuals.missing else [])
+    return Packed(contents, packer.deflated(), notes if visuals.missing else [])
 
 
-def motion(label: str, result: Result, twin: Result, budget: int) -> Scene:
+def motion(label: str, result: Result, twin: Result, budget: int) -> Packed:
     """What moves: tracks of a result and of its ideal twin, as a case of `build` has them.
 
     Args:
@@ -424,7 +400,7 @@ def motion(label: str, result: Result, twin: Result, budget: int) -> Scene:
     entry = case.pack(packer, max(budget, 4))
     mechanism = twin.simulation.mechanism
     entry["ghost"] = _twin_tracks(case, mechanism, twin.time, twin["q"].values, packer)
-    return Scene(entry | {"error": None}, packer.deflated())
+    return Packed(entry | {"error": None}, packer.deflated())
 
 
 class _Surfaces:
@@ -468,7 +444,7 @@ def _hexadecimal(colour: Colour) -> int:
 class _Case:
     """A result, its mechanism, and the moments of it that are played."""
 
-    def __init__(self, label: str, result: Result) -> None:
+    def __init__(self, label: str, result: Result, meshes: Sequence[str | Path] = ()) -> None:
         self.label, self.result = label, result
         try:
             self.simulation = result.simulation
@@ -477,6 +453,7 @@ class _Case:
         except (KeyError, TypeError, json.JSONDecodeError) as error:
             raise JointplayError(f"result {label!r} is damaged: {error!r}") from None
         self.mechanism: Mechanism = self.simulation.mechanism
+        self.scene = Scene(self.mechanism, meshes)
         n = len(q) if finite.all() else int(np.argmin(finite))
         if n < 2:
             raise JointplayError(f"result {label!r} has fewer than two records: nothing to play")
@@ -498,10 +475,7 @@ class _Case:
         sizes = np.linalg.norm(peaks, axis=2)
         hits = [impacts(sizes[:, j]) for j in range(len(joints))]
         self.records = select_records(self.time, hits, budget)
-        self.links = [
-            frame.name for frame in self.mechanism.model.frames if frame.type == pin.FrameType.BODY
-        ]
-        poses = _poses(self.mechanism, self.q[self.records], self.links)
+        poses = self.scene.poses(self.q[self.records])
         tool = self.values("tool_position")[self.records]
         span = np.concatenate([poses[:, :, :3].reshape(-1, 3), tool])
         return {
@@ -513,7 +487,7 @@ class _Case:
             "recorded": self.n,
             "low": span.min(axis=0).tolist(),
             "high": span.max(axis=0).tolist(),
-            "links": self.links,
+            "links": self.scene.links,
             "time": packer.table(self.time[self.records], 1e-7),
             "poses": _pack_poses(packer, poses),
             "tool": packer.table(tool, 0.1 * MICRON),
@@ -555,16 +529,15 @@ class _Case:
         newton = max(1e-4 * largest, 1e-9)
         n = len(self.records)
         force = peak[strongest(size[:, None], self.records)[:, 0]]
-        index, placement = mechanism.bearing_frame(name)
-        carrier, fixed = _carrier(mechanism, self.links, index, placement)
+        seen = self.scene.joints[j]
         return {
             "name": name,
             "kind": clearance.kind,
-            "marked": not any(name in its for its in mechanism.hinges.values()),
+            "marked": not seen.hinge,
             "shape": asdict(clearance.outline),
             "contacts": list(clearance.contacts),
-            "carrier": carrier,
-            "placement": fixed.homogeneous.T.ravel().tolist(),
+            "carrier": seen.link,
+            "placement": seen.place.homogeneous.T.ravel().tolist(),
             "largest": largest,
             "typical": _typical(size, hits),
             "typical_contact": _typical(pressing, hits),
@@ -646,41 +619,12 @@ def _typical(force: np.ndarray, hits: ImpactTrack) -> float:
     return float(np.median(values)) if len(values) else 1.0
 
 
-def _poses(mechanism: Mechanism, q: np.ndarray, links: Sequence[str]) -> np.ndarray:
-    """World poses of link frames, shape (n, links, 7): position [m] and quaternion (x, y, z, w)."""
-    model = mechanism.model
-    ground = (0, pin.SE3.Identity())
-    frames = [model.frames[model.getFrameId(link, pin.FrameType.BODY)] for link in links]
-    pairs = [(ground, (frame.parentJoint, frame.placement)) for frame in frames]
-    motion = BodyMotion.of(len(q), len(links))
-    states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
-    Tree(model).move(motion, 0, len(q), *states, ground, pairs)
-    poses = np.empty((len(q), len(links), 7))
-    for k, places in enumerate(motion.poses):
-        poses[:, k, :3] = places[:, :3]
-        poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
-        continuous(poses[:, k, 3:])
-    return poses
-
-
 def _pack_poses(packer: Packer, poses: np.ndarray) -> dict[str, Any]:
     n = len(poses)
     return {
         "position": packer.table(poses[:, :, :3].reshape(n, -1), 0.2 * MICRON),
         "turn": packer.table(poses[:, :, 3:].reshape(n, -1), 0.5 * MICRORADIAN),
     }
-
-
-def _carrier(
-    mechanism: Mechanism, links: Sequence[str], index: int, placement: pin.SE3
-) -> tuple[int, pin.SE3]:
-    """Link that moves with Pinocchio joint `index`, and a frame of that joint as seen from it."""
-    model = mechanism.model
-    for number, link in enumerate(links):
-        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-        if frame.parentJoint == index:
-            return number, frame.placement.actInv(placement)
-    raise AssertionError(f"no link moves with joint {model.names[index]!r}")
 
 
 def _ghost(
@@ -730,5 +674,7 @@ def _twin_tracks(
     for i, row in enumerate(at):
         pin.framesForwardKinematics(model, data, row)
         tool[i] = data.oMf[mechanism.tool_frame].translation
-    poses = _pack_poses(packer, _poses(mechanism, at, case.links))
+    twin = Scene(mechanism)
+    order = [twin.links.index(link) for link in case.scene.links]
+    poses = _pack_poses(packer, twin.poses(at)[:, order])
     return poses | {"tool": packer.table(tool, 0.1 * MICRON)}
