@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.progress import ProgressBar
-from jointplay.identification.least_squares import CONFIDENCE
+from jointplay.identification.least_squares import CONFIDENCE, LeastSquares, minimum
 from jointplay.identification.machine import friction_of, with_clearance
 from jointplay.identification.measurement import Key, Measurement
 from jointplay.identification.unknowns import NORMAL, Estimate, Unknown
@@ -454,8 +454,6 @@ def sampled_joint(
 # turn left out and played the measurement: the errors make the interval.
 
 
-_GRID = 2048
-"""Values that are tried, over the range."""
 _SHRINK = 0.1
 """Part of the covariance that is taken as diagonal, at least; more with few runs."""
 _STRANGE = 2.0
@@ -494,12 +492,13 @@ def by_likelihood(
 
     By n runs with values (n, p) and finite statistics (n, d).
     """
-    grid = _grid(low, high)
-    best, distance, odd = _likeliest(values, statistics, measured, grid)
+    limits = low, high
+    best, distance, odd = _likeliest(values, statistics, measured, limits)
     errors, distances = np.zeros(values.shape), np.zeros(len(values))
     for i in range(len(values)):
         others = np.arange(len(values)) != i
-        found, distances[i], _ = _likeliest(values[others], statistics[others], statistics[i], grid)
+        rest = values[others], statistics[others]
+        found, distances[i], _ = _likeliest(*rest, statistics[i], limits)
         errors[i] = found - values[i]
     away = np.linalg.norm((values - best) / np.maximum(high - low, 1e-12), axis=1)
     near = np.argsort(away)[: max(len(values) // 2, 1)]
@@ -526,13 +525,6 @@ def _terms(p: int) -> int:
     return 1 + p + p * (p + 1) // 2
 
 
-def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Values that are tried, shape (number, p)."""
-    if len(low) == 1:
-        return np.linspace(low[0], high[0], 401)[:, None]
-    return np.asarray(low + qmc.Sobol(len(low), rng=0).random(_GRID) * (high - low))
-
-
 def _basis(values: np.ndarray, centre: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Terms of the quadratic, shape (n, terms)."""
     x = (values - centre) / width
@@ -542,9 +534,12 @@ def _basis(values: np.ndarray, centre: np.ndarray, width: np.ndarray) -> np.ndar
 
 
 def _likeliest(
-    values: np.ndarray, statistics: np.ndarray, measured: np.ndarray, grid: np.ndarray
+    values: np.ndarray,
+    statistics: np.ndarray,
+    measured: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, float, int]:
-    """The best of the grid, its distance (mean square by statistic), the statistic farthest off."""
+    """The best values, their distance (mean square by statistic), the statistic farthest off."""
     centre, width = values.mean(axis=0), np.maximum(np.ptp(values, axis=0), 1e-12)
     terms = _basis(values, centre, width)
     slopes, *_ = np.linalg.lstsq(terms, statistics, rcond=None)
@@ -554,10 +549,21 @@ def _likeliest(
     correlation = (left / spread).T @ (left / spread) / freedom
     shrink = max(_SHRINK, statistics.shape[1] / (statistics.shape[1] + freedom))
     correlation = (1.0 - shrink) * correlation + shrink * np.eye(len(spread))
-    off = (measured - _basis(grid, centre, width) @ slopes) / spread
-    cost = np.einsum("gi,ij,gj->g", off, np.linalg.inv(correlation), off)
-    best = int(cost.argmin())
-    return grid[best], float(cost[best]) / len(measured), int(np.abs(off[best]).argmax())
+    # Statistics that are independent of each other, each with an error of one.
+    root = np.linalg.cholesky(np.linalg.inv(correlation)).T / spread
+    unknowns = tuple(
+        Unknown("", "restitution", scale=high - low, least=low, most=high)
+        for low, high in zip(*limits, strict=True)
+    )
+
+    def predicted(theta: np.ndarray) -> np.ndarray:
+        return np.asarray(root @ (_basis(theta[None], centre, width) @ slopes)[0])
+
+    problem = LeastSquares(unknowns, predicted, root @ measured, np.ones(len(root)))
+    inside = np.clip(values, *limits)
+    best = minimum(problem, min(inside, key=problem.cost))
+    off = (measured - (_basis(best[None], centre, width) @ slopes)[0]) / spread
+    return best, problem.cost(best) / len(measured), int(np.abs(off).argmax())
 
 
 # In a machine impacts rarely die away as a ball's do: rims strike in turn, drives answer, loads
