@@ -369,7 +369,7 @@ class _Fits:
         problem, fitted, chosen = self.problem(terms, rows, self.start)
         self.start = fitted.state
         self.tick()
-        training, held = problem.errors(fitted.state, rows), self.held_back(terms)
+        training, held = problem.errors(fitted.state, rows)[:2], self.held_back(terms)
         loss = self.loss(held.position, held.orientation)
         return _Tried(tuple(terms), problem, fitted, chosen, training, held, loss)
 
@@ -380,7 +380,7 @@ class _Fits:
         for out in self.folds:
             train = np.setdiff1d(np.arange(n), out)
             problem, fitted, _ = self.problem(terms, train, self.start)
-            made.position[out], made.orientation[out] = problem.errors(fitted.state, out)
+            made.position[out], made.orientation[out], *_ = problem.errors(fitted.state, out)
             made.within[out], made.excess[out] = self._within(problem, fitted, out)
             self.tick()
         return made
@@ -529,7 +529,7 @@ def _estimated(fits: _Fits, terms: Sequence[Term]) -> tuple[float, float]:
     for _ in range(4):
         problem, fitted, _ = fits.problem(terms, rows, state)
         state = fitted.state
-        position, orientation = problem.errors(state, rows)
+        position, orientation, *_ = problem.errors(state, rows)
         m = 3 * len(rows)
         taken = [
             float(np.sum((part @ fitted.covariance) * part))

@@ -17,7 +17,7 @@ import numpy as np
 from jointplay.core.errors import JointplayError, require_a
 from jointplay.core.tables import Table
 from jointplay.identification.calibration import TRANSITIONS
-from jointplay.identification.kinematic_model import Poses
+from jointplay.identification.kinematic_model import Column, Poses, Term
 from jointplay.identification.selection import Gain, grown, one_sided
 from jointplay.identification.static_poses import StaticPoses
 from jointplay.identification.unknowns import Estimate, Unknown, data, listed
@@ -41,6 +41,12 @@ CAUSES = {
     "approach": "joint stays where it came from (hysteresis)",
 }
 """Causes that are compared, in words."""
+_TERMS = {
+    "eccentricity": ("eccentricity",),
+    "two harmonics": ("eccentricity", "second-harmonic"),
+    "compliance": ("compliance",),
+}
+"""Kinds of calibration's terms that a cause consists of."""
 _EXCLUSIVE = ({"eccentricity", "two harmonics", "gain and jump"}, {"play", "play with friction"})
 """Causes of which a model has one at most."""
 
@@ -196,33 +202,40 @@ class _Joint:
             names += ["approach"]
         return names
 
+    def _columns(self, name: str) -> list[Column]:
+        """Of a cause that calibration knows, too."""
+        terms = [Term(kind, (self.joint,)) for kind in _TERMS[name]]
+        return [column for term in terms for column in self.poses.columns(term)]
+
     def _variants(
         self, name: str, widest: float = 1.0
     ) -> list[tuple[tuple[float, ...], np.ndarray]]:
         """What a cause leaves to choose, and its columns (n, k), each way."""
         q = self.angle
-        first = np.column_stack([np.sin(q), np.cos(q)])
-        if name == "eccentricity":
-            return [((), first)]
-        if name == "two harmonics":
-            return [((), np.column_stack([first, np.sin(2.0 * q), np.cos(2.0 * q)]))]
+        if name in _TERMS:
+            features = [column.feature[self.rows] for column in self._columns(name)]
+            return [((), np.column_stack(features))]
         if name == "gain and jump":
             order = np.sort(q)
             middles = 0.5 * (order[1:] + order[:-1])[1:-1]
             return [((float(m),), np.column_stack([q, np.where(q > m, 1.0, 0.0)])) for m in middles]
-        if name == "compliance":
-            return [((), self.load[:, None])]
         if name == "approach":
             return [((), self.approach[:, None])]
         frictions = FINE_FRICTIONS if name == "play with friction" else (0.0,)
-        made: list[tuple[tuple[float, ...], np.ndarray]] = []
-        for friction, transition in product(frictions, FINE_TRANSITIONS):
-            if transition > widest:
-                continue
-            sizes = (friction * self.largest, transition * self.largest)
-            push = self.load - sizes[0] * self.approach
-            made.append((sizes, np.clip(push / sizes[1], -1.0, 1.0)[:, None]))
-        return made
+        pairs = product(frictions, [one for one in FINE_TRANSITIONS if one <= widest])
+        sizes = [(f * self.largest, t * self.largest) for f, t in pairs]
+        leaning = self.poses.leaning(self.joint, *np.transpose(sizes))[self.rows]
+        return [(size, leaning[:, k, None]) for k, size in enumerate(sizes)]
+
+    def _unknowns(self, name: str) -> list[Unknown]:
+        """Of a cause's columns."""
+        if name in _TERMS:
+            return [column.unknown for column in self._columns(name)]
+        own = {
+            "gain and jump": [("gain", "rad/rad"), ("jump", self.unit)],
+            "approach": [("by approach", self.unit)],
+        }
+        return [self._unknown(*one) for one in own.get(name, [("half-play", self.unit)])]
 
     def _designs(
         self, names: Sequence[str], widest: float = 1.0
@@ -304,21 +317,10 @@ class _Joint:
         half = t.ppf(0.975, free) * np.sqrt(noise) * best[3]
         low = np.min([one[2] for one in near], axis=0) - half
         high = np.max([one[2] for one in near], axis=0) + half
-        soft = "rad/(N*m)" if self.turns else "m/N"
-        labels: list[tuple[str, str]] = []
-        for name in names:
-            labels += {
-                "eccentricity": [("sin", self.unit), ("cos", self.unit)],
-                "two harmonics": [(w, self.unit) for w in ("sin", "cos", "sin 2", "cos 2")],
-                "gain and jump": [("gain", "rad/rad"), ("jump", self.unit)],
-                "compliance": [("compliance", soft)],
-                "approach": [("by approach", self.unit)],
-            }.get(name, [("half-play", self.unit)])
+        unknowns = [one for name in names for one in self._unknowns(name)]
         causes = tuple(
-            Estimate(self._unknown(label, unit), float(value), ends=(float(one), float(other)))
-            for (label, unit), value, one, other in zip(
-                labels, best[2][1:], low[1:], high[1:], strict=True
-            )
+            Estimate(one, float(value), ends=(float(begin), float(end)))
+            for one, value, begin, end in zip(unknowns, best[2][1:], low[1:], high[1:], strict=True)
         )
         lean = next((v for k, v in best[1].items() if k.startswith("play")), (np.nan, np.nan))
         return causes, *lean

@@ -7,7 +7,7 @@ few poses cannot blow a coefficient up, and what the poses do not tell stays wit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
@@ -38,18 +38,6 @@ _UNALIGNED = 1e-6
 _STILL_N_M = 1e-6
 """Loads that count as none."""
 
-KINDS: Mapping[str, tuple[str, float]] = {
-    "offset": ("zero of the joint's encoder", 0.1),
-    "placement": ("errors of the joint's place in its link (lengths, angles)", 2e-3),
-    "compliance": ("joint gives way in proportion to its load", 1e-3),
-    "play": ("half-play: joint leans to the side of its load, less friction", 1e-2),
-    "eccentricity": ("encoder errs by the sine and cosine of the joint's angle", 1e-2),
-    "second-harmonic": ("encoder errs by the sine and cosine of twice the angle", 5e-3),
-    "link-encoder": ("share of the link encoder's reading in what is true", 1.0),
-    "rail": ("joint's place turns with another joint's position", 5e-2),
-    "suspension": ("joint's place turns with the moment of the weight beyond it", 1e-3),
-}
-"""Kinds of terms: meaning, and prior width [SI: rad, m, rad/(N m), ...]."""
 _TURN_WIDTH = 2.5
 """Prior width of a placement's angles over that of its lengths [rad/m]."""
 
@@ -125,7 +113,7 @@ class Term:
     def width_of(self, joint: str) -> float:
         """Prior standard deviation of a joint's coefficient."""
         given = self.width.get(joint) if isinstance(self.width, Mapping) else self.width
-        return KINDS[self.kind][1] if given is None else float(given)
+        return KINDS[self.kind].width if given is None else float(given)
 
 
 @dataclass(frozen=True)
@@ -146,12 +134,6 @@ class Column:
     def joint(self) -> str:
         """Of the unknown."""
         return self.unknown.joint
-
-
-def _coefficient(term: Term, joint: str, what: str, unit: str, width: float) -> Unknown:
-    """The unknown of a joint, of which nothing is known but its physical size."""
-    name = " ".join(filter(None, ["half-play" if term.kind == "play" else term.kind, what]))
-    return Unknown(joint, name, unit, 0.0, width, spread=width, least=-np.inf, fine=False)
 
 
 class Chain:
@@ -293,77 +275,22 @@ class Poses:
 
     def _columns(self, term: Term, joint: str, asked: bool) -> list[Column]:
         """Coefficients of one joint."""
-        j = self.chain.names.index(joint)
-        turns, width = bool(self.chain.turns[j]), term.width_of(joint)
-        own, soft = ("rad", "rad/(N*m)") if turns else ("m", "m/N")
-        one = np.ones(len(self))
-
-        def column(what: str, unit: str, target: int, feature: np.ndarray, part: float) -> Column:
-            return Column(term, _coefficient(term, joint, what, unit, part), j, target, feature)
-
-        if term.kind == "offset":
-            return [column("", own, COORDINATE, one, width)]
-        if term.kind == "compliance":
-            if not asked and not self.loaded(joint):
-                return []
-            return [column("", soft, COORDINATE, self.load[:, j], width)]
-        if term.kind == "play":
-            if not asked and not self.loaded(joint):
-                return []
-            lean = self.leaning(joint, *self.default_play(term, joint))
-            return [column("", own, COORDINATE, lean, width)]
-        if term.kind in ("eccentricity", "second-harmonic"):
-            if not turns:
-                if asked:
-                    raise JointplayError(f"{joint} slides: it has no {term.kind}")
-                return []
-            angle = self.q[:, j] * (2.0 if term.kind == "second-harmonic" else 1.0)
-            waves = (("sin", np.sin(angle)), ("cos", np.cos(angle)))
-            return [column(name, own, COORDINATE, wave, width) for name, wave in waves]
-        if term.kind == "link-encoder":
-            difference = self.link[:, j] - self.q[:, j]
-            if np.isnan(difference).any() or not difference.any():
-                if asked:
-                    raise JointplayError(f"{joint} has no encoder on the link's side of its own")
-                return []
-            return [column("", "", COORDINATE, difference, width)]
-        if term.kind == "rail":
-            place = self.position(term.by)
-            by = "rad" if term.by in self.chain.names and self._turns(term.by) else "m"
-            feature = place - place.mean()
-            return [
-                column(f"about {a}", f"rad/{by}", 3 + k, feature, width)
-                for k, a in enumerate("xyz")
-            ]
-        if term.kind == "suspension":
-            return [
-                column(f"about {a}", "rad/(N*m)", 3 + k, self.moment[:, j, k], width)
-                for k, a in enumerate("xyz")
-            ]
-        return self._placement(term, joint, one, width, asked)
-
-    def _turns(self, joint: str) -> bool:
-        return bool(self.chain.turns[self.chain.names.index(joint)])
-
-    def _placement(
-        self, term: Term, joint: str, one: np.ndarray, width: float, asked: bool
-    ) -> list[Column]:
-        """Errors of a joint's place; of the first joint they are the base's."""
-        j = self.chain.names.index(joint)
-        if j == 0 and not asked:
-            return []
-        letters = term.axes
-        if not letters:
-            own = self.chain.along_axis(j)
-            skip = "" if own is None else ("abc" if self.chain.turns[j] else "xyz")[own]
-            letters = "".join(c for c in "xyzabc" if c != skip)
+        kind, j, size = KINDS[term.kind], self.chain.names.index(joint), term.width_of(joint)
+        idle = kind.by_load and not self.loaded(joint) and not asked
+        features = [] if idle else kind.features(self, term, j, asked)
+        if not features and asked and kind.absent:
+            raise JointplayError(f"{joint} {kind.absent}")
+        own, soft = ("rad", "rad/(N*m)") if self.chain.turns[j] else ("m", "m/N")
         made = []
-        for letter in letters:
-            k = "xyzabc".index(letter)
-            what = f"along {letter}" if k < 3 else f"about {'xyz'[k - 3]}"
-            size = width if k < 3 else _TURN_WIDTH * width
-            unit = "m" if k < 3 else "rad"
-            made.append(Column(term, _coefficient(term, joint, what, unit, size), j, k, one))
+        for what, unit, target, feature in features:
+            # Angles of a placement are as wide as its lengths over a reach.
+            width = size * (_TURN_WIDTH if term.kind == "placement" and target > 2 else 1.0)
+            name = " ".join(filter(None, ["half-play" if term.kind == "play" else term.kind, what]))
+            unknown = Unknown(
+                joint, name, {"own": own, "soft": soft}.get(unit, unit), 0.0, width,
+                spread=width, least=-np.inf, fine=False,
+            )  # fmt: skip
+            made.append(Column(term, unknown, j, target, feature))
         return made
 
     def loaded(self, joint: str) -> bool:
@@ -390,6 +317,119 @@ class Poses:
         held = np.multiply.outer(self.approach[:, j], friction)
         push = np.add.outer(self.load[:, j], np.zeros_like(width)) - held
         return np.asarray(np.clip(push / width, -1.0, 1.0))
+
+
+Features = list[tuple[str, str, int, np.ndarray]]
+"""Of a joint's coefficients: which it is, its unit (``own``: of the joint, ``soft``: of its
+compliance), what of the joint errs (0 to 5 of its placement, or `COORDINATE`), by which feature of
+the poses, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of terms: what of a joint errs, by which features of the poses."""
+
+    meaning: str
+    width: float
+    """Of the prior [SI: rad, m, rad/(N m), ...]."""
+    features: Callable[[Poses, Term, int, bool], Features]
+    """Of a joint, by its number in the chain, and whether it was asked for by its name."""
+    by_load: bool = False
+    """Whether only joints that gravity loads have it, unless others are asked for."""
+    absent: str = ""
+    """Why a joint that was asked for has none, behind its name."""
+
+
+def _offset(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    return [("", "own", COORDINATE, np.ones(len(poses)))]
+
+
+def _compliance(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    return [("", "soft", COORDINATE, poses.load[:, j])]
+
+
+def _waves(turns: float) -> Callable[[Poses, Term, int, bool], Features]:
+    def features(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+        angle = turns * poses.q[:, j]
+        waves = [("sin", np.sin(angle)), ("cos", np.cos(angle))]
+        return [(n, "own", COORDINATE, w) for n, w in waves if poses.chain.turns[j]]
+
+    return features
+
+
+def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    joint = poses.chain.names[j]
+    lean = poses.leaning(joint, *poses.default_play(term, joint))
+    return [("", "own", COORDINATE, lean)]
+
+
+def _difference(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    off = poses.link[:, j] - poses.q[:, j]
+    return [] if np.isnan(off).any() or not off.any() else [("", "", COORDINATE, off)]
+
+
+def _rail(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    place, chain = poses.position(term.by), poses.chain
+    turns = term.by in chain.names and chain.turns[chain.names.index(term.by)]
+    unit, off = "rad/rad" if turns else "rad/m", place - place.mean()
+    return [(f"about {axis}", unit, 3 + k, off) for k, axis in enumerate("xyz")]
+
+
+def _suspension(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    moments = zip("xyz", poses.moment[:, j].T, strict=True)
+    return [(f"about {axis}", "rad/(N*m)", 3 + k, m) for k, (axis, m) in enumerate(moments)]
+
+
+def _placement(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+    """Errors of a joint's place; of the first joint they are the base's."""
+    if j == 0 and not asked:
+        return []
+    own, letters = poses.chain.along_axis(j), term.axes or "xyzabc"
+    if not term.axes and own is not None:
+        letters = letters.replace(("abc" if poses.chain.turns[j] else "xyz")[own], "")
+    places = [(letter, "xyzabc".index(letter)) for letter in letters]
+    return [
+        (f"along {letter}" if k < 3 else f"about {'xyz'[k - 3]}", "m" if k < 3 else "rad", k,
+         np.ones(len(poses)))
+        for letter, k in places
+    ]  # fmt: skip
+
+
+KINDS: Mapping[str, Kind] = {
+    "offset": Kind(
+        "zero of the joint's encoder", 0.1,
+        _offset,
+    ),
+    "placement": Kind(
+        "errors of the joint's place in its link (lengths, angles)", 2e-3, _placement
+    ),
+    "compliance": Kind(
+        "joint gives way in proportion to its load", 1e-3,
+        _compliance,
+        by_load=True,
+    ),
+    "play": Kind(
+        "half-play: joint leans to the side of its load, less friction", 1e-2, _leaning,
+        by_load=True,
+    ),
+    "eccentricity": Kind(
+        "encoder errs by the sine and cosine of the joint's angle", 1e-2, _waves(1.0),
+        absent="slides: it has no eccentricity",
+    ),
+    "second-harmonic": Kind(
+        "encoder errs by the sine and cosine of twice the angle", 5e-3, _waves(2.0),
+        absent="slides: it has no second-harmonic",
+    ),
+    "link-encoder": Kind(
+        "share of the link encoder's reading in what is true", 1.0, _difference,
+        absent="has no encoder on the link's side of its own",
+    ),
+    "rail": Kind("joint's place turns with another joint's position", 5e-2, _rail),
+    "suspension": Kind(
+        "joint's place turns with the moment of the weight beyond it", 1e-3, _suspension
+    ),
+}  # fmt: skip
+"""Kinds of terms; a new one is a function of the poses."""
 
 
 def _with_payloads(mechanism: Mechanism, payloads: Sequence[Payload]) -> pin.Model:
@@ -519,7 +559,8 @@ class Problem:
         tip = origin + body @ reach
         rotations, points = base @ body @ grip, at + tip @ base.T
         if not jacobian:
-            return rotations, points, np.zeros(0), np.zeros(0)
+            none = np.zeros((0, 3, self.first + len(joints)))
+            return rotations, points, none, none
         n, k = len(rows), len(joints)
         turn, move = np.zeros((k, n, 3)), np.zeros((k, n, 3))
         for column, (j, target) in enumerate(zip(joints, targets, strict=True)):
@@ -549,61 +590,54 @@ class Problem:
             turns = np.concatenate([none, turns], axis=2)
         return rotations, points, moves, turns
 
-    def errors(self, state: State, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Measured less modelled points (n, 3) [m] and rotations (n, 3) [rad], zero if there are
-        none; in closure, means of the points less each of their rows."""
-        rotations, points, *_ = self.place(state, rows)
+    def errors(
+        self, state: State, rows: np.ndarray, jacobian: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Measured less modelled points (n, 3) [m] and rotations (n, 3) [rad], and derivatives of
+        what is modelled by the unknowns; in closure, means of the points less each of their rows.
+        """
+        rotations, points, moves, turns = self.place(state, rows, jacobian)
         measured, turned = self.poses.measured, np.zeros((len(rows), 3))
-        if self.closure:
-            return self._about_means(points, rows)[0], turned
-        assert measured.position is not None
+        if measured.position is None:
+            slopes = moves - self._means(moves, rows)[0] if jacobian else moves
+            return self._means(points, rows)[0] - points, turned, slopes, turns
         if measured.orientation is not None:
             turned = rotation_vectors(measured.orientation[rows] @ np.swapaxes(rotations, 1, 2))
-        return measured.position[rows] - points, turned
+        return measured.position[rows] - points, turned, moves, turns
 
-    def _about_means(
+    def _means(
         self, values: np.ndarray, rows: np.ndarray
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Means of the rows of each point less each row's value, and the means by point."""
+        """Means of the rows of each point: for each row, and by point."""
         names = np.array(self.poses.measured.point)[rows]
-        off, means = np.empty_like(values), {}
-        for name in dict.fromkeys(names):
-            here = names == name
-            means[str(name)] = values[here].mean(axis=0)
-            off[here] = means[str(name)] - values[here]
-        return off, means
+        means = {str(name): values[names == name].mean(axis=0) for name in dict.fromkeys(names)}
+        each = [means[str(name)] for name in names]
+        return np.asarray(each), means
 
     def residual(
         self, state: State, rows: np.ndarray, jacobian: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residuals (m,) and their derivatives (m, unknowns), with the opposite sign."""
-        rotations, points, moves, turns = self.place(state, rows, jacobian)
-        measured, (sp, so) = self.poses.measured, self.error
-        unknowns = self.first + len(self.columns)
-        if self.closure:
-            off, means = self._about_means(points, rows)
-            parts, slopes = [off.ravel() / sp], []
-            if jacobian:
-                down, slope = self._about_means(moves, rows)
-                slopes.append(-down.reshape(-1, unknowns) / sp)
-            for (one, other), (length, deviation) in measured.distances.items():
-                if one in means and other in means:
-                    apart = means[one] - means[other]
-                    size = float(np.linalg.norm(apart))
-                    parts.append(np.array([(length - size) / deviation]))
-                    if jacobian:
-                        way = apart / max(size, 1e-12) / deviation
-                        slopes.append((way @ (slope[one] - slope[other]))[None])
-            return np.concatenate(parts), np.concatenate(slopes) if jacobian else np.zeros(0)
-        assert measured.position is not None
-        parts = [((measured.position[rows] - points) / sp).ravel()]
-        slopes = [moves.reshape(-1, unknowns) / sp] if jacobian else []
-        if measured.orientation is not None:
-            off = rotation_vectors(measured.orientation[rows] @ np.swapaxes(rotations, 1, 2))
-            parts.append((off / so).ravel())
-            if jacobian:
-                slopes.append(turns.reshape(-1, unknowns) / so)
-        return np.concatenate(parts), np.concatenate(slopes) if jacobian else np.zeros(0)
+        position, turned, moves, turns = self.errors(state, rows, jacobian)
+        (sp, so), unknowns = self.error, self.first + len(self.columns)
+        parts, slopes = [position.ravel() / sp], [moves.reshape(-1, unknowns) / sp]
+        if self.turned:
+            parts.append(turned.ravel() / so)
+            slopes.append(turns.reshape(-1, unknowns) / so)
+        if self.closure and self.poses.measured.distances:
+            _, points, moves, _ = self.place(state, rows, jacobian)
+            means = self._means(points, rows)[1]
+            slope = self._means(moves, rows)[1] if jacobian else {}
+            for (one, other), (length, deviation) in self.poses.measured.distances.items():
+                if one not in means or other not in means:
+                    continue
+                apart = means[one] - means[other]
+                size = float(np.linalg.norm(apart))
+                parts.append(np.array([(length - size) / deviation]))
+                if jacobian:
+                    way = apart / max(size, 1e-12) / deviation
+                    slopes.append((way @ (slope[one] - slope[other]))[None])
+        return np.concatenate(parts), np.concatenate(slopes)
 
     def moved(self, state: State, step: np.ndarray) -> State:
         """A state after a step of the unknowns: rotations turn by their rotation vectors."""
