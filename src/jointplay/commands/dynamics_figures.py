@@ -53,7 +53,7 @@ class FigureJob:
         """Says where the figure comes from."""
         study, options = self.study, self.options
         case = f", case {options.case}" if options.case else ""
-        case += " changed" if case and (options.vary or options.changes) else ""
+        case += " changed" if case and (options.vary or options.set) else ""
         return f"{self.file}{case}: turns {study.settle + 1} to {study.end}"
 
     @property
@@ -66,7 +66,7 @@ class FigureJob:
         """How points were sampled, for a caption."""
         study, options = self.study, self.options
         base = f" Other keys as in case {options.case}." if options.case else ""
-        given = f" Changed: {', '.join(options.changes)}." if options.changes else ""
+        given = f" Changed: {', '.join(options.set)}." if options.set else ""
         return (
             f"One point a turn (period of the motion), {study.phase:g} of a turn after its start: "
             f"turns {study.settle + 1} to {study.end} at each of {len(self.keys)} values, "
