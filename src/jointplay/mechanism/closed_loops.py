@@ -22,19 +22,18 @@ from jointplay.core.errors import JointplayError
 from jointplay.mechanism.loop import (
     ANGLE_ARM_M,
     ASSEMBLY_TOLERANCE_M,
+    SINGULAR,
+    closest,
     closing_rows,
+    newton,
     openings,
     own_coordinates,
 )
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.urdf import Mimic
 
-_SINGULAR = 1e-9
-"""Part of the largest singular value that is none."""
 _STEP = 0.05
 """Of the driven joints, from one closed configuration to the next [rad or m]."""
-_REACH, _CHANGE, _STEPS = 0.3, 1e-12, 30
-"""Largest step of Newton's method, the one after which it is there, and most of them."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +164,9 @@ class ClosedLoops:
         """The closed configuration with the driven positions of `goal`, from a closed one on."""
         if begin is None:
             near = self.close(goal)
-            return self._search(goal) if near is None else near
+            if near is None:
+                near = self.close(closest(self.mechanism, goal, self.passive, {}))
+            return near
         way = (goal - begin)[self._standing]
         count = max(int(np.ceil(np.abs(way).max(initial=0.0) / _STEP)), 1)
         q: np.ndarray | None = begin
@@ -192,33 +193,10 @@ class ClosedLoops:
             aside: poses that journals of loops have in their bearings; centred if not given.
             exactly: whether the loops must be closed; else as well as can be.
         """
-        q = start.copy()
-        for _ in range(_STEPS):
-            left = self._weight * openings(self.mechanism, q, aside)
-            rows = self._rows(q)[:, self.passive]
-            change = np.linalg.lstsq(rows, -left, rcond=_SINGULAR)[0]
-            size = float(np.abs(change).max(initial=0.0))
-            if not size < _REACH:
-                return None
-            q[self.passive] += change
-            if size < _CHANGE:
-                return q if not exactly or is_closed(self.mechanism, q) else None
-        return None
-
-    def _search(self, start: np.ndarray) -> np.ndarray | None:
-        """As `close`, from farther away."""
-        from scipy.optimize import least_squares  # takes long to import
-
-        def left(values: np.ndarray) -> np.ndarray:
-            q = start.copy()
-            q[self.passive] = values
-            return openings(self.mechanism, q)
-
-        near = start.copy()
-        if len(self.passive):
-            least = least_squares(left, start[self.passive], xtol=1e-15, ftol=1e-15, gtol=1e-15)
-            near[self.passive] = least.x
-        return self.close(near)
+        q = newton(self.mechanism, start, self.passive, self._weight, aside)
+        if q is not None and exactly and not is_closed(self.mechanism, q):
+            return None
+        return q
 
 
 def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
@@ -346,7 +324,7 @@ def _weights(mechanism: Mechanism) -> np.ndarray:
 
 def _threshold(sizes: np.ndarray) -> float:
     """Singular values up to here are none."""
-    return float(_SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M))
+    return float(SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M))
 
 
 def _rank(rows: np.ndarray) -> int:

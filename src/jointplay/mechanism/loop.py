@@ -31,8 +31,10 @@ ANGLE_ARM_M = 0.1
 _IDEAL_WEIGHT = 1e3
 """Weight of loops without clearance beside those whose journal has room."""
 
-_NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 8, 0.1, 1e-12
-"""Most steps of `follow`, the largest, and the one after which it is there [rad or m]."""
+_NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 30, 0.3, 1e-12
+"""Most steps of `newton`, the largest, and the one after which it is there [rad or m]."""
+SINGULAR = 1e-9
+"""Part of the largest singular value that is none."""
 
 _CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
 """Steps in which given positions are approached, and by how much others may move in one [rad or m].
@@ -149,9 +151,9 @@ def assemble(
         return q.copy()
     offsets = offsets or {}
     free = _free(mechanism, held, journals=False)
-    best = _closed(mechanism, _continued(mechanism, q, held, free), free, offsets)
+    best = closest(mechanism, _continued(mechanism, q, held, free), free, offsets)
     if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
-        moved = _closed(mechanism, best, _free(mechanism, held, journals=True), offsets)
+        moved = closest(mechanism, best, _free(mechanism, held, journals=True), offsets)
         if _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
@@ -179,7 +181,7 @@ def _continued(
     for step in range(steps + 1):
         trial = led.copy()
         trial[held] = way[held] * step / steps
-        led = _closed(mechanism, trial, free, {})
+        led = closest(mechanism, trial, free, {})
         moved = np.abs(led - trial).max()
         if moved > _CONTINUATION_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
             return q
@@ -193,20 +195,40 @@ def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarr
 
     By Newton's method, which takes a few tenths of the time.
     """
-    rest = np.setdiff1d(np.arange(mechanism.model.nv), held)
-    moved = q.copy()
-    for _ in range(_NEWTON_STEPS):
-        rows = closing_rows(mechanism, moved)
-        left = openings(mechanism, moved)
-        change = np.linalg.lstsq(rows[:, rest], -left, rcond=1e-10)[0]
-        if not np.abs(change).max(initial=0.0) < _NEWTON_REACH:
-            break
-        moved[rest] += change
-        if np.abs(change).max(initial=0.0) < _NEWTON_CHANGE:
-            if np.abs(openings(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
-                return moved
-            break
+    moved = newton(mechanism, q, np.setdiff1d(np.arange(mechanism.model.nv), held))
+    if moved is not None and np.abs(openings(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
+        return moved
     return assemble(mechanism, q, held)
+
+
+def newton(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    free: np.ndarray,
+    weight: np.ndarray | float = 1.0,
+    aside: Mapping[str, pin.SE3] | None = None,
+) -> np.ndarray | None:
+    """q with its `free` coordinates moved until the loops are as closed as can be, or None.
+
+    Args:
+        mechanism: with loops.
+        q: shape (nq,).
+        free: coordinates that are moved.
+        weight: of each row of `openings`, where not all of them can be zero.
+        aside: see `openings`.
+    """
+    moved, weights = q.copy(), np.reshape(weight, (-1, 1))
+    for _ in range(_NEWTON_STEPS):
+        left = weight * openings(mechanism, moved, aside)
+        rows = (weights * closing_rows(mechanism, moved))[:, free]
+        change = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
+        size = float(np.abs(change).max(initial=0.0))
+        if not size < _NEWTON_REACH:
+            return None
+        moved[free] += change
+        if size < _NEWTON_CHANGE:
+            return moved
+    return None
 
 
 def openings(
@@ -255,10 +277,10 @@ def own_coordinates(mechanism: Mechanism) -> list[int]:
     return own
 
 
-def _closed(
-    mechanism: Mechanism, q: np.ndarray, free: np.ndarray, offsets: dict[str, np.ndarray]
+def closest(
+    mechanism: Mechanism, q: np.ndarray, free: np.ndarray, offsets: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """q with its `free` coordinates moved so that the loops are as closed as can be."""
+    """q with its `free` coordinates moved, from afar, so that the loops are as closed as can be."""
     moved = q.copy()
     if not len(free):
         return moved
@@ -282,7 +304,7 @@ def _closed(
 
 
 def _wanted(
-    mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]
+    mechanism: Mechanism, q: np.ndarray, offsets: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """`misfit` from where journals shall be."""
     parts = misfit(mechanism, q)
@@ -321,7 +343,7 @@ def _blame(
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-    freed = _closed(mechanism, q, _free(mechanism, (), journals=False), {})
+    freed = closest(mechanism, q, _free(mechanism, (), journals=False), {})
     given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
     if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
         near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
