@@ -255,8 +255,9 @@ def reduce(
     reduced, step_error = full, 0.0
     teeth: dict[str, Any] = {}
     if gear is not None:
+        top = float(np.abs(result["gear_torque"].sel(gear=joint).values).max())
         plain, damping, reduced = link.fit(
-            time, motor, _plain_gears(gear, result, link.inertia), begin, full
+            time, motor, _plain_gears(gear, top, link.inertia), begin, full
         )
         teeth = {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
         teeth["rotor_inertia"] = plain.rotor_inertia
@@ -339,19 +340,16 @@ def _no_hinge(mechanism: Mechanism, joint: str) -> str:
     )
 
 
-def _plain_gears(gear: Gearing, result: Result, inertia: float) -> list[Gear]:
+def _plain_gears(gear: Gearing, top: float, inertia: float) -> list[Gear]:
     """What a dead band, one stiffness and a damper can say of a gear of any kind, to be tried.
 
-    The stiffness is that up to the largest torque of the run. Hysteresis is a dead band where the
+    The stiffness is that up to the largest torque, `top` [N m]. Hysteresis is a dead band where the
     load turns its sign, and none where it does not; a damper stands for what it loses.
     """
     if isinstance(gear, Gear):
         return [gear]
-    stiffness = float(gear.curve().slopes[0])
-    if gear.refined:
-        top = float(np.abs(result["gear_torque"].values).max())
-        wound = float(gear.wound_up(top)) - gear.play / 2.0
-        stiffness = top / wound if wound > 0.0 else stiffness
+    wound = float(gear.wound_up(top)) - gear.play / 2.0
+    stiffness = top / wound if wound > 0.0 else float(gear.curve().slopes[0])
     damping = gear.damping
     if gear.bristles[0] > 0.0:
         damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))

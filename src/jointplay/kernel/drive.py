@@ -1,14 +1,11 @@
-"""What acts on single coordinates: drives, joint friction, gears with play.
-
-Gears that are more than play, a spring and a damper are in `gear`.
-"""
+"""What acts on single coordinates: drives and joint friction."""
 
 from __future__ import annotations
 
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.layout import DRIVE, GEAR, JOINT_FRICTION
+from jointplay.kernel.layout import DRIVE, JOINT_FRICTION
 from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 
@@ -134,30 +131,8 @@ def apply_joint_friction(run, v, tau):
 
 
 @internal
-def _gear_torque(gear, q, v):
-    """Torque that a gear transmits, its elastic part, the side in contact, and the teeth's rate."""
-    twist = q[gear.motor] - q[gear.link]
-    depth = abs(twist) - gear.half_play
-    if depth <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    side = math.copysign(1.0, twist)
-    rate = side * (v[gear.motor] - v[gear.link])
-    elastic = gear.stiffness * depth
-    return max(elastic + gear.damping * rate, 0.0), elastic, side, rate  # teeth never pull
-
-
-@internal
-def apply_gears(run, q, v, tau):
-    """Add the torque of all gears: none within their play, a spring and a damper beyond."""
-    for gear in run.gears:
-        torque, _, side, _ = _gear_torque(gear, q, v)
-        tau[gear.motor] -= side * torque
-        tau[gear.link] += side * torque
-
-
-@internal
-def add_joint_slopes(run, q, v):
-    """Add the derivatives of joint friction, gears and implicit drives by velocity to the slope."""
+def add_joint_slopes(run, v):
+    """Add the derivatives of joint friction and implicit drives by velocity to the slope."""
     slope, place = run.slope, run.place
     effort = run.drive
     for one in run.drives:
@@ -167,22 +142,11 @@ def add_joint_slopes(run, q, v):
         i = place[row.coordinate]
         _, rise = _joint_friction(row, v[row.coordinate])
         slope[i, i] -= rise
-    for gear in run.gears:
-        torque, _, _, _ = _gear_torque(gear, q, v)
-        if torque > 0.0:
-            m, k = place[gear.motor], place[gear.link]
-            slope[m, m] -= gear.damping
-            slope[k, k] -= gear.damping
-            slope[m, k] += gear.damping
-            slope[k, m] += gear.damping
 
 
 @internal
-def add_joint_losses(run, q, v):
-    """Add the power dissipated in joint friction and gears at state (q, v)."""
+def add_joint_losses(run, v):
+    """Add the power dissipated in joint friction at velocities v."""
     for row in run.frictions:
         friction, _ = _joint_friction(row, v[row.coordinate])
         run.power[JOINT_FRICTION] += friction * v[row.coordinate]
-    for gear in run.gears:
-        torque, elastic, _, rate = _gear_torque(gear, q, v)
-        run.power[GEAR] += (torque - elastic) * rate

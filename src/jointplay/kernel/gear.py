@@ -12,7 +12,7 @@ its own. Bristles follow Dahl's law, which knows no time:
     dz/d(twist) = z_max/b (1 - z/z_max sgn(d(twist)))
 
 so that z after a turn follows exactly from z before it. They store b z^2/(2 z_max) and lose
-z^2/z_max per angle. Gears that have no more than play, a spring and a damper are in `drive`.
+z^2/z_max per angle.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _commit_gear(gear):
 @internal
 def place_gears(run, q):
     """Find all that depends on the coordinates alone."""
-    for gear in run.refined_gears:
+    for gear in run.gears:
         motor = q[gear.motor]
         error, lever = 0.0, 1.0
         for k in range(gear.orders):
@@ -78,15 +78,16 @@ def place_gears(run, q):
 @internal
 def commit_gears(run):
     """Accept the state of the gears as one of the trajectory."""
-    for gear in run.refined_gears:
+    for gear in run.gears:
         _commit_gear(gear)
 
 
 @internal
 def mark_gears(run, marks):
     """Mark the coordinates on which gears act."""
-    for gear in run.refined_gears:
-        marks[gear.motor] = marks[gear.link] = 1.0
+    for gear in run.gears:
+        if gear.elastic > 0.0 or gear.rubs != 0:
+            marks[gear.motor] = marks[gear.link] = 1.0
 
 
 @internal
@@ -112,6 +113,8 @@ def _gear_friction(gear, speed):
     It grows with the torque that the gear holds: by one part where the motor drives, by another
     where it is driven.
     """
+    if gear.rubs == 0:
+        return 0.0, 0.0
     held = _held_torque(gear)
     part = gear.driving_loss if held * speed > 0.0 else gear.driven_loss
     dry = gear.running_torque + part * abs(held)
@@ -121,9 +124,9 @@ def _gear_friction(gear, speed):
 
 
 @internal
-def apply_refined_gears(run, v, tau):
+def apply_gears(run, v, tau):
     """Add the torques at the velocities v, after `place_gears`."""
-    for gear in run.refined_gears:
+    for gear in run.gears:
         torque, side, _ = _tooth_torque(gear, v)
         gear.torque = side * torque + gear.hysteresis
         friction, _ = _gear_friction(gear, v[gear.motor])
@@ -135,7 +138,7 @@ def apply_refined_gears(run, v, tau):
 def add_gear_slopes(run, v):
     """Add the derivatives of the torques by velocity to the slope."""
     slope, place = run.slope, run.place
-    for gear in run.refined_gears:
+    for gear in run.gears:
         m, k = place[gear.motor], place[gear.link]
         _, rise = _gear_friction(gear, v[gear.motor])
         slope[m, m] -= rise
@@ -150,7 +153,7 @@ def add_gear_slopes(run, v):
 @internal
 def add_gear_losses(run, v):
     """Add the power dissipated at the velocities v."""
-    for gear in run.refined_gears:
+    for gear in run.gears:
         torque, _, rate = _tooth_torque(gear, v)
         friction, _ = _gear_friction(gear, v[gear.motor])
         run.power[GEAR] += (torque - gear.elastic) * rate + friction * v[gear.motor]
@@ -163,7 +166,7 @@ def add_gear_losses(run, v):
 def record_gears(run, row):
     """Write torque and hysteresis of each gear into a record's row."""
     at = run.columns[GEAR_TORQUE]
-    for gear in run.refined_gears:
+    for gear in run.gears:
         row[at] = gear.torque
         row[at + 1] = gear.hysteresis
         at += 2
@@ -176,7 +179,7 @@ def turn_slowly(row, torques, twists):
     Where several twists bear a torque the gear goes no farther than to the first.
 
     Args:
-        row: of `layout.REFINED_GEAR`, shape (1,); it keeps where the gear ends.
+        row: of `layout.GEAR_ROW`, shape (1,); it keeps where the gear ends.
         torques: (n,) [N m].
         twists: result, (n,) [rad].
     """

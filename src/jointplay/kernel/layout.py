@@ -259,8 +259,7 @@ SERVO = _record(
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )
-GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
-REFINED_GEAR = _record(
+GEAR_ROW = _record(
     motor=_INT,
     link=_INT,
     half_play=_FLOAT,
@@ -276,6 +275,7 @@ REFINED_GEAR = _record(
     phase=(_FLOAT, (GEAR_ORDERS,)),
     running_torque=_FLOAT,  # friction on the motor without load
     viscous=_FLOAT,
+    rubs=_INT,  # whether it has bristles or friction, which act within its play, too
     driving_loss=_FLOAT,  # friction per torque held where the motor drives, and where it is driven
     driven_loss=_FLOAT,
     # Now.
@@ -288,7 +288,7 @@ REFINED_GEAR = _record(
     last_twist=_FLOAT,
     last_hysteresis=_FLOAT,
 )
-"""One gear that is more than play, a spring and a damper; see `kernel.gear`."""
+"""One gear; see `kernel.gear`."""
 
 BODY = _record(
     parent=_INT,  # place among the bodies; 0 is the ground
@@ -364,7 +364,7 @@ ROW: dict[str, tuple[Size, ...]] = {
     "normal_peak": ("nj", "width"),
     "gap_min": ("nj", "width"),
     "cage": ("cages",),
-    "gear": ("nr", 2),
+    "gear": ("ng", 2),
     "load_force": ("load_columns",),
     "load_work": ("nl",),
 }
@@ -435,8 +435,7 @@ RUN = _record(
     drives=_array(DRIVE_ROW, "nd"),
     servos=_array(SERVO, "ns", changes=True),
     frictions=_array(FRICTION_ROW, "nf"),
-    gears=_array(GEAR_ROW, "ng"),  # with no more than play, a spring and a damper
-    refined_gears=_array(REFINED_GEAR, "nr", changes=True),
+    gears=_array(GEAR_ROW, "ng", changes=True),
     loads=_array(LOAD, "nl"),
     bodies=_array(BODY, "nb"),
     holds=_array(HOLD, "nh"),
@@ -449,7 +448,6 @@ RUN = _record(
     nf=_INT,
     ns=_INT,
     ng=_INT,
-    nr=_INT,
     nl=_INT,
     nb=_INT,  # bodies, the ground among them; 0 if none need be placed
     nh=_INT,

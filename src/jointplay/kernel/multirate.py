@@ -375,10 +375,9 @@ def _powers(run, q, v):
         run.power[i] = 0.0
     complete_drives(run, v)
     add_drive_power(run, v)
-    add_joint_losses(run, q, v)
-    if run.nl + run.nr > 0:
-        add_gear_losses(run, v)
-        find_load_powers(run, v)
+    add_joint_losses(run, v)
+    add_gear_losses(run, v)
+    find_load_powers(run, v)
     for j in range(run.nj):
         joint = run.joints[j]
         if joint.touching != 0:
@@ -496,8 +495,7 @@ def add_work(run, duration):
 @internal
 def commit_memories(run, duration):
     """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
-    if run.nr > 0:
-        commit_gears(run)
+    commit_gears(run)
     for j in range(run.nj):
         commit_contacts(run, j, run.joints[j], duration)
 

@@ -25,7 +25,6 @@ from jointplay.kernel.drive import (
     add_drive_power,
     add_joint_losses,
     apply_drives,
-    apply_gears,
     apply_joint_friction,
     prescribe_motion,
 )
@@ -33,7 +32,7 @@ from jointplay.kernel.film import add_film_forces, add_film_losses, commit_film
 from jointplay.kernel.frames import find_twist, pose_of_frames, pose_of_virtual_link, project_wrench
 from jointplay.kernel.gear import (
     add_gear_losses,
-    apply_refined_gears,
+    apply_gears,
     commit_gears,
     place_gears,
 )
@@ -95,17 +94,15 @@ def _evaluate_state(run, q, v, time):
         apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
     apply_joint_friction(run, v, tau)
-    apply_gears(run, q, v, tau)
-    add_joint_losses(run, q, v)
-    if run.nr > 0:
-        place_gears(run, q)
-        apply_refined_gears(run, v, tau)
-        add_gear_losses(run, v)
+    place_gears(run, q)
+    apply_gears(run, v, tau)
+    add_joint_losses(run, v)
+    add_gear_losses(run, v)
     apply_current_loads(run, q, v, time, tau)
     if not size < SPEED_LIMIT:  # true for NaN as well
         record_failure(run, _RUN_AWAY, 0)
     committed = run.commit != 0
-    if committed and run.nr > 0:
+    if committed:
         commit_gears(run)
     elapsed = run.dt if committed and run.step > 0 else time - run.time
     for j in range(run.nj):

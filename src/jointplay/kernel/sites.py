@@ -89,8 +89,6 @@ class CoordinateTables:
     """Of `layout.FRICTION_ROW`."""
     gears: np.ndarray
     """Of `layout.GEAR_ROW`."""
-    refined_gears: np.ndarray
-    """Of `layout.REFINED_GEAR`."""
     reference: np.ndarray
     """Rows of q, v and feed-forward effort of the nu driven coordinates, shape (nref, 3 nu),
     nref >= 2."""
@@ -131,16 +129,9 @@ def friction_row(
     return np.array([(coordinate, coulomb, stiction, stribeck, viscous)], layout.FRICTION_ROW)
 
 
-def gear_row(
-    motor: int, link: int, half_play: float, stiffness: float, damping: float
-) -> np.ndarray:
-    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping."""
-    return np.array([(motor, link, half_play, stiffness, damping)], layout.GEAR_ROW)
-
-
-def refined_gear_row(**given: Any) -> np.ndarray:
-    """Record of a gear that is more, shape (1,): fields of `layout.REFINED_GEAR`, lists shorter."""
-    row = np.zeros(1, layout.REFINED_GEAR)
+def gear_row(**given: Any) -> np.ndarray:
+    """Record of a gear, shape (1,): fields of `layout.GEAR_ROW`, lists shorter."""
+    row = np.zeros(1, layout.GEAR_ROW)
     row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
     for name, value in given.items():
         if np.ndim(value):

@@ -31,7 +31,6 @@ from jointplay.kernel.contact import (
 from jointplay.kernel.drive import (
     add_joint_slopes,
     apply_drive_damping,
-    apply_gears,
     apply_joint_friction,
 )
 from jointplay.kernel.film import add_film_forces, add_film_slope
@@ -45,7 +44,7 @@ from jointplay.kernel.frames import (
 )
 from jointplay.kernel.gear import (
     add_gear_slopes,
-    apply_refined_gears,
+    apply_gears,
     mark_gears,
     place_gears,
 )
@@ -118,10 +117,7 @@ def find_velocity_forces(run, q, half):
     for one in run.drives:
         if one.implicit != 0:
             marks[one.coordinate] = marks[one.encoder] = 1.0
-    for gear in run.gears:
-        if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
-            marks[gear.motor] = marks[gear.link] = 1.0
-    if run.nl + run.nr > 0:
+    if run.nl + run.ng > 0:
         place_gears(run, q)
         mark_gears(run, marks)
         evaluate_loads(run, q, run.v, marks)
@@ -156,11 +152,9 @@ def evaluate_velocity_forces(run, q, v):
         add_contact_forces(run, j, joint)
         project_wrench(joint, tau)
     apply_joint_friction(run, v, tau)
-    apply_gears(run, q, v, tau)
+    apply_gears(run, v, tau)
     apply_drive_damping(run, v, tau)
-    if run.nl + run.nr > 0:
-        apply_refined_gears(run, v, tau)
-        apply_velocity_loads(run, v, tau)
+    apply_velocity_loads(run, v, tau)
 
 
 @internal
@@ -180,10 +174,9 @@ def _evaluate_slopes(run, q, v):
             add_film_slope(run, joint)
         add_contact_slope(run, j, joint)
         project_slope(run, joint)
-    add_joint_slopes(run, q, v)
-    if run.nl + run.nr > 0:
-        add_gear_slopes(run, v)
-        add_load_slopes(run)
+    add_joint_slopes(run, v)
+    add_gear_slopes(run, v)
+    add_load_slopes(run)
 
 
 @contracted

@@ -38,7 +38,7 @@ GIVEN = frozenset(
     (
         *("a", "found_minv", "found_free", "world_jacobian", "open_minv", "open_free"),
         *("joints", "contacts", "loads", "drives", "servos", "frictions", "gears"),
-        *("refined_gears", "reference", "record", "windows", "copies", "bodies", "holds"),
+        *("reference", "record", "windows", "copies", "bodies", "holds"),
         *("loop_rows", "loop_residual", "loop_correction", "loop_minv"),
         *("row_before", "row_after", "earlier_a"),
     )
@@ -63,7 +63,7 @@ class Workspace:
     Attributes:
         run: of `layout.RUN`, shape (1,).
         q, v: state, shape (nv,).
-        drives, servos, frictions, gears, refined_gears: records of what acts on single coordinates.
+        drives, servos, frictions, gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
         fields: columns of a record by quantity.
@@ -102,7 +102,6 @@ class Workspace:
             ns=len(tables.servos),
             nf=len(tables.frictions),
             ng=len(tables.gears),
-            nr=len(tables.refined_gears),
             nl=len(loads),
             nu=tables.reference.shape[1] // 3,
             nref=tables.nodes,
@@ -254,7 +253,6 @@ class Workspace:
         self.servos = self._point("servos", tables.servos)
         self.frictions = self._point("frictions", tables.frictions)
         self.gears = self._point("gears", tables.gears)
-        self.refined_gears = self._point("refined_gears", tables.refined_gears)
         self.set_reference_block(tables.reference, 0)
         self._nodes = tables.nodes
 

@@ -234,7 +234,7 @@ def tabulate(
         stacked(rows, layout.DRIVE_ROW),
         stacked(servos, layout.SERVO),
         stacked([*_friction_rows(mechanism, friction), *rubs], layout.FRICTION_ROW),
-        *gear_rows(mechanism),
+        gear_rows(mechanism),
         reference.table,
         REFERENCE_NODE_S,
         nodes,
@@ -280,9 +280,10 @@ def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) 
     ]
 
 
-def gear_rows(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
-    """Records of the gears: of those with play, one stiffness and a damper, and of all others."""
-    rows: tuple[list[np.ndarray], list[np.ndarray]] = [], []
-    for name, gear in mechanism.gears.items():
-        rows[gear.refined].append(gear.row(mechanism.motor(name), mechanism.coordinate(name)))
-    return stacked(rows[0], layout.GEAR_ROW), stacked(rows[1], layout.REFINED_GEAR)
+def gear_rows(mechanism: Mechanism) -> np.ndarray:
+    """Records of the gears."""
+    rows = [
+        gear.row(mechanism.motor(name), mechanism.coordinate(name))
+        for name, gear in mechanism.gears.items()
+    ]
+    return stacked(rows, layout.GEAR_ROW)

@@ -132,16 +132,6 @@ class Gearing(Described, ABC):
         return Losses()
 
     @property
-    def refined(self) -> bool:
-        """Whether it is more than play, one stiffness and a damper."""
-        return bool(
-            len(self.curve().twists)
-            or self.bristles[0] > 0.0
-            or self.error_terms
-            or any(self.losses)
-        )
-
-    @property
     def steepest(self) -> float:
         """Largest stiffness, bristles included [N m/rad]."""
         grip, bend = self.bristles
@@ -157,23 +147,21 @@ class Gearing(Described, ABC):
         return self.play + 2.0 * float(self.curve().depth(np.array(grip)))
 
     def row(self, motor: int = 0, link: int = 0) -> np.ndarray:
-        """What the kernels know of it, shape (1,): of `GEAR_ROW` or `REFINED_GEAR` in `layout`."""
-        from jointplay.kernel.sites import gear_row, refined_gear_row  # the compiler takes long
+        """What the kernels know of it, shape (1,): of `layout.GEAR_ROW`."""
+        from jointplay.kernel.sites import gear_row  # the compiler takes long to import
 
-        curve, half = self.curve(), self.play / 2.0
-        if not self.refined:
-            return gear_row(motor, link, half, float(curve.slopes[0]), self.damping)
         terms = np.array(self.error_terms).reshape(-1, 3).T
         names = ("running_torque", "viscous", "driving_loss", "driven_loss")
-        return refined_gear_row(
+        return gear_row(
             motor=motor,
             link=link,
-            half_play=half,
+            half_play=self.play / 2.0,
             damping=self.damping,
+            rubs=int(self.bristles[0] > 0.0 or any(self.losses)),
             orders=terms.shape[1],
             **dict(zip(("order", "amplitude", "phase"), terms, strict=True)),
             **dict(zip(names, self.losses, strict=True)),
-            **_torsion_fields(curve, self.bristles),
+            **_torsion_fields(self.curve(), self.bristles),
         )
 
     # What statics and audits ask.
@@ -253,13 +241,13 @@ class Gearing(Described, ABC):
         self, curve: Curve, bristles: tuple[float, float], torques: Sequence[float] | np.ndarray
     ) -> np.ndarray:
         from jointplay.kernel.gear import turn_slowly  # the compiler takes long to import
-        from jointplay.kernel.sites import refined_gear_row
+        from jointplay.kernel.sites import gear_row
 
         torques = np.asarray(torques, float)
         if torques.ndim != 1 or not np.isfinite(torques).all():
             raise JointplayError(f"torques must be a list of finite numbers, got {torques!r}")
         twists = np.empty_like(torques)
-        row = refined_gear_row(half_play=self.play / 2.0, **_torsion_fields(curve, bristles))
+        row = gear_row(half_play=self.play / 2.0, **_torsion_fields(curve, bristles))
         turn_slowly(row, torques, twists)
         return twists
 
@@ -745,7 +733,7 @@ register(Gearing, Family("kind", "gear", GEARS, default=Gear.kind, bare=False))
 
 
 def _torsion_fields(curve: Curve, bristles: tuple[float, float]) -> dict[str, Any]:
-    """Fields of `layout.REFINED_GEAR` for a curve and bristles."""
+    """Fields of `layout.GEAR_ROW` for a curve and bristles."""
     fields = {"slopes": curve.slopes, "bend_twists": curve.twists, "bend_torques": curve.torques}
     return fields | dict(zip(("grip", "presliding"), bristles, strict=True))
 

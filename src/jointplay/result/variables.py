@@ -253,34 +253,24 @@ def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[i
     return [(begin, end, phase) for begin, end, phase in stretches if begin < end]
 
 
-def hysteresis_of(mechanism: Mechanism, records: Records) -> dict[str, np.ndarray]:
-    """Torque that hysteresis holds, of those gears that have a state of their own, (n,) [N m]."""
-    names = [name for name, gear in mechanism.gears.items() if gear.refined]
-    columns = records.recorded("gear")[:, 1::2]
-    return dict(zip(names, columns.T, strict=True))
-
-
 def gear_variables(
     mechanism: Mechanism, records: Records, q: np.ndarray
 ) -> tuple[Variables, dict[str, Any], np.ndarray]:
     """Histories of the gears, their coordinates, and the energy stored in all of them (n,) [J]."""
-    bent = hysteresis_of(mechanism, records)
-    refined = list(bent)
-    recorded = records.recorded("gear").reshape(len(q), len(refined), 2)
+    names = list(mechanism.gears)
+    recorded = records.recorded("gear").reshape(len(q), len(names), 2)
     torque, hysteresis = np.moveaxis(recorded, 2, 0)
     energy = np.zeros(len(q))
-    for name, gear in mechanism.gears.items():
+    for index, (name, gear) in enumerate(mechanism.gears.items()):
         twist = gear.twist(q[:, mechanism.motor(name)], q[:, mechanism.coordinate(name)])
-        energy += gear.stored_energy(twist, bent.get(name, 0.0))
+        energy += gear.stored_energy(twist, hysteresis[:, index])
     stored = "stored in the gears"
     variables: Variables = {"gear_elastic_energy": (("time",), energy, "J", stored)}
-    if not refined:
-        return variables, {}, energy
     text = "torque that the gear transmits to the joint"
     variables["gear_torque"] = (("time", "gear"), torque, "N m", text)
     text = "part of it that hysteresis holds"
     variables["gear_hysteresis"] = (("time", "gear"), hysteresis, "N m", text)
-    return variables, {"gear": refined}, energy
+    return variables, {"gear": names}, energy
 
 
 def kinematics(
@@ -424,13 +414,13 @@ def applied_effort(
     Friction of gears is left out: it acts on motors, which have no mass to be moved.
     """
     effort = records.recorded("drive") + pushes.efforts
-    for name, gear in mechanism.gears.items():
+    hysteresis = records.recorded("gear")[:, 1::2]
+    for index, (name, gear) in enumerate(mechanism.gears.items()):
         motor, link = mechanism.motor(name), mechanism.coordinate(name)
         lever = 1.0 + gear.kinematic_error(q[:, motor])[1]
         rate = lever * v[:, motor] - v[:, link]
         torque = gear.tooth_torque(gear.twist(q[:, motor], q[:, link]), rate)
-        if gear.refined:
-            torque = torque + hysteresis_of(mechanism, records)[name]
+        torque = torque + hysteresis[:, index]
         effort[:, motor] -= lever * torque
         effort[:, link] += torque
     for name, joint in friction.items():
