@@ -126,12 +126,12 @@ def test_derivatives_are_those_of_finite_differences(arm):
     terms = ["offset", "placement", "compliance", "eccentricity", "suspension waist"]
     terms.append("rail shoulder by waist")
     fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=(1e-4, 5e-4))
-    problem, rows = fit.problem, np.arange(8)
-    residual, slope = problem.residual(fit.state, rows, jacobian=True)
+    problem, state, rows = fit.step().problem, fit.step().fitted.state, np.arange(8)
+    residual, slope = problem.residual(state, rows, jacobian=True)
     for k in range(slope.shape[1]):
         step = np.zeros(slope.shape[1])
         step[k] = 1e-6
-        ends = [problem.residual(problem.moved(fit.state, s * step), rows)[0] for s in (-1, 1)]
+        ends = [problem.residual(problem.moved(state, s * step), rows)[0] for s in (-1, 1)]
         # Of several turns of one placement to first order.
         change = -(ends[1] - ends[0]) / 2e-6
         assert change == pytest.approx(slope[:, k], rel=0.02, abs=0.002 / 1e-4), k

@@ -397,7 +397,7 @@ def mukca(
             """Held-back RMS of the calibrated robot with one more term."""
             size = len(fit.steps[0].terms) + 1
             for one in fit.steps:
-                if len(one.terms) == size and one.terms[-1].startswith(kind):
+                if len(one.terms) == size and one.terms[-1].kind == kind:
                     return f"{1e3 * one.held_back[0]:.3f}"
             return "-"
 

@@ -9,7 +9,7 @@ Research 15, 1996); play, priors and the rule for held-back poses are added here
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,18 +69,53 @@ SMOOTHINGS = (0.25, 1.0, 4.0)
 class Step:
     """One model that was tried: its causes, and its errors in training and on held-back poses."""
 
-    added: str
+    terms: tuple[Term, ...]
+    problem: Problem = field(repr=False)
+    fitted: Fitted = field(repr=False)
+    """To all poses."""
+    chosen: Mapping[str, tuple[float, float]]
+    """Friction and transition of play by joint, where they were sought [N m]."""
+    errors: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(repr=False)
+    """Of position (n, 3) [m] and orientation (n, 3) [rad]: ``training``, and ``held_back``, each
+    row by a fit that has not seen it."""
+    within: np.ndarray = field(repr=False)
+    """Whether each held-back position lay in its predicted 95 % region, shape (n,)."""
+    excess: float
+    """By which held-back errors exceed what the fits predict."""
+    added: str = ""
     """The term that it has beyond those kept before, or lacks (-)."""
-    terms: tuple[str, ...]
-    unknowns: int
-    training: tuple[float, float]
-    """RMS of the position's [m] and the orientation's [rad] error, lengths of vectors."""
-    held_back: tuple[float, float]
-    kept: bool
-    gain: float
+    kept: bool = True
+    gain: float = 0.0
     """Mean reduction of the squared weighted error of held-back rows."""
-    margin: float
+    margin: float = 0.0
     """What the gain had to exceed; of a term that is dropped, what it did not."""
+
+    @property
+    def unknowns(self) -> int:
+        """How many."""
+        return self.problem.first + len(self.problem.columns)
+
+    @property
+    def loss(self) -> np.ndarray:
+        """Squared weighted errors of the held-back rows, shape (n,)."""
+        parts = zip(self.errors["held_back"], self.problem.error, strict=True)
+        return np.asarray(sum(np.sum((part / size) ** 2, axis=1) for part, size in parts))
+
+    @property
+    def training(self) -> tuple[float, float]:
+        """RMS of the position's [m] and the orientation's [rad] error, lengths of vectors."""
+        return rms(self.errors["training"][0]), rms(self.errors["training"][1])
+
+    @property
+    def held_back(self) -> tuple[float, float]:
+        """The same on held-back poses."""
+        return rms(self.errors["held_back"][0]), rms(self.errors["held_back"][1])
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        names = ("added", "unknowns", "training", "held_back", "kept", "gain", "margin")
+        numbers = {name: getattr(self, name) for name in names}
+        return {"terms": [str(term) for term in self.terms], **numbers}
 
 
 @dataclass(frozen=True)
@@ -89,33 +124,32 @@ class Calibration:
 
     mechanism: Mechanism
     poses: StaticPoses
-    kept: tuple[Term, ...]
     steps: tuple[Step, ...]
     """All models that were tried, in order; the first has no causes but those always in it."""
     coefficients: tuple[Estimate, ...]
     """Of the terms that were kept, but play, of which `play` has what is told."""
     play: tuple[Estimate, ...]
     """Of every joint of the chain, all candidates and everybody's play free."""
-    error: tuple[float, float]
-    """By which residuals of positions [m] and orientations [rad] were weighted."""
-    state: State
-    training: tuple[np.ndarray, np.ndarray]
-    """Errors of position (n, 3) [m] and orientation (n, 3) [rad] by the model that was kept."""
-    held_back: tuple[np.ndarray, np.ndarray]
-    """The same, each row by a fit that has not seen it."""
-    within: np.ndarray
-    """Whether each held-back position lay in its predicted 95 % region, shape (n,)."""
     folds: str
     """What was held back, in words."""
     notes: tuple[str, ...] = ()
     effects: tuple[Estimate, ...] = ()
     """What each term that was kept moves the tool by, RMS over the poses, beyond what other places
     of base and tool would do [m]."""
-    problem: Problem | None = field(default=None, repr=False)
 
     def step(self) -> Step:
         """The model that was kept."""
         return [one for one in self.steps if one.kept][-1]
+
+    @property
+    def kept(self) -> tuple[Term, ...]:
+        """Its causes."""
+        return self.step().terms
+
+    @property
+    def within(self) -> np.ndarray:
+        """Whether each held-back position lay in its predicted 95 % region, shape (n,)."""
+        return self.step().within
 
     def __getitem__(self, label: str) -> Estimate:
         """A coefficient by its label, such as ``"elbow compliance"``."""
@@ -168,7 +202,8 @@ class Calibration:
         """Errors of all models, coefficients, effects and bounds of play [SI]."""
         errors, turned = [], 1 if self.poses.orientation is None else 2
         for one in self.steps:
-            name, note = " + ".join(one.terms) or one.added, "kept" if one.kept else "not kept"
+            name = " + ".join(map(str, one.terms)) or one.added
+            note = "kept" if one.kept else "not kept"
             for what in ("training", "held_back"):
                 kinds = [("position", "m"), ("orientation", "rad")]
                 for (kind, unit), size in zip(kinds[:turned], getattr(one, what), strict=False):
@@ -185,10 +220,12 @@ class Calibration:
             tables.Column("group", group or [""] * count),
             tables.Column("point", point or [""] * count),
         ]
-        for what, errors in (("training", self.training), ("held back", self.held_back)):
+        for what, errors in self.step().errors.items():
             for unit, axes, values in zip(("m", "rad"), ("xyz", _TURNS), errors, strict=True):
                 for k, axis in enumerate(axes):
-                    columns.append(tables.Column(f"{what} {axis}", values[:, k], unit))
+                    columns.append(
+                        tables.Column(f"{what.replace('_', ' ')} {axis}", values[:, k], unit)
+                    )
         return Table(columns)
 
     def describe(self) -> dict[str, Any]:
@@ -198,9 +235,9 @@ class Calibration:
             "poses": len(self.poses),
             "held_back": self.folds,
             "within_region": [bool(one) for one in self.within],
-            "error": {"position": self.error[0], "orientation": self.error[1]},
+            "error": dict(zip(("position", "orientation"), self.step().problem.error, strict=True)),
             "kept": [str(term) for term in self.kept],
-            "models": [vars(one) | {"terms": list(one.terms)} for one in self.steps],
+            "models": [one.describe() for one in self.steps],
             "coefficients": [one.describe() for one in self.coefficients],
             "effects": [one.describe() for one in self.effects],
             "play": [one.describe() for one in self.play],
@@ -216,43 +253,6 @@ def _unit_words(poses: StaticPoses) -> str:
 def rms(vectors: np.ndarray) -> float:
     """Root of the mean of the squares of the vectors' lengths, of shape (n, 3)."""
     return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=-1))))
-
-
-@dataclass(frozen=True)
-class _HeldBack:
-    """Every row as it is predicted by a fit that has not seen it."""
-
-    position: np.ndarray
-    """Errors, shape (n, 3) [m]."""
-    orientation: np.ndarray
-    """Errors, shape (n, 3) [rad]."""
-    within: np.ndarray
-    """Whether the position was within its predicted 95 % region, shape (n,)."""
-    excess: np.ndarray
-    """Mean square of the position's error over what was predicted, shape (n,)."""
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """A model with its errors in training and on held-back rows."""
-
-    terms: tuple[Term, ...]
-    problem: Problem
-    fitted: Fitted
-    chosen: dict[str, tuple[float, float]]
-    """Friction and transition of play by joint, where they were sought [N m]."""
-    training: tuple[np.ndarray, np.ndarray]
-    """Errors of positions and orientations, shapes (n, 3) [m, rad]."""
-    held: _HeldBack
-    loss: np.ndarray
-    """Squared weighted errors of the held-back rows, shape (n,)."""
-
-    def step(self, added: str, kept: bool, gain: tuple[float, float] = (0.0, 0.0)) -> Step:
-        """For the table; `gain` with the margin that it had to exceed."""
-        unknowns = self.problem.first + len(self.problem.columns)
-        training = rms(self.training[0]), rms(self.training[1])
-        held = rms(self.held.position), rms(self.held.orientation)
-        return Step(added, tuple(map(str, self.terms)), unknowns, training, held, kept, *gain)
 
 
 @dataclass
@@ -356,34 +356,22 @@ class _Fits:
         along = left @ own
         return along**2 / size, along / size
 
-    def loss(self, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
-        """Squared weighted errors of rows, shape (n,)."""
-        sp, so = self.base.error
-        return np.asarray(
-            np.sum(position**2, axis=1) / sp**2 + np.sum(orientation**2, axis=1) / so**2
-        )
-
-    def tried(self, terms: Sequence[Term]) -> _Tried:
+    def tried(self, terms: Sequence[Term]) -> Step:
         """A set of terms, fitted to all rows and to each fold."""
-        rows = np.arange(len(self.poses))
-        problem, fitted, chosen = self.problem(terms, rows, self.start)
+        n = len(self.poses)
+        problem, fitted, chosen = self.problem(terms, np.arange(n), self.start)
         self.start = fitted.state
         self.tick()
-        training, held = problem.errors(fitted.state, rows)[:2], self.held_back(terms)
-        loss = self.loss(held.position, held.orientation)
-        return _Tried(tuple(terms), problem, fitted, chosen, training, held, loss)
-
-    def held_back(self, terms: Sequence[Term]) -> _HeldBack:
-        """Every row by the fit of a fold that leaves it out."""
-        n = len(self.poses)
-        made = _HeldBack(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, bool), np.zeros(n))
+        position, orientation, *_ = problem.errors(fitted.state, np.arange(n))
+        held, within, excess = np.zeros((2, n, 3)), np.zeros(n, bool), np.zeros(n)
         for out in self.folds:
-            train = np.setdiff1d(np.arange(n), out)
-            problem, fitted, _ = self.problem(terms, train, self.start)
-            made.position[out], made.orientation[out], *_ = problem.errors(fitted.state, out)
-            made.within[out], made.excess[out] = self._within(problem, fitted, out)
+            other, fit, _ = self.problem(terms, np.setdiff1d(np.arange(n), out), self.start)
+            held[0, out], held[1, out], *_ = other.errors(fit.state, out)
+            within[out], excess[out] = self._within(other, fit, out)
             self.tick()
-        return made
+        errors = {"training": (position, orientation), "held_back": (held[0], held[1])}
+        size = max(1.0, float(np.sqrt(np.mean(excess))))
+        return Step(tuple(terms), problem, fitted, chosen, errors, within, size)
 
     def _within(
         self, problem: Problem, fitted: Fitted, out: np.ndarray
@@ -554,56 +542,52 @@ def _select(
     """Forward selection, then intervals and bounds."""
     first = fits.tried(given)
     name = "base and tool" + "".join(f" + {one.short}" for one in given)
-    steps = [first.step(name, True)]
+    steps = [replace(first, added=name)]
     kept = _dropped(fits, _added(fits, first, candidates, steps), len(given), steps)
-    fits.excess = max(1.0, float(np.sqrt(np.mean(kept.held.excess))))
+    fits.excess = kept.excess
     state, terms = kept.fitted.state, kept.terms
     return Calibration(
         mechanism,
         poses,
-        terms,
         tuple(steps),
         _coefficients(fits, terms, state),
         _bounds(fits, terms, candidates, state),
-        fits.base.error,
-        state,
-        kept.training,
-        (kept.held.position, kept.held.orientation),
-        kept.held.within,
         words,
         _notes(fits, kept),
         _effects(fits, terms, state),
-        kept.problem,
     )
 
 
-def _added(fits: _Fits, now: _Tried, candidates: Sequence[Term], steps: list[Step]) -> _Tried:
+def _added(fits: _Fits, now: Step, candidates: Sequence[Term], steps: list[Step]) -> Step:
     """The model with candidates added, the best first, as long as one is better than chance."""
 
-    def tried(made: _Tried, term: Term, gain: Gain, kept: bool) -> None:
-        steps.append(made.step(f"+ {term.short}", kept, gain[1:]))
+    def tried(made: Step, term: Term, gain: Gain, kept: bool) -> None:
+        _, size, margin = gain
+        name = f"+ {term.short}"
+        steps.append(replace(made, added=name, kept=kept, gain=size, margin=margin))
 
     some = [term for term in candidates if fits.poses.columns(term)]
     return grown(now, some, lambda one, term: fits.tried([*one.terms, term]), fits.units, tried)
 
 
-def _dropped(fits: _Fits, now: _Tried, given: int, steps: list[Step]) -> _Tried:
+def _dropped(fits: _Fits, now: Step, given: int, steps: list[Step]) -> Step:
     """The model without terms that later ones explain: without them, nothing is worse."""
     while len(now.terms) > given:
         needless = []
         for term in now.terms[given:]:
             made = fits.tried([one for one in now.terms if one is not term])
-            worse, *gain = improves(made.loss, now.loss, fits.units)
+            worse, gain, margin = improves(made.loss, now.loss, fits.units)
             if not worse:
-                needless.append((gain, term, made))
+                name = f"- {term.short}"
+                needless.append(replace(made, added=name, gain=gain, margin=margin))
         if not needless:
             break
-        gain, term, now = min(needless, key=lambda one: one[0][0])
-        steps.append(now.step(f"- {term.short}", True, (gain[0], gain[1])))
+        now = min(needless, key=lambda one: one.gain)
+        steps.append(now)
     return now
 
 
-def _notes(fits: _Fits, kept: _Tried) -> tuple[str, ...]:
+def _notes(fits: _Fits, kept: Step) -> tuple[str, ...]:
     """What was noticed and chosen, a line each."""
     notes, poses = [], fits.poses.measured
     if fits.excess > LARGE:

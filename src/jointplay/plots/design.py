@@ -331,7 +331,7 @@ def calibration(fit: Calibration) -> Figure:
         sizes = [getattr(one, name)[0] for one in fit.steps]
         label = name.replace("_", " ")
         steps.append(Bars(sizes, label, colour, shift=shift, height=0.38))
-        each = np.linalg.norm(getattr(fit, name)[0], axis=1)
+        each = np.linalg.norm(fit.step().errors[name][0], axis=1)
         poses.append(Curve(np.arange(1, len(each) + 1), each, "", colour, "", marker="o", size=2.5))
     rows = [one.added + (" (kept)" if one.kept else "") for one in fit.steps]
     panels = [
