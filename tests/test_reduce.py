@@ -18,7 +18,7 @@ from jointplay import (
     Simulation,
 )
 from jointplay.cli import main
-from jointplay.design.reduced_files import to_json, to_sdf, to_urdf, to_yaml
+from jointplay.design.reduced_files import to_json, to_urdf, to_yaml
 from jointplay.design.reduced_mjcf import compile_robot, follow, load_mujoco
 from jointplay.design.reduction import reduce
 from jointplay.loads.drive import Prescribed, Servo
@@ -173,47 +173,8 @@ def test_mjcf_has_no_further_freedom_without_play_about_the_axis(plain, geared):
     ):
         model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found, tilt=tilt))
         assert model.nv == freedoms
-
-
-def test_mjcf_has_the_robots_masses_poses_and_friction(plain):
-    mujoco = pytest.importorskip("mujoco")
-    mechanism, found = plain
-    model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found))
-    data = mujoco.MjData(model)
-    ideal = mechanism.ideal()
-    q = np.array([0.4, -0.7])
-    data.qpos[:] = q
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((2, 2))
-    mujoco.mj_fullM(model, data, mass)
-    assert mass == pytest.approx(pin.crba(ideal.model, ideal.data, q).reshape(2, 2), abs=1e-6)
-    pin.framesForwardKinematics(ideal.model, ideal.data, q)
-    place = ideal.data.oMf[ideal.tool_frame].translation
-    assert data.site(f"{mechanism.tool}.tool").xpos == pytest.approx(place, abs=1e-5)
-    assert model.dof_frictionloss[0] == pytest.approx(found.friction)
-
-
-def test_the_lean_stops_where_the_bore_stops_it(plain):
-    mujoco = pytest.importorskip("mujoco")
-    mechanism, found = plain
-    model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found, tilt=True))
-    data = mujoco.MjData(model)
-    for _ in range(3000):
-        mujoco.mj_step(model, data)
-    lean = np.hypot(data.joint("j.pitch").qpos[0], data.joint("j.roll").qpos[0])
-    assert lean == pytest.approx(found.tilt, rel=0.1)  # under its weight, at the stop
-
-
-def test_the_encoder_sits_where_it_is_asked_to(geared):
-    mechanism, found = geared
-    for encoder, kind, read in (("motor", "joint", "j"), ("link", "tendon", "j.link")):
-        root = ElementTree.fromstring(to_mjcf(mechanism, found, encoder=encoder))
-        sensor = next(s for s in root.find("sensor") if s.get("name") == "j.encoder")
-        assert sensor.get(kind) == read
-        (one,) = json.loads(to_json([found], encoder))["joints"]
-        assert one["encoder"] == encoder
-    with pytest.raises(JointplayError, match="no place for the encoder 'gear'"):
-        to_mjcf(mechanism, found, encoder="gear")
+        if not found.dead_band:
+            assert model.dof_frictionloss[0] == pytest.approx(found.friction)
 
 
 def test_the_urdf_has_the_play_as_a_joint_behind_the_motors_link(geared, tmp_path):
@@ -246,27 +207,6 @@ def test_without_play_about_the_axis_the_urdf_gets_friction_only(plain, tmp_path
     assert float(dynamics.get("friction")) == found.friction
 
 
-def test_the_sdf_stands_where_the_robot_stands(geared):
-    mechanism, found = geared
-    model = ElementTree.fromstring(to_sdf(mechanism, found)).find("model")
-    ideal = mechanism.ideal()
-    pin.forwardKinematics(ideal.model, ideal.data, np.zeros(2))
-    for name, index in (("j", 1), ("k", 2)):
-        pose = [float(x) for x in model.find(f"link[@name='{name}_link']/pose").text.split()]
-        place = ideal.data.oMi[index]
-        assert pose[:3] == pytest.approx(place.translation)
-        assert pin.rpy.rpyToMatrix(*pose[3:]) == pytest.approx(place.rotation)
-    masses = [float(m.text) for m in model.iter("mass")]
-    assert sum(masses) == pytest.approx(2.5, abs=2e-3)
-    limit = model.find("joint[@name='j_play']/axis/limit")
-    assert float(limit.find("upper").text) == pytest.approx(GEAR.play / 2)
-    assert float(limit.find("stiffness").text) == GEAR.stiffness
-    names = {link.get("name") for link in model.iter("link")}
-    for one in model.iter("joint"):
-        assert one.find("child").text in names
-        assert one.find("parent").text in names | {"world"}
-
-
 def test_json_and_yaml_say_the_same_and_ranges_hold_the_values(geared):
     yaml = pytest.importorskip("yaml")
     _, found = geared
@@ -275,6 +215,10 @@ def test_json_and_yaml_say_the_same_and_ranges_hold_the_values(geared):
     for name, (low, high) in data["ranges"].items():
         assert low <= data[name] <= high
     assert "assumed" in data["ranges_note"]
+    assert data["encoder"] == "motor"
+    assert '"encoder": "link"' in to_json([found], "link")
+    with pytest.raises(JointplayError, match="no place for the encoder 'gear'"):
+        to_json([found], "gear")
     flat = yaml.safe_load(to_yaml([small]))["j"]
     assert flat == {key: data[key] for key in flat}
     assert set(data) - set(flat) == {"ranges", "ranges_note"}

@@ -95,11 +95,16 @@ def test_mujocos_robot_has_the_masses_and_the_tool_of_the_urdf(mechanism, reduct
         data.qpos[model.joint(name).qposadr[0]] = value
     mujoco.mj_forward(model, data)
     ideal = mechanism.ideal()
-    pin.framesForwardKinematics(ideal.model, ideal.data, ideal.configuration(pose))
+    q = ideal.configuration(pose)
+    pin.framesForwardKinematics(ideal.model, ideal.data, q)
     tool = ideal.data.oMf[ideal.tool_frame].translation
     assert data.site(f"{mechanism.tool}.tool").xpos == pytest.approx(tool, abs=1e-5)
-    masses = sum(float(one.mass) for one in ideal.model.inertias)
-    assert model.body_mass.sum() == pytest.approx(masses)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    rows = [int(model.joint(name).dofadr[0]) for name in pose]
+    rotors = np.diag(model.dof_armature[rows])
+    assert np.diag(rotors) == pytest.approx([0.05, 0.05, 0.0])
+    assert mass[np.ix_(rows, rows)] - rotors == pytest.approx(ideal.mass_matrix(q), abs=1e-5)
 
 
 def test_the_encoder_of_the_link_reads_motor_and_play(mechanism, reductions):
@@ -171,16 +176,28 @@ def test_a_urdfs_own_tags_of_ros2_control_stay(path, reductions, tmp_path):
     assert [one.get("name") for one in system.findall("joint")] == ["a", "a_play", "b_play"]
 
 
-def test_the_sdf_has_the_play_of_all_joints(mechanism, reductions):
+def test_the_sdf_stands_where_the_robot_stands_and_has_all_play(mechanism, reductions):
     model = ElementTree.fromstring(to_sdf(mechanism, *reductions)).find("model")
     joints = {one.get("name"): one for one in model.findall("joint")}
-    links = {one.get("name") for one in model.findall("link")}
+    links = {one.get("name"): one for one in model.findall("link")}
     assert set(joints) == {"base_fixed", "a", "a_play", "b", "b_play", "c"}
-    for name, play in PLAYS.items():
-        limit = joints[f"{name}_play"].find("axis/limit")
-        assert float(limit.find("upper").text) - float(limit.find("lower").text) == play
-        assert joints[name].find("child").text == joints[f"{name}_play"].find("parent").text
-    assert {one.find("child").text for one in joints.values()} <= links
+    ideal = mechanism.ideal()
+    pin.forwardKinematics(ideal.model, ideal.data, np.zeros(3))
+    for name, index in (("a", 1), ("b", 2), ("c", 3)):
+        pose = [float(x) for x in links[f"{name}_link"].find("pose").text.split()]
+        place = ideal.data.oMi[index]
+        assert pose[:3] == pytest.approx(place.translation)
+        assert pin.rpy.rpyToMatrix(*pose[3:]) == pytest.approx(place.rotation)
+    assert sum(float(m.text) for m in model.iter("mass")) == pytest.approx(3.5, abs=2e-3)
+    for one in reductions:
+        limit = joints[f"{one.joint}_play"].find("axis/limit")
+        width = float(limit.find("upper").text) - float(limit.find("lower").text)
+        assert (width, float(limit.find("stiffness").text)) == (one.dead_band, one.stiffness)
+        assert (
+            joints[one.joint].find("child").text == joints[f"{one.joint}_play"].find("parent").text
+        )
+    assert {one.find("child").text for one in joints.values()} == set(links)
+    assert {one.find("parent").text for one in joints.values()} <= {*links, "world"}
 
 
 def test_usd_has_the_play_in_newtons_attributes(mechanism, reductions):

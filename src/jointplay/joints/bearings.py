@@ -32,7 +32,7 @@ from jointplay.core.errors import JointplayError, MissingName, within
 from jointplay.core.schema import check_fields, choice, quantity
 from jointplay.core.units import readable
 from jointplay.joints.base import SAMPLES, Hinge, Material, Outline, WholeLawJoint
-from jointplay.joints.elasticity import ABOUT_AXIS, TURNING, Elasticity
+from jointplay.joints.elasticity import ABOUT_AXIS, Elasticity
 from jointplay.joints.element_play import ElementPlay
 from jointplay.joints.materials import material
 from jointplay.joints.play import Play
@@ -497,7 +497,7 @@ class RollingBearing(WholeLawJoint):
             cage=self.cage_angle,
             **self._numbers,
         )
-        return numbers if self.seat is None else (*numbers, *self.seat.numbers(TURNING))
+        return numbers if self.seat is None else (*numbers, *self.seat.numbers(ABOUT_AXIS))
 
     @property
     def law(self) -> int:

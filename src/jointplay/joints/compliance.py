@@ -27,16 +27,16 @@ from jointplay.joints.base import (
     SlidingClearance,
     WholeLawJoint,
 )
-from jointplay.joints.elasticity import (
-    ABOUT_AXIS,
-    ALONG_AXIS,
-    HELD,
-    SLIDING,
-    TURNING,
-    Elasticity,
-)
+from jointplay.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
 from jointplay.joints.element_play import NO_PLAY
 from jointplay.joints.play import Play
+
+_LAWS = {
+    ABOUT_AXIS: resultant.SPRINGS,
+    ALONG_AXIS: resultant.GUIDE,
+    None: resultant.MOUNT,
+}
+"""Of springs, by the direction that they leave free."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +44,10 @@ class _Held(WholeLawJoint):
     """A joint without play that gives way wherever it holds: springs hold it."""
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {}
-    spring_law: ClassVar[int]
     free: ClassVar[int | None]
     """Direction that springs leave free, see `Elasticity.require_free`."""
-    turn: ClassVar[np.ndarray]
-    """Directions by what compiled code knows them, see `Elasticity.numbers`."""
+    thickness: ClassVar[float] = 0.5
+    """Of the disc that is shown, relative to its diameter."""
 
     elasticity: Elasticity
     """How stiff it is; in the direction that is free it has nothing."""
@@ -77,12 +76,12 @@ class _Held(WholeLawJoint):
             rollers=False, count=0, stiffness=0.0, radius=0.0, reach=0.0, distance=0.0, ratio=0.0,
             rows=(), damping=self.elasticity.damping_time,
         )  # fmt: skip
-        return (*head, *self.elasticity.numbers(self.turn))
+        return (*head, *self.elasticity.numbers(self.free))
 
     @property
     def law(self) -> int:
         """Springs alone."""
-        return self.spring_law
+        return _LAWS[self.free]
 
     @property
     def normal(self) -> NormalForceLaw:
@@ -121,6 +120,21 @@ class _Held(WholeLawJoint):
         """Nothing is free."""
         return NO_PLAY
 
+    def directions(self) -> np.ndarray:
+        """See `Clearance.directions`: where forces displace it, or else couples at its rim."""
+        ways = [RELATIVE.index(one) for one in self.freedoms]
+        ways = [row for row in ways if row != self.free]
+        forces = [row for row in ways if row < 3]
+        return np.eye(6)[forces] if forces else self.outline.size[0] * np.eye(6)[ways]
+
+    @property
+    def outline(self) -> Outline:
+        """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
+        _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
+        radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
+        size = (radius, radius, self.thickness * radius)
+        return Outline("cylinder", size, (0.0, 0.0, 0.0), walls=True)
+
     def scaled(self, factor: float) -> _Held:
         """As it is: it has no clearance."""
         return self
@@ -149,20 +163,7 @@ class CompliantJoint(_Held):
     kind: ClassVar[str] = "compliant"
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
-    spring_law: ClassVar[int] = resultant.SPRINGS
     free: ClassVar[int | None] = ABOUT_AXIS
-    turn: ClassVar[np.ndarray] = TURNING
-
-    @property
-    def outline(self) -> Outline:
-        """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
-        _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
-        radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
-        return Outline("cylinder", (radius, radius, 0.5 * radius), (0.0, 0.0, 0.0), walls=True)
-
-    def directions(self) -> np.ndarray:
-        """See `Clearance.directions`: across and along."""
-        return np.eye(6)[:3]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,9 +179,7 @@ class CompliantSlider(_Held):
     kind: ClassVar[str] = "compliant-slider"
     replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
-    spring_law: ClassVar[int] = resultant.GUIDE
     free: ClassVar[int | None] = ALONG_AXIS
-    turn: ClassVar[np.ndarray] = SLIDING
 
     @property
     def outline(self) -> Outline:
@@ -188,10 +187,6 @@ class CompliantSlider(_Held):
         across, _, _, _, _, torsion = np.diag(self.elasticity.stiffness)
         half = float(np.clip(math.sqrt(torsion / across), 5e-3, 0.1))
         return Outline("block", (half, half, 2.0 * half), (0.0, 0.0, 0.0), walls=True)
-
-    def directions(self) -> np.ndarray:
-        """See `Clearance.directions`: across."""
-        return np.eye(6)[:2]
 
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
@@ -211,9 +206,8 @@ class CompliantMount(_Held):
     kind: ClassVar[str] = "compliant-mount"
     replaces: ClassVar[tuple[str, ...]] = ("fixed",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ()
-    spring_law: ClassVar[int] = resultant.MOUNT
     free: ClassVar[int | None] = None
-    turn: ClassVar[np.ndarray] = HELD
+    thickness: ClassVar[float] = 0.25
     locked: tuple[str, ...] = ()
     """Directions in which it does not give way: of ``x``, ``y``, ``z``, ``yaw`` (about z),
     ``pitch`` (about y), ``roll`` (about x). Their stiffness has no effect."""
@@ -246,25 +240,11 @@ class CompliantMount(_Held):
         return f"compliant, {', '.join(parts)}, rigid otherwise"
 
     @property
-    def outline(self) -> Outline:
-        """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
-        _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
-        radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
-        return Outline("cylinder", (radius, radius, 0.25 * radius), (0.0, 0.0, 0.0), walls=True)
-
-    @property
     def search_room(self) -> float:
         """What 1 N displaces across, or, where that is locked, a point of the rim it bends [m]."""
         if not {"x", "y"} <= set(self.locked):
             return super().search_room
         return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())
-
-    def directions(self) -> np.ndarray:
-        """See `Clearance.directions`: across and along; if these are locked, couples at the rim."""
-        free = [RELATIVE.index(one) for one in self.freedoms]
-        forces = [row for row in free if row < 3]
-        arm = self.outline.size[0]
-        return np.eye(6)[forces] if forces else arm * np.eye(6)[free]
 
 
 def hinge_of_beam(

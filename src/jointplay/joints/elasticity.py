@@ -23,11 +23,13 @@ _LEFT_FREE = {
     ALONG_AXIS: ("along its axis", "stiffness there is the drive's"),
 }
 
-# Directions of what compiled code calls xi (`contact.elastic`): of the axis' part across its
-# bearing's it is the y that a turn about x changes, the other way round.
-TURNING = np.eye(6)[:, [0, 1, 2, 4, 3]] * [1.0, 1.0, 1.0, 1.0, -1.0]
-SLIDING = np.eye(6)[:, [0, 1, 4, 3, 5]] * [1.0, 1.0, 1.0, -1.0, 1.0]
-HELD = np.eye(6)
+# Directions by what compiled code calls xi (`contact.elastic`), by the direction that is free: of
+# the axis' part across its bearing's it is the y that a turn about x changes, the other way round.
+_XI = {
+    ABOUT_AXIS: np.eye(6)[:, [0, 1, 2, 4, 3]] * [1.0, 1.0, 1.0, 1.0, -1.0],
+    ALONG_AXIS: np.eye(6)[:, [0, 1, 4, 3, 5]] * [1.0, 1.0, 1.0, -1.0, 1.0],
+    None: np.eye(6),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,9 +149,9 @@ class Elasticity(Described):
                 whole[k, k] += curve[0][1] / curve[0][0]
         return whole
 
-    def numbers(self, turn: np.ndarray) -> tuple[float, ...]:
-        """By which compiled code knows them; `turn`: directions by its xi, (6, n)."""
-        linear, curves = self.stiffness.copy(), self._curves
+    def numbers(self, free: int | None) -> tuple[float, ...]:
+        """By which compiled code knows the springs; `free`: see `require_free`."""
+        linear, curves, turn = self.stiffness.copy(), self._curves, _XI[free]
         for k, curve in enumerate(curves):
             if curve:
                 linear[k, k] -= curve[0][1] / curve[0][0]
