@@ -199,67 +199,41 @@ class LeastSquares:
         """Sum of the squared residuals, in standard errors."""
         return float(np.square(self.residual(theta)).sum())
 
-    def _change(self, theta: np.ndarray, i: int, begin: float, end: float) -> np.ndarray:
-        """Effect of the i-th unknown by its scale, by what it does from one value to another."""
-        moved = []
-        for value in (begin, end):
-            other = theta.copy()
-            other[i] = value
-            moved.append(self.off(other))
-        return (moved[1] - moved[0]) * self.unknowns[i].scale / (end - begin)
-
-    def _exact(self, theta: np.ndarray) -> np.ndarray:
-        """Effects by the model's own derivatives, shape (r, p)."""
-        assert self.jacobian is not None
-        effect = self.rows(self.jacobian(theta) * self.scale)
-        place = len(self.measured) + np.arange(len(self.stated))
-        effect[place, self.stated] = self.scale[self.stated] / self._before[1]
-        return effect
-
-    def effects(self, theta: np.ndarray) -> np.ndarray:
-        """Effect of each unknown by its scale, nuisances left in, in standard errors, (r, p)."""
-        if self.jacobian is not None:
-            return self._exact(theta)
-        columns = []
-        for i, one in enumerate(self.unknowns):
-            step = _STEP * one.scale
-            low, high = max(theta[i] - step, one.least), min(theta[i] + step, one.most)
-            columns.append(self._change(theta, i, min(low, one.most), max(high, one.least)))
-        return np.stack(columns, axis=1)
-
-    def sensitivity(self, theta: np.ndarray) -> np.ndarray:
-        """Effect of each unknown by its scale, in standard errors, nuisances projected out."""
-        return self.project(self.effects(theta))
-
-    def forward_sensitivity(self, theta: np.ndarray) -> np.ndarray:
-        """`sensitivity` by differences to one side, at half the cost, for the search."""
-        if self.jacobian is not None:
-            return self.sensitivity(theta)
-        here, columns = self.off(theta), []
-        for i, one in enumerate(self.unknowns):
-            step = _STEP * one.scale
-            moved = theta.copy()
-            moved[i] += step if theta[i] + step <= one.most else -step
-            columns.append((self.off(moved) - here) * one.scale / (moved[i] - theta[i]))
-        return self.project(np.stack(columns, axis=1))
-
-    def weaker_sensitivity(self, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """`sensitivity` by steps (p,) to either side, of which the one with less effect counts.
+    def effects(
+        self, theta: np.ndarray, steps: np.ndarray | None = None, sides: int = 2
+    ) -> np.ndarray:
+        """Effect of each unknown by its scale, nuisances left in, in standard errors, (r, p).
 
         Where a journal just reaches a wall, more clearance changes nothing and less of it much: an
-        interval by the steep side would be far too narrow on the flat one.
+        interval by the steep side would be far too narrow on the flat one. So of differences over
+        given steps the one to the side with less effect counts.
+
+        Args:
+            theta: where, shape (p,).
+            steps: of the differences, shape (p,); None takes a small part of the scales, and the
+                mean of both sides.
+            sides: 1 for differences to one side, at half the cost.
         """
-        columns = []
+        if self.jacobian is not None:
+            effect = self.rows(self.jacobian(theta) * self.scale)
+            place = len(self.measured) + np.arange(len(self.stated))
+            effect[place, self.stated] = self.scale[self.stated] / self._before[1]
+            return effect
+        here, columns = self.off(theta), []
         for i, one in enumerate(self.unknowns):
-            sides = []
-            for goal in (theta[i] + steps[i], theta[i] - steps[i]):
-                value = min(max(goal, one.least), one.most)
-                if abs(value - theta[i]) >= 0.2 * steps[i]:  # else a limit is too near
-                    sides.append(self._change(theta, i, theta[i], value))
-            if not sides:
-                sides = [np.zeros(len(self.measured) + len(self.stated))]
-            columns.append(min(sides, key=lambda side: float(np.linalg.norm(side))))
-        return self.project(np.stack(columns, axis=1))
+            step = _STEP * one.scale if steps is None else steps[i]
+            changes: list[np.ndarray] = []
+            for goal in (theta[i] + step, theta[i] - step):
+                moved = theta.copy()
+                moved[i] = min(max(goal, one.least), one.most)
+                size = moved[i] - theta[i]
+                if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
+                    changes.append((self.off(moved) - here) * one.scale / size)
+            if steps is None:
+                columns.append(np.mean(changes, axis=0))
+            else:
+                columns.append(min(changes, key=np.linalg.norm, default=np.zeros(len(here))))
+        return np.stack(columns, axis=1)
 
 
 @dataclass(frozen=True)
@@ -305,7 +279,7 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> n
     optimum = least_squares(
         lambda x: problem.residual(x * scale),
         start / scale,
-        lambda x: problem.forward_sensitivity(x * scale),
+        lambda x: problem.project(problem.effects(x * scale, sides=1)),
         bounds=(low / scale, high / scale),
         method="trf" if bounded else "lm",
         x_scale=1.0,
@@ -317,10 +291,10 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> n
 def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
     """Least squares from a start (p,), with intervals."""
     theta, scale = minimum(problem, start, most_steps), problem.scale
-    fit = _intervals(problem, theta, problem.sensitivity(theta))
+    fit = _intervals(problem, theta)
     for _ in range(_LOOKS):
         steps = np.clip(fit.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
-        fit = _intervals(problem, theta, problem.weaker_sensitivity(theta, steps))
+        fit = _intervals(problem, theta, steps)
     return fit
 
 
@@ -344,9 +318,9 @@ def sandwich(
     return np.asarray(np.sum((scores @ covariance) ** 2, axis=0)), len(scores)
 
 
-def _intervals(problem: LeastSquares, theta: np.ndarray, effect: np.ndarray) -> Fit:
-    """Intervals about a solution (p,) by sensitivities (m, p)."""
-    left = problem.residual(theta)
+def _intervals(problem: LeastSquares, theta: np.ndarray, steps: np.ndarray | None = None) -> Fit:
+    """Intervals about a solution (p,) by effects over steps (p,)."""
+    left, effect = problem.residual(theta), problem.project(problem.effects(theta, steps))
     covariance, null, rank = information(effect)
     size = np.linalg.norm(effect, axis=0)
     freedom = problem.freedom - rank
