@@ -388,12 +388,18 @@ ELSEWHERE = {
     "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
     "study/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
     "study/journal.py": {"self._file.truncate("},  # torn lines are known by their checksums
-    "study/dataset.py": {"dataset.rename("},  # names of variables
-    "study/store.py": {
+    "study/sealed.py": {  # pieces of a store, whose seals tell what is whole
+        "part.write_bytes(",
+        "part.unlink(",
+        "(folder / name / 'c' / chunk).unlink(",
+    },
+    "study/store.py": {  # the same
+        "dataset.rename(",
         "rest.unlink(",
-        "path.unlink(",
+        "one.unlink(",
+        "shutil.rmtree(",
         "self.path.rmdir()",
-    },  # of a store, which is zarr's to write
+    },
 }
 """What is written without `files`, by the beginnings of such calls, and why that loses nothing."""
 

@@ -147,7 +147,7 @@ WIDE = {
     "study/cluster.py:_error": "asks a lost cluster for an error: there is none to be had",
     "study/cluster.py:_outcomes": "the cluster was lost: said",
     "study/cluster.py:close": "leaving a cluster that may be gone",
-    "study/dataset.py:open_sweep": "zarr and xarray on damaged bytes: said",
+    "study/store.py:open_sweep": "zarr and xarray on damaged bytes: said",
     "study/run.py:run_plan": "raised again after cleaning up",
     "study/store.py:__init__": "raised again after cleaning up",
     "study/store.py:writing": "chunks beside one that could not be written, which is said",

@@ -407,7 +407,7 @@ DAMAGE = {
     ],
     "metadata": lambda p: (p / "zarr.json").write_text("{"),
     "sizes": lambda p: (p / "zarr.json").write_text(
-        (p / "zarr.json").read_text().replace('"sizes": {', '"sizes": 1, "other": {')
+        (p / "zarr.json").read_text().replace('"sizes":{', '"sizes":1,"other":{')
     ),
 }
 

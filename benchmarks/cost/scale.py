@@ -21,7 +21,8 @@ import numpy as np
 import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.study import open_sweep, plan_of
-from jointplay.study.case import Bench, Outcome, job
+from jointplay.study.case import Bench, job
+from jointplay.study.journal import Outcome
 from jointplay.study.run import workers_for
 from jointplay.study.store import Store
 
@@ -71,7 +72,7 @@ def bookkeeping(outcome, number, folder):
     began = time.process_time()
     for index in made.indices():
         made.changes(index)
-        store.keep(Outcome(index, 1, outcome.values))
+        store.put(Outcome(index, 1, outcome.values))
     store.flush()
     took = (time.process_time() - began) / number
     store.close()

@@ -16,8 +16,9 @@ from warm import PYTHON, Process
 
 import jointplay as jp
 from jointplay.study import plan_of
-from jointplay.study.case import DONE, Outcome, job
+from jointplay.study.case import job
 from jointplay.study.cluster import TRIES, ClusterWorkers
+from jointplay.study.journal import DONE, Outcome
 from jointplay.study.store import Store
 
 pytest.importorskip("distributed")
@@ -170,7 +171,7 @@ def test_without_workers_nothing_is_left_behind(there, reference, tmp_path, monk
 def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_path, monkeypatch):
     monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 1)
     store = Store(tmp_path / "s", plan_of(reference[0]))
-    store.keep(Outcome((0, 1), DONE, {"impacts": 7.0}))
+    store.put(Outcome((0, 1), DONE, {"impacts": 7.0}))
     store.close()
     with pytest.raises(jp.JointplayError, match=f"1 of {CASES} cases are kept; --resume continues"):
         jp.sweep(reference[0], tmp_path / "s", scheduler="tcp://127.0.0.1:9", resume=True)

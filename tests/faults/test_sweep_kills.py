@@ -24,6 +24,7 @@ from warm import JOINTPLAY, PYTHON
 import jointplay as jp
 from jointplay.study import plan_of
 from jointplay.study.journal import Journal, entries
+from jointplay.study.sealed import Contents
 from jointplay.study.store import Store
 
 __all__ = ["small_disk"]
@@ -61,16 +62,15 @@ def finished(store):
     """Costs of the cases that are finished: what a case that ran again would change."""
     found = {}
     path = Path(store)
+    if not (path / "zarr.json").exists():
+        return found
+    opened = jp.open_sweep(store)
+    for index in np.argwhere(opened["state"].values != 0):
+        found[tuple(index.tolist())] = float(opened["cost"].values[tuple(index)])
     if (path / "journal").exists():
-        for entry, _ in entries((path / "journal").read_bytes()):
+        number = Contents.read(path).store
+        for entry, _ in entries((path / "journal").read_bytes(), number):
             found[tuple(entry["i"])] = entry["v"].get("cost")
-    if (path / "zarr.json").exists() and not found:
-        try:
-            opened = jp.open_sweep(store)
-        except jp.JointplayError:  # it is being made
-            return found
-        for index in np.argwhere(opened["state"].values != 0):
-            found[tuple(index.tolist())] = float(opened["cost"].values[tuple(index)])
     return found
 
 
@@ -312,28 +312,28 @@ def test_a_full_disk_is_said_once_however_many_chunks_it_stops(small_disk):
 
 @pytest.mark.parametrize("cut", [1, 5, 20])
 def test_a_torn_line_of_a_journal_is_cut_off(cut, tmp_path):
-    journal = Journal(tmp_path / "j")
+    journal = Journal(tmp_path / "j", "0")
     for k in range(3):
         journal.add({"i": [k], "v": {"x": 0.1 * k}})
     journal.close()
     content = (tmp_path / "j").read_bytes()
     (tmp_path / "j").write_bytes(content[:-cut])
-    again = Journal(tmp_path / "j")
+    again = Journal(tmp_path / "j", "0")
     assert [entry["i"] for entry in again.found] == [[0], [1]]
     again.add({"i": [9], "v": {}})
     again.close()
-    third = Journal(tmp_path / "j")
+    third = Journal(tmp_path / "j", "0")
     assert [entry["i"] for entry in third.found] == [[0], [1], [9]]
     assert third.found[1]["v"]["x"] == 0.1
 
 
 def test_a_line_that_was_changed_is_not_believed(tmp_path):
-    journal = Journal(tmp_path / "j")
+    journal = Journal(tmp_path / "j", "0")
     journal.add({"x": 1})
     journal.add({"x": 2})
     journal.close()
     content = (tmp_path / "j").read_bytes().replace(b'"x":2', b'"x":3')
-    assert [entry for entry, _ in entries(content)] == [{"x": 1}]
+    assert [entry for entry, _ in entries(content, "0")] == [{"x": 1}]
 
 
 def test_sweeps_leave_no_processes(whole, tmp_path):

@@ -817,6 +817,7 @@ def _files_exchanged(store: Path, rng: random.Random) -> None:
 def _journal_written(store: Path, rng: random.Random) -> None:
     """Lines with right checksums that no sweep has written."""
     from jointplay.study.journal import line
+    from jointplay.study.sealed import Contents
 
     values: tuple[Any, ...] = (
         {"i": [0, 0], "s": 1, "v": {"peak_force": 1.0}}, {"i": [99, 99], "s": 1, "v": {}}, {}, [],
@@ -826,7 +827,10 @@ def _journal_written(store: Path, rng: random.Random) -> None:
         {"i": [0, 0], "s": 1, "v": {"peak_force": "x"}}, {"i": [0.5, 0], "s": 1, "v": {}}, None, 3,
         {"i": [0, 0], "s": 1, "v": {"peak_force": None}}, {"i": [True, 0], "s": 1, "v": {"x/y": 1}},
     )  # fmt: skip
-    lines = b"".join(line(rng.choice(values)) for _ in range(rng.randint(1, 2)))
+    number = "0"
+    with contextlib.suppress(OSError, ValueError):  # damaged before
+        number = Contents.read(store).store
+    lines = b"".join(line(rng.choice(values), number) for _ in range(rng.randint(1, 2)))
     (store / "journal").unlink(missing_ok=True)
     (store / "journal").write_bytes(lines)
 

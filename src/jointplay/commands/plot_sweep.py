@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     out = files.check_picture(options.out or store.parent / default)
     from jointplay.plots.sweep import draw  # what comes now takes long to import
     from jointplay.study import open_sweep
-    from jointplay.study.dataset import reading
+    from jointplay.study.store import reading
 
     with reading(store):
         figure = draw(open_sweep(store), **roles, only=given)

@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
 def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
     """Write the report of a sweep."""
     from jointplay.reports import sweep
-    from jointplay.study.dataset import reading
+    from jointplay.study.store import reading
 
     if len(paths) > 1:
         raise JointplayError("a sweep gets a separate report; give only its store")

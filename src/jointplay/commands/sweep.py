@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from jointplay.study import open_sweep, plan_of, run_plan
-    from jointplay.study.dataset import reading
+    from jointplay.study.store import reading
     from jointplay.study.table import table
 
     made = plan_of(options.file, trust=options.trust)

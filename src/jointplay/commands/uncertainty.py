@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     out = files.check_picture(options.out) if options.out else None
     from jointplay.plots.sweep import draw_convergence  # what comes now takes long to import
     from jointplay.study import open_sweep
-    from jointplay.study.dataset import reading
+    from jointplay.study.store import reading
     from jointplay.study.table import uncertainty
 
     dataset = open_sweep(Path(options.store))

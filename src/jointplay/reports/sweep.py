@@ -23,7 +23,7 @@ from jointplay.reports import html
 from jointplay.reports.cases import Say
 from jointplay.reports.html import Cell, Html, details, joined, markup, paragraph, table, targets
 from jointplay.study import open_sweep
-from jointplay.study.case import DONE, FAILED
+from jointplay.study.journal import DONE, FAILED
 from jointplay.study.plan import REPEAT, SAMPLE
 from jointplay.study.table import columns_of, coordinate_text, label, measured, scale, uncertainty
 

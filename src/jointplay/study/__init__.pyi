@@ -1,9 +1,9 @@
-from .dataset import open_sweep as open_sweep
 from .plan import Plan as Plan
 from .plan import plan_of as plan_of
 from .run import run_plan as run_plan
 from .run import sweep as sweep
 from .shares import sensitivity as sensitivity
+from .store import open_sweep as open_sweep
 from .study import Measure as Measure
 from .study import Memory as Memory
 from .study import Store as Store

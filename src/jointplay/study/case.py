@@ -10,9 +10,9 @@ import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from jointplay.result.stored import versions
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.journal import DONE, FAILED, History, Index, Outcome
 from jointplay.study.measures import (
     COST,
     NUMERICAL_ERROR,
@@ -35,16 +36,10 @@ from jointplay.study.measures import (
     own_measures,
     rests_of,
 )
-from jointplay.study.plan import Index, Plan
-
-if TYPE_CHECKING:
-    import xarray as xr
+from jointplay.study.plan import Plan
 
 Case = tuple[Index, Mapping[str, Any]]
 """A case of a sweep, and what is changed for it."""
-
-DONE, FAILED = 1, 2
-"""States of a case that has been run; 0: not yet."""
 
 KEPT_IDEALS = 16
 """Ideal runs that a process remembers for the tool errors of the cases to come."""
@@ -74,18 +69,6 @@ class Job:
     """Texts of the files that the scenario names, where they cannot be reached; see `Plan`."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What a case gave."""
-
-    index: Index
-    state: int
-    values: dict[str, float]
-    error: str = ""
-    histories: dict[str, xr.DataArray] = field(default_factory=dict)
-    """Variables of its result over time, by name."""
-
-
 def job(plan: Plan, send_files: bool = False) -> Job:
     """What processes must know of a sweep; with `send_files` those without its folder too."""
     path = plan.scenario.path
@@ -94,7 +77,7 @@ def job(plan: Plan, send_files: bool = False) -> Job:
         path.name if send_files else str(path.absolute()),
         plan.scenario.trust,
         plan.case,
-        tuple(joints(plan)),
+        tuple(plan.joints),
         plan.measures,
         plan.histories,
         plan.start,
@@ -103,16 +86,6 @@ def job(plan: Plan, send_files: bool = False) -> Job:
         plan.scenario.settings,
         plan.inputs if send_files else None,
     )
-
-
-def joints(plan: Plan) -> list[str]:
-    """Joints that have clearance in some case of the sweep."""
-    names = dict.fromkeys(str(name) for name in plan.base.get("joints", {}))
-    for axis in (*plan.axes, *plan.drawn):
-        names |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
-        for change in () if axis.keys else axis.values:
-            names |= dict.fromkeys(str(name) for name in change.get("joints", {}))
-    return list(names)
 
 
 class Bench:
@@ -163,7 +136,7 @@ class Bench:
         """Run a case; what goes wrong with it is part of the outcome."""
         began = time.process_time()
         values: dict[str, float] = {}
-        kept: dict[str, xr.DataArray] = {}
+        kept: dict[str, History] = {}
         state, said = DONE, ""
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -204,7 +177,7 @@ class Bench:
                 tables[table] = {**tables.get(table, {}), key: self._names[name]}
         return tables
 
-    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, xr.DataArray]]:
+    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
         """Measures and histories of a case."""
         simulation = self.simulation(changes)
         result = simulation.run(estimate=False)
@@ -228,7 +201,7 @@ class Bench:
                     )
             values |= found
         known = [name for name in self.job.histories if name in result.dataset]
-        return values, {name: result[name] for name in known}
+        return values, {name: History.of(result[name]) for name in known}
 
     def _certified(self, changes: Mapping[str, Any]) -> bool:
         """Whether the case asks for the numerical errors of its figures."""

@@ -23,9 +23,8 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
+from jointplay.study.journal import Coordinate, Index
 from jointplay.study.keys import put
-
-Index = tuple[int, ...]
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Dimensions of samples of distributions, and of repeated runs."""
@@ -38,6 +37,9 @@ RESERVED = (SAMPLE, REPEAT, "time", "joint", "contact", "axis", "coordinate", "s
 """Names that no axis can have."""
 
 MOST_CASES = 100_000_000
+
+GROWS = ("samples", "repeats")
+"""Keys of a sweep that may grow."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,77 @@ class Plan:
     def with_samples(self, samples: int) -> Plan:
         """The same sweep with more samples, of which the first stay what they are."""
         return replace(self, samples=samples, given={**self.given, "samples": samples})
+
+    @cached_property
+    def joints(self) -> list[str]:
+        """Joints that have clearance in some case."""
+        names = dict.fromkeys(str(name) for name in self.base.get("joints", {}))
+        for axis in (*self.axes, *self.drawn):
+            names |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
+            for change in () if axis.keys else axis.values:
+                names |= dict.fromkeys(str(name) for name in change.get("joints", {}))
+        return list(names)
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values along the dimensions, by name."""
+        found = {}
+        for axis in self.axes:
+            text = ", ".join(dotted(key) for key in axis.keys)
+            found[axis.name] = Coordinate(axis.name, axis.coordinate, axis.unit, text)
+        for k, axis in enumerate(self.drawn):
+            text = ", ".join(dotted(key) for key in axis.keys)
+            found[axis.name] = Coordinate(SAMPLE, self.drawn_values[:, k], axis.unit, text)
+        if self.repeats > 1:
+            text = "seed of the displacement of the journals"
+            seeds = self.seed + np.arange(self.repeats)
+            found[REPEAT] = Coordinate(REPEAT, seeds, "", text)
+        return found
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Attributes of the store, for its readers."""
+        return {
+            "case": self.case,
+            "sampling": self.sampling,
+            "sampled": [axis.name for axis in self.drawn],
+            "inputs": self.inputs,
+            "title": self.scenario.title,
+            "scenario": self.scenario.text,
+            "scenario_file": self.scenario.path.name,
+            "sweep": json.dumps(dict(self.given), default=str),
+        }
+
+    def meaning(self, measure: str) -> tuple[str, str, str]:
+        """Unit, meaning and origin of a measure."""
+        from jointplay.study.measures import USER, about
+
+        known = about(measure, self.joints)
+        return (*known, "") if known else ("", measure.replace("_", " "), USER)
+
+    def grown(self, identity: Mapping[str, str], sizes: Sequence[str]) -> set[str]:
+        """Keys of `identity` in which this is the plan of another identity made larger.
+
+        Args:
+            identity: of the other.
+            sizes: names of its dimensions.
+        """
+        if list(sizes) != list(self.sizes):
+            return set()
+        keys = set()
+        for word in GROWS:
+            key = f"sweep.{word}"
+            grows = word != "samples" or self.sampling in GROWING
+            if grows and json.loads(self.identity.get(key, "0")) >= json.loads(
+                identity.get(key, "1")
+            ):
+                keys.add(key)
+        for key in self.identity:
+            if key.startswith("sweep.axes.") and key in identity:
+                was, now = json.loads(identity[key]), json.loads(self.identity[key])
+                if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
+                    keys.add(key)
+        return keys
 
     @cached_property
     def identity(self) -> dict[str, str]:

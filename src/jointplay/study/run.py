@@ -24,12 +24,11 @@ from jointplay.core.units import toml_text
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.study.axes import Axis
-from jointplay.study.case import FAILED, Bench, Case, Outcome, job, joints, run_case
-from jointplay.study.dataset import open_sweep
+from jointplay.study.case import Bench, Case, job, run_case
+from jointplay.study.journal import FAILED, Index, Outcome
 from jointplay.study.measures import shipped
-from jointplay.study.plan import REPEAT, SAMPLE, Index, Plan, plan_of
-from jointplay.study.sealed import METADATA, ROOT, metadata
-from jointplay.study.store import Store, of_sweep, sweep_of_states
+from jointplay.study.plan import REPEAT, SAMPLE, Plan, plan_of
+from jointplay.study.store import Store, open_sweep, sizes_of
 from jointplay.study.study import Workers
 
 MANY = 20_000
@@ -263,7 +262,7 @@ def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress:
     with bar:
         bar.refresh()
         for index, outcome in workers.run((case[0], case) for case in cases):
-            store.keep(outcome)
+            store.put(outcome)
             failed += int(store.state[index]) == FAILED
             if failed:
                 bar.set_postfix_str(f", {failed} failed", refresh=False)
@@ -287,15 +286,10 @@ def _enough(store: Store) -> bool:
 
 def _largest_so_far(made: Plan, path: Path) -> Plan:
     """The plan with as many samples as the store has, where `until` has added some."""
-    if made.until is None or not (path / METADATA).is_file():
+    if made.until is None or (sizes := sizes_of(path)) is None:
         return made
-    given = states = None
-    try:
-        given = metadata(path, ROOT)["attributes"].get("identity", {}).get("sweep.samples", "0")
-    except (OSError, ValueError):  # damaged; the store tells by its states which sweep it is of
-        states = sweep_of_states(path)
     larger = made
-    while (str(larger.samples) != given) if states is None else (of_sweep(larger) != states):
+    while larger.sizes[SAMPLE] != sizes.get(SAMPLE):
         if 2 * larger.samples > made.until.most:
             return made
         larger = larger.with_samples(2 * larger.samples)
@@ -327,7 +321,7 @@ def probe(made: Plan, progress: bool = False) -> Bench:
     bench = Bench(job(made))
     _check_joints(made, bench)
     _check_values(made, bench, progress)
-    measured = shipped(joints(made))
+    measured = shipped(made.joints)
     for axis in (*made.axes, *made.drawn):
         if axis.name in measured:
             said = f"an axis cannot be called {axis.name!r}, as a measure is"
@@ -455,7 +449,7 @@ def _check_joints(made: Plan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
     tables = made.base.get("joints", {})
     names: list[str] | None = None
-    for name in joints(made):
+    for name in made.joints:
         if name in tables:
             continue
         if names is None:

@@ -1,14 +1,18 @@
-"""Zarr as stores of sweeps have it: plain arrays of Zarr 3, each piece with its checksum.
+"""A folder of Zarr arrays in which every piece is sealed, and zarr's view of it.
 
 A store can come from anywhere, and Zarr does what it says: metadata of Zarr 2 name filters that run
 code, those of Zarr 3 codecs of any package, and a chunk may be a link to any file. So zarr sees a
-store only through `SealedStore`, which serves metadata that are ours by a list, and chunks that are
-files of the store. What has changed since it was written is found by its checksum: of a chunk
-CRC-32C, its last codec, of metadata SHA-256, an attribute. Both are also of the place, so that what
-was copied from another one is found: a chunk names it behind its data, where Zstandard has room for
-what unpacking skips, and any reader of Zarr passes over it. A chunk that is gone is found by the
-list of those that were there when the sweep was last ended (`WRITTEN`), and one that would unpack
-to another size than its array's chunks have is not unpacked.
+store only through `SealedStore`: metadata that are made here of the few things in which arrays
+differ (`Array`; a store that says anything else is refused), and chunks that are files of the
+store.
+
+A seal is a hash of what is sealed, of its place and of the store that it was written to; so what
+has changed, was moved, or comes from another store is found. Chunks have it behind their data,
+where Zstandard has room for what unpacking skips: any reader of Zarr passes over it. The store's
+own ``zarr.json``, which has it as an attribute, lists all arrays and chunks (`Contents`) and has a
+copy; each is replaced at once, and last, so that what it says has been written. The metadata of
+each array beside its chunks are for other readers of Zarr. A chunk that would unpack to another
+size than its array's chunks have is not unpacked.
 """
 
 from __future__ import annotations
@@ -19,35 +23,29 @@ import math
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import lru_cache
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-import google_crc32c
-from zarr.abc.store import ByteRequest
-from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.abc.store import ByteRequest, Store
 from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
-from zarr.storage import LocalStore
 
 from jointplay.core.errors import JointplayError
 
-SEAL = "jointplay_sha256"
-"""Attribute with the checksum of the metadata that it stands in."""
+FORMAT = 4
+"""Version of the format of stores."""
 
 METADATA = "zarr.json"
 """Name of the files with metadata."""
 
-ROOT = ""
-"""In place of an array's name: the metadata of the whole store."""
+COPY = "copy.json"
+"""Name of the copy of the store's own metadata."""
 
-WRITTEN = "chunks"
-"""Attribute of a store: names of the chunks of each array when the sweep was last ended."""
-
-COMPRESSORS = (ZstdCodec(level=0, checksum=False), Crc32cCodec())
-"""What the chunks of all arrays go through last."""
+PARTIAL = ".partial"
+"""Ending of a file that is being written, or that a killed process left."""
 
 MOST_BYTES = 1 << 28
 """Size of a file with metadata, at most [bytes]."""
@@ -58,130 +56,283 @@ MOST_CHUNK_BYTES = 1 << 32
 MOST_TEXT_BYTES = 1 << 16
 """Texts in a chunk, at most on average [bytes]."""
 
+TYPES: dict[str, tuple[int, Any]] = {
+    "bool": (1, False), "int8": (1, 0), "int64": (8, 0), "float64": (8, "NaN"), "string": (8, ""),
+}  # fmt: skip
+"""Types of arrays: size of a value in memory [bytes], and what stands where nothing is written."""
+
+WORDS = ("units", "long_name", "origin")
+"""Attributes of arrays."""
+
+ABOUT: dict[str, Any] = {
+    "jointplay_sweep": int, "store": str, "case": str | None, "sampling": str, "sampled": list,
+    "inputs": dict, "versions": dict, "identity": dict, "sizes": dict, "title": str,
+    "scenario": str, "scenario_file": str, "sweep": str,
+}  # fmt: skip
+"""Attributes of a store: its format, its own number, and what it is of."""
+
+CHUNKS = "chunks"
+"""Attribute of a store that lists the chunks of each array."""
+
+SEAL = "seal"
+"""Attribute of metadata with their seal."""
+
+CHANGED = "does not match its seal (changed since it was written, or written elsewhere)"
+
 _ZSTD = b"\x28\xb5\x2f\xfd"
 """How a frame of Zstandard begins (RFC 8878)."""
 
-_SKIPPED = b"\x50\x2a\x4d\x18"
-"""How a frame begins that unpacking skips (the same, section 3.1.2)."""
+_SKIPPED = b"\x50\x2a\x4d\x18\x20\x00\x00\x00"
+"""How a frame begins that unpacking skips (the same, section 3.1.2), of 32 bytes: a seal."""
 
-_TYPES = {"bool": 1, "int8": 1, "int64": 8, "float64": 8, "string": 8}
-"""Types of arrays, and their sizes in memory [bytes]."""
+_SEAL_BYTES = len(_SKIPPED) + 32
 
 _CHUNK = re.compile(r"\d+(/\d+)*")
 """What a chunk is called."""
 
-_ARRAY = {
-    "shape", "data_type", "chunk_grid", "chunk_key_encoding", "fill_value", "codecs", "attributes",
-    "dimension_names", "zarr_format", "node_type", "storage_transformers",
-}  # fmt: skip
-
-PARTIAL = ".partial"
-"""Ending of a chunk that zarr is writing, or that a killed process left."""
-
-BEGUN = "jointplay_sweep_begun"
-"""Attribute of a store that is being made: if its maker is killed, it may be made anew."""
-
-_ABOUT = {
-    "jointplay_sweep": int, "case": str | None, "sampling": str, "sampled": list, "inputs": dict,
-    "versions": dict, "identity": dict, "sizes": dict, "title": str, "scenario": str,
-    "scenario_file": str, "sweep": str, BEGUN: int, WRITTEN: dict,
-}  # fmt: skip
-"""Attributes of a store."""
-
-CHANGED = "does not match its checksum (changed since it was written)"
-GONE = "it is gone"
-ELSEWHERE = "it was written in another place"
+Index = tuple[int, ...]
 
 
 class Foreign(ValueError):
-    """Metadata are whole, and not such as we write."""
+    """What is whole, and not such as we write."""
 
 
-class SealedStore(LocalStore):
-    """The folder of a sweep as zarr may see it.
+def seal(store: Any, place: str, content: bytes) -> bytes:
+    """SHA-256 of a file's content, of its place in the store, and of the store's own number."""
+    found = hashlib.sha256(f"{store}/{place}\n".encode())
+    found.update(content)
+    return found.digest()
+
+
+# ---- What a store has: the declared schema, which it is made by and checked against --------------
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array of a store. All else that its metadata say is the same for every array.
+
+    Attributes:
+        dtype: one of `TYPES`.
+        dims: names of its dimensions, as `array_name` has them.
+        shape, chunks: sizes of it and of its chunks.
+        attributes: `WORDS`.
 
     Raises:
-        JointplayError: what is asked for is damaged or foreign; it is named, with what becomes of
-            it if the sweep goes on.
+        ValueError: it is none that a store can have.
     """
 
-    async def get(
-        self,
-        key: str,
-        prototype: BufferPrototype | None = None,
-        byte_range: ByteRequest | None = None,
-    ) -> Buffer | None:
-        """A chunk, or metadata without their checksum; None for everything else."""
-        return self.get_sync(key, prototype=prototype, byte_range=byte_range)
+    dtype: str
+    dims: tuple[str, ...]
+    shape: Index
+    chunks: Index
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
-    def get_sync(
-        self,
-        key: str,
-        *,
-        prototype: BufferPrototype | None = None,
-        byte_range: ByteRequest | None = None,
-    ) -> Buffer | None:
-        """The same."""
-        if byte_range is not None:
-            raise NotImplementedError("parts of chunks have no checksum")
-        name, _, what = key.rpartition("/c/") if "/c/" in key else key.rpartition("/")
-        if "/" in name or not (what == METADATA or f"{name}/c/{what}" == key):
-            return None
+    def __post_init__(self) -> None:
+        """Check what is given."""
+        if not isinstance(self.dtype, str) or self.dtype not in TYPES:
+            raise ValueError(f"the type {self.dtype!r:.60} is none of {', '.join(TYPES)}")
+        sizes = len(self.shape) == len(self.chunks) == len(self.dims) > 0
+        if not (sizes and _whole(self.shape, 0) and _whole(self.chunks, 1)):
+            raise ValueError(f"the shape {self.shape!r:.60} in chunks {self.chunks!r:.60}")
+        if math.prod(self.chunks) * TYPES[self.dtype][0] > MOST_CHUNK_BYTES:
+            raise ValueError(f"chunks {self.chunks!r} are larger than {MOST_CHUNK_BYTES} bytes")
+        if not all(isinstance(name, str) for name in self.dims):
+            raise ValueError(f"the dimensions {self.dims!r:.60}")
+        if not isinstance(self.attributes, Mapping) or not all(
+            name in WORDS and isinstance(text, str) for name, text in self.attributes.items()
+        ):
+            raise ValueError(f"the attributes {self.attributes!r:.60}")
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Metadata of Zarr 3."""
+        size, fill = TYPES[self.dtype]
+        encoded: dict[str, Any] = {"name": "vlen-utf8" if self.dtype == "string" else "bytes"}
+        if self.dtype != "string" and size > 1:
+            encoded["configuration"] = {"endian": "little"}
+        return {
+            "zarr_format": 3,
+            "node_type": "array",
+            "data_type": self.dtype,
+            "dimension_names": list(self.dims),
+            "shape": list(self.shape),
+            "chunk_grid": {
+                "name": "regular",
+                "configuration": {"chunk_shape": list(self.chunks)},
+            },
+            "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+            "codecs": [
+                encoded,
+                {"name": "zstd", "configuration": {"level": 0, "checksum": True}},
+            ],
+            "fill_value": fill,
+            "storage_transformers": [],
+            "attributes": dict(self.attributes),
+        }
+
+    @classmethod
+    def read(cls, found: Any) -> Array:
+        """The array that metadata describe.
+
+        Raises:
+            ValueError: they say something that ours do not.
+        """
+        if not isinstance(found, dict):
+            raise ValueError("no metadata")
+        _same(found, {"zarr_format": 3, "node_type": "array"}, found.keys())
         try:
-            if what == METADATA:
-                content = json.dumps(metadata(self.root, name)).encode()
-            else:
-                content = _file(self.root, key, MOST_CHUNK_BYTES)
-                _check_chunk(content, key, _array(self.root, name))
-        except (FileNotFoundError, NotADirectoryError):
-            if what == METADATA or not self.read_only:  # writers have looked with `survey`
-                return None
-            if what not in stored_chunks(self.root).get(name, ()):
-                return None
-            raise self._damaged(name, what, ValueError(GONE)) from None
-        except (OSError, ValueError) as error:
-            raise self._damaged(name, None if what == METADATA else what, error) from None
-        return (prototype or default_buffer_prototype()).buffer.from_bytes(content)
+            chunks = found["chunk_grid"]["configuration"]["chunk_shape"]
+            dims, shape, chunks = map(tuple, (found["dimension_names"], found["shape"], chunks))
+            array = cls(found["data_type"], dims, shape, chunks, found["attributes"])
+        except KeyError as error:
+            raise ValueError(f"it has no {error}") from None
+        except TypeError:
+            raise ValueError("no metadata of an array") from None
+        _same(found, array.metadata)
+        return array
 
-    async def get_partial_values(
-        self,
-        prototype: BufferPrototype,
-        key_ranges: Iterable[tuple[str, ByteRequest | None]],
-    ) -> list[Buffer | None]:
-        """The same of several."""
-        return [self.get_sync(key, prototype=prototype, byte_range=r) for key, r in key_ranges]
 
-    async def set(self, key: str, value: Buffer) -> None:
-        """Write a chunk, or metadata with their checksum."""
-        await super().set(key, _sealed(key, value))
+@dataclass
+class Contents:
+    """What a store has, by its own metadata.
 
-    async def set_if_not_exists(self, key: str, value: Buffer) -> None:
-        """The same, unless it is there."""
-        await super().set_if_not_exists(key, _sealed(key, value))
+    Attributes:
+        attributes: `ABOUT`.
+        arrays: by their folders.
+        chunks: names of those that have been written, by folder.
+    """
 
-    def set_sync(self, key: str, value: Buffer) -> None:
-        """The same as `set`."""
-        super().set_sync(key, _sealed(key, value))
+    attributes: dict[str, Any]
+    arrays: dict[str, Array] = field(default_factory=dict)
+    chunks: dict[str, set[str]] = field(default_factory=dict)
 
-    def _damaged(self, name: str, chunk: str | None, error: Exception) -> JointplayError:
-        """What to say of an array's chunk or metadata, and what becomes of it."""
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        place = f"array {name!r}" if name else "the whole"
-        if chunk is None:  # no damage makes foreign metadata of ours
-            fate = "" if isinstance(error, Foreign) else "; --resume writes them again"
-            return damaged(self.root, f"metadata of {place}: {reason}{fate}")
-        what = "cases"
-        with suppress(OSError, ValueError, KeyError):
-            root = metadata(self.root, ROOT)
-            arrays = root["consolidated_metadata"]["metadata"]
-            what = kind(name, arrays[name], root["attributes"])
-        after = {
-            "cases": "runs the cases of that chunk again",
-            "labels": "runs all cases again",
-            "coordinate": "writes it again",
-        }[what]
-        dotted = chunk.replace("/", ".")
-        return damaged(self.root, f"chunk {dotted} of {place}: {reason}; --resume {after}")
+    @property
+    def store(self) -> str:
+        """The store's own number."""
+        return str(self.attributes["store"])
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Metadata of the whole, those of all arrays included."""
+        listed = {name: sorted(chunks) for name, chunks in self.chunks.items()}
+        arrays = {name: array.metadata for name, array in self.arrays.items()}
+        whole = {"kind": "inline", "must_understand": False, "metadata": arrays}
+        return {
+            "zarr_format": 3,
+            "node_type": "group",
+            "attributes": {**self.attributes, CHUNKS: listed},
+            "consolidated_metadata": whole,
+        }
+
+    @property
+    def file(self) -> bytes:
+        """The file with the metadata of the whole, sealed."""
+        found = self.metadata
+        mark = seal(self.store, METADATA, encoded(found)).hex()
+        return encoded(found | {"attributes": found["attributes"] | {SEAL: mark}})
+
+    def kind(self, name: str) -> str:
+        """What an array is.
+
+        Returns:
+            ``coordinate`` for values of the cases' dimensions, ``measure`` for a number of each
+            case, ``cases`` for what else is kept of them, ``labels`` for what histories have along
+            their own dimensions.
+        """
+        dims = tuple(map(array_name, self.attributes["sizes"]))
+        if name in dims or name in map(array_name, self.attributes["sampled"]):
+            return "coordinate"
+        array = self.arrays[name]
+        if array.dims == dims and array.dtype == "float64":
+            return "measure"
+        return "cases" if array.dims[: len(dims)] == dims else "labels"
+
+    @classmethod
+    def read(cls, folder: Path, name: str = METADATA) -> Contents:
+        """What the store in a folder has, by its metadata or their `COPY`.
+
+        Raises:
+            OSError: it cannot be read.
+            Foreign: it is whole, but none of ours: why.
+            ValueError: its metadata are damaged: why.
+        """
+        try:
+            found = json.loads(read_file(folder, name, MOST_BYTES))
+        except RecursionError:
+            raise ValueError("no JSON") from None
+        except json.JSONDecodeError:
+            raise ValueError("no JSON") from None
+        if not isinstance(found, dict) or not isinstance(found.get("attributes"), dict):
+            raise ValueError("no metadata of Zarr 3")
+        attributes = found["attributes"]
+        mark = attributes.pop(SEAL, None)
+        if mark is None and (other := attributes.get("jointplay_sweep")) not in (None, FORMAT):
+            raise Foreign(f"it has format {other!r:.60}, not {FORMAT}")
+        if mark is None:
+            raise ValueError("it has no seal")
+        if mark != seal(attributes.get("store"), METADATA, encoded(found)).hex():
+            raise ValueError(CHANGED)
+        try:
+            return cls._read(found)
+        except ValueError as error:
+            raise Foreign(str(error)) from None
+
+    @classmethod
+    def _read(cls, found: Mapping[str, Any]) -> Contents:
+        """The same of metadata whose seal has been verified."""
+        attributes = dict(found["attributes"])
+        chunks = attributes.pop(CHUNKS, None)
+        for name, kind in ABOUT.items():
+            if name not in attributes or not isinstance(attributes[name], kind):
+                raise ValueError(f"its attribute {name!r} is {attributes.get(name)!r:.60}")
+        whole = found.get("consolidated_metadata")
+        arrays = whole.get("metadata") if isinstance(whole, dict) else None
+        if not isinstance(arrays, dict) or not isinstance(chunks, dict):
+            raise ValueError("it lists no arrays")
+        contents = cls(attributes)
+        for name, array in arrays.items():
+            if not name or name.startswith(".") or "/" in name or "\0" in name:
+                raise ValueError(f"an array is called {name!r}")
+            try:
+                contents.arrays[name] = Array.read(array)
+            except ValueError as error:
+                raise ValueError(f"array {name!r}: {error}") from None
+        for name, listed in chunks.items():
+            if not isinstance(listed, list) or not all(map(_CHUNK.fullmatch, map(str, listed))):
+                raise ValueError(f"the chunks of {name!r} are {listed!r:.60}")
+            contents.chunks[name] = set(map(str, listed))
+        sizes = {array_name(str(name)): size for name, size in attributes["sizes"].items()}
+        state = contents.arrays.get("state")
+        if state is None or dict(zip(state.dims, state.shape, strict=True)) != sizes:
+            raise ValueError("its states are not over its dimensions")
+        foreign = set(attributes) - set(ABOUT)
+        if foreign or contents.chunks.keys() - contents.arrays.keys():
+            raise ValueError(f"unknown: {', '.join(sorted(foreign)) or 'chunks of no array':.60}")
+        _same(found, contents.metadata)
+        return contents
+
+
+def encoded(content: Any) -> bytes:
+    """Content as JSON, in the one form that is sealed; the order of keys counts."""
+    return json.dumps(content, separators=(",", ":")).encode()
+
+
+def _same(found: Mapping[str, Any], ours: Mapping[str, Any], known: Iterable[str] = ()) -> None:
+    """Refuse metadata that say something else than ours; keys of `known` may be more."""
+    foreign = sorted(found.keys() - ours.keys() - set(known))
+    if foreign:
+        raise ValueError(f"unknown keys: {', '.join(foreign)[:60]}")
+    for key, value in ours.items():
+        if key not in found:
+            raise ValueError(f"it has no {key}")
+        given, mine = encoded(found[key]).decode(), encoded(value).decode()
+        if given != mine:
+            raise ValueError(f"{key} is {given:.160}, not {mine:.160}")
+
+
+def _whole(sizes: Iterable[Any], least: int) -> bool:
+    """Whether all are whole numbers, not below the least."""
+    return all(type(size) is int and size >= least for size in sizes)
 
 
 def array_name(name: str) -> str:
@@ -206,177 +357,192 @@ def _escaped(text: str, kept: str) -> str:
     )
 
 
+# ---- What is in its files ----------------------------------------------------------------------
+
+
+class SealedStore(Store):
+    """The folder of a store as zarr may see it.
+
+    Args:
+        folder: the store.
+        contents: what it has; None reads it.
+
+    Raises:
+        JointplayError: what is asked for is damaged or foreign; it is named, with what becomes of
+            it if the sweep goes on.
+    """
+
+    supports_writes = supports_deletes = True
+    supports_listing = False
+
+    def __init__(
+        self, folder: Path, contents: Contents | None = None, *, read_only: bool = False
+    ) -> None:
+        """See the store as it is now."""
+        super().__init__(read_only=read_only)
+        self.folder = folder
+        try:
+            self.contents = Contents.read(folder) if contents is None else contents
+        except (OSError, ValueError) as error:
+            raise damaged_whole(folder, error) from None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both are of one folder."""
+        return isinstance(other, SealedStore) and other.folder == self.folder
+
+    def with_read_only(self, read_only: bool = False) -> SealedStore:
+        """The same store, for reading or for writing."""
+        return SealedStore(self.folder, self.contents, read_only=read_only)
+
+    async def get(
+        self,
+        key: str,
+        prototype: BufferPrototype | None = None,
+        byte_range: ByteRequest | None = None,
+    ) -> Buffer | None:
+        """A chunk, or metadata; None for everything else."""
+        if byte_range is not None:
+            raise NotImplementedError("parts of chunks have no seal")
+        arrays = self.contents.arrays
+        name, _, chunk = key.partition("/c/")
+        content: bytes | None = None
+        if key == METADATA:
+            content = encoded(self.contents.metadata)
+        elif (folder := key.removesuffix(f"/{METADATA}")) in arrays:
+            content = encoded(arrays[folder].metadata)
+        elif chunk and name in arrays:
+            content = self._chunk(name, chunk)
+        if content is None:
+            return None
+        return (prototype or default_buffer_prototype()).buffer.from_bytes(content)
+
+    def _chunk(self, name: str, chunk: str) -> bytes | None:
+        """A chunk; None if none was written."""
+        try:
+            return read_chunk(self.folder, self.contents, name, chunk)
+        except (FileNotFoundError, NotADirectoryError):
+            # Writers have looked with `survey`.
+            if not self.read_only or chunk not in self.contents.chunks.get(name, ()):
+                return None
+            reason = "it is gone"
+        except (OSError, ValueError) as error:
+            reason = _reason(error)
+        fates = {"labels": "runs all cases again", "coordinate": "writes it again"}
+        fate = fates.get(self.contents.kind(name), "runs the cases of that chunk again")
+        place = f"chunk {chunk.replace('/', '.')} of array {name!r}"
+        raise damaged(self.folder, f"{place}: {reason}; --resume {fate}")
+
+    async def get_partial_values(
+        self, prototype: BufferPrototype, key_ranges: Iterable[tuple[str, ByteRequest | None]]
+    ) -> list[Buffer | None]:
+        """The same of several."""
+        return [await self.get(key, prototype, given) for key, given in key_ranges]
+
+    async def exists(self, key: str) -> bool:
+        """Whether there is such a chunk, or such metadata."""
+        return await self.get(key) is not None
+
+    async def set(self, key: str, value: Buffer) -> None:
+        """Write a chunk, its seal behind its data; from now on it must be there."""
+        self._check_writable()
+        name, _, chunk = key.partition("/c/")
+        if not chunk:
+            raise NotImplementedError("metadata are not zarr's to write")
+        content = value.to_bytes()
+        put(self.folder / key, content + _SKIPPED + seal(self.contents.store, key, content))
+        self.contents.chunks.setdefault(name, set()).add(chunk)
+
+    async def delete(self, key: str) -> None:
+        """Delete a chunk in which nothing is left."""
+        self._check_writable()
+        name, _, chunk = key.partition("/c/")
+        delete_chunk(self.folder, self.contents, name, chunk)
+
+    def list(self) -> AsyncIterator[str]:
+        """What there is, zarr knows by the metadata."""
+        raise NotImplementedError
+
+    list_prefix = list_dir = list  # type: ignore[assignment]
+
+
+def put(path: Path, content: bytes) -> None:
+    """Write a file of a store whole or not at all; on disk it is after `os.sync`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + PARTIAL)
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError:
+        with suppress(OSError):
+            part.unlink()
+        raise
+
+
+def delete_chunk(folder: Path, contents: Contents, name: str, chunk: str) -> None:
+    """Delete a chunk, which from now on need not be there."""
+    contents.chunks.get(name, set()).discard(chunk)
+    (folder / name / "c" / chunk).unlink(missing_ok=True)
+
+
 def damaged(path: Path, words: str) -> JointplayError:
     """What to say of a store that is damaged."""
     return JointplayError(f"{str(path)!r} is damaged or not a sweep: {words}")
 
 
-def kind(name: str, array: Mapping[str, Any], attributes: Mapping[str, Any]) -> str:
-    """What an array is.
-
-    Returns:
-        ``coordinate`` for values of the sweep's dimensions, ``cases`` for what is kept of the
-        cases, ``labels`` for what histories have along their own dimensions.
-    """
-    dims = [array_name(one) for one in attributes["sizes"]]
-    if name in dims or name in map(array_name, attributes["sampled"]):
-        return "coordinate"
-    return "cases" if array["dimension_names"][: len(dims)] == dims else "labels"
+def damaged_whole(path: Path, error: Exception) -> JointplayError:
+    """The same of the metadata of the whole."""
+    # No damage makes foreign metadata of ours.
+    fate = "" if isinstance(error, Foreign) else "; --resume writes them again"
+    return damaged(path, f"metadata of the whole: {_reason(error)}{fate}")
 
 
-def metadata(root: Path, name: str) -> dict[str, Any]:
-    """Metadata of an array, or of the store (`ROOT`).
-
-    Raises:
-        FileNotFoundError: there are none.
-        Foreign: they are whole, but not ours: why.
-        ValueError: they are damaged: why.
-    """
-    content = _file(root, f"{name}/{METADATA}" if name else METADATA, MOST_BYTES)
-    try:
-        found = json.loads(content)
-    except (ValueError, RecursionError):
-        raise ValueError("no JSON") from None
-    if not isinstance(found, dict) or not isinstance(found.get("attributes"), dict):
-        raise ValueError("no metadata of Zarr 3")
-    given = found["attributes"].pop(SEAL, None)
-    if given is None:
-        raise ValueError(f"no checksum ({SEAL})")
-    if given != _checksum(found, name):
-        raise ValueError(CHANGED)
-    try:
-        if name:
-            _check_array(found)
-        else:
-            _check_root(found)
-    except ValueError as error:
-        raise Foreign(str(error)) from None
-    return found
+def _reason(error: Exception) -> str:
+    """Why something could not be read, in a line."""
+    return getattr(error, "strerror", None) or " ".join(str(error).split())
 
 
-def write_metadata(content: Mapping[str, Any], name: str) -> bytes:
-    """Metadata of an array, or of the store (`ROOT`), as a file, with their checksum."""
-    found = json.loads(json.dumps(content))
-    found["attributes"].pop(SEAL, None)
-    found["attributes"][SEAL] = _checksum(found, name)
-    return json.dumps(found, indent=2).encode()
-
-
-def survey(root: Path) -> Iterator[tuple[str, str | None]]:
-    """What is damaged in a store: names of arrays (or `ROOT`), each with a chunk's key, or None for
-    its metadata.
-    """
-    known = stored_chunks(root)
-    names = sorted({one.name for one in root.iterdir() if one.is_dir()} | known.keys())
-    for name in (ROOT, *names):
-        try:
-            metadata(root, name)
-        except FileNotFoundError:  # there was no room to make it, unless it has or had chunks
-            there = (root / name).iterdir() if name not in known else ()
-            if name in (ROOT, *known) or any(one.suffix != PARTIAL for one in there):
-                yield name, None
-        except (OSError, ValueError):
-            yield name, None
-    for name in names:
-        found = set(chunks(root, name))
-        yield from ((name, f"{name}/c/{chunk}") for chunk in known.get(name, set()) - found)
+def survey(folder: Path, contents: Contents) -> Iterator[tuple[str, str]]:
+    """What is damaged or gone in a store: names of arrays and of their chunks."""
+    for name in contents.arrays:
+        found = set(chunks(folder, name))
+        yield from ((name, chunk) for chunk in contents.chunks.get(name, set()) - found)
         for chunk in found:
-            key = f"{name}/c/{chunk}"
             try:
-                _check_chunk(_file(root, key, MOST_CHUNK_BYTES), key, _array(root, name))
+                read_chunk(folder, contents, name, chunk)
             except (OSError, ValueError):
-                yield name, key
+                yield name, chunk
 
 
-def chunks(root: Path, name: str) -> Iterator[str]:
+def chunks(folder: Path, name: str) -> Iterator[str]:
     """Names of the chunks of an array that are there."""
-    begin = root / name / "c"
-    for folder, _, found in os.walk(begin):
+    begin = folder / name / "c"
+    for inside, _, found in os.walk(begin):
         for chunk in found:
             if not chunk.endswith(PARTIAL):
-                yield (Path(folder) / chunk).relative_to(begin).as_posix()
+                yield (Path(inside) / chunk).relative_to(begin).as_posix()
 
 
-def stored_chunks(root: Path) -> dict[str, set[str]]:
-    """Chunks that were there when the sweep was last ended, by array; empty if nothing tells."""
-    return _whole(root)[0]
-
-
-def _array(root: Path, name: str) -> dict[str, Any] | None:
-    """Metadata of an array by those of the whole, which readers have, else by its own."""
-    found = _whole(root)[1].get(name)
-    if found is None:
-        with suppress(OSError, ValueError):
-            found = metadata(root, name)
-    return found
-
-
-def _whole(root: Path) -> tuple[dict[str, set[str]], dict[str, dict[str, Any]]]:
-    """Chunks at the end of the sweep and metadata, by array; empty if they are damaged."""
-    try:
-        found = (root / METADATA).lstat()
-        return _read_whole(root, (found.st_ino, found.st_mtime_ns, found.st_size))
-    except (OSError, ValueError):
-        return {}, {}
-
-
-@lru_cache(maxsize=4)
-def _read_whole(
-    root: Path, _: tuple[int, ...]
-) -> tuple[dict[str, set[str]], dict[str, dict[str, Any]]]:
-    """The same of a file that looks so: it is asked for with each chunk."""
-    found = metadata(root, ROOT)
-    listed = found["attributes"].get(WRITTEN, {})
-    arrays = (found.get("consolidated_metadata") or {}).get("metadata", {})
-    return {name: set(chunks) for name, chunks in listed.items()}, arrays
-
-
-def _file(root: Path, key: str, most: int) -> bytes:
-    """A file of the store.
+def read_chunk(folder: Path, contents: Contents, name: str, chunk: str) -> bytes:
+    """A chunk as it was written, without its seal.
 
     Raises:
         FileNotFoundError: there is none.
-        ValueError: it is another kind of thing, leads out of the store, or is too large.
+        ValueError: it is damaged, or not what its array's chunks are: why.
     """
-    path = root / key
-    found = path.lstat()
-    if not stat.S_ISREG(found.st_mode) or os.path.realpath(path) != str(
-        Path(os.path.realpath(root)) / key
-    ):
-        raise ValueError("no file of the store")
-    if found.st_size > most:
-        raise ValueError(f"{found.st_size} bytes are more than {most}")
-    return path.read_bytes()
-
-
-def _check_chunk(content: bytes, key: str, array: Mapping[str, Any] | None) -> None:
-    """Refuse a chunk that has changed, is not of its array's size, or was written elsewhere.
-
-    Raises:
-        ValueError: why.
-    """
-    if google_crc32c.value(content[:-4]) != int.from_bytes(content[-4:], "little"):
+    key = f"{name}/c/{chunk}"
+    content = read_file(folder, key, MOST_CHUNK_BYTES)
+    data, mark = content[:-_SEAL_BYTES], content[-_SEAL_BYTES:]
+    if mark != _SKIPPED + seal(contents.store, key, data):
         raise ValueError(CHANGED)
-    if array is not None:
-        _check_size(content, array)
-    if not content[:-4].endswith(_place(key)):
-        raise ValueError(ELSEWHERE)
-
-
-def _check_size(content: bytes, array: Mapping[str, Any]) -> None:
-    """Refuse a chunk that would unpack to another size than its array's chunks have.
-
-    Raises:
-        ValueError: why.
-    """
-    cells = math.prod(array["chunk_grid"]["configuration"]["chunk_shape"])
-    kind, size = array["data_type"], _unpacked(content)
+    array = contents.arrays[name]
+    cells, size = math.prod(array.chunks), _unpacked(data)
     if size is None:
         raise ValueError("its uncompressed size is missing")
-    if kind != "string" and size != cells * _TYPES[kind]:
-        raise ValueError(f"it unpacks to {size} bytes, not to {cells * _TYPES[kind]}")
-    if kind == "string" and size > (most := cells * MOST_TEXT_BYTES):
+    if array.dtype != "string" and size != (whole := cells * TYPES[array.dtype][0]):
+        raise ValueError(f"it unpacks to {size} bytes, not to {whole}")
+    if array.dtype == "string" and size > (most := cells * MOST_TEXT_BYTES):
         raise ValueError(f"it unpacks to {size} bytes, more than {most}")
+    return data
 
 
 def _unpacked(content: bytes) -> int | None:
@@ -395,150 +561,18 @@ def _unpacked(content: bytes) -> int | None:
     return int.from_bytes(content[begin : begin + width], "little") + (256 if width == 2 else 0)
 
 
-def _place(key: str) -> bytes:
-    """What a chunk has behind its data: a frame that is skipped, with the chunk's place."""
-    place = key.encode()
-    return _SKIPPED + len(place).to_bytes(4, "little") + place
-
-
-def _sealed(key: str, value: Buffer) -> Buffer:
-    """Content for a file with its checksum, which is also of its place."""
-    content = value.to_bytes()
-    name, _, what = key.rpartition("/")
-    if what == METADATA:
-        content = write_metadata(json.loads(content), name)
-    else:
-        content = content[:-4] + _place(key)
-        content += google_crc32c.value(content).to_bytes(4, "little")
-    return default_buffer_prototype().buffer.from_bytes(content)
-
-
-def _checksum(content: Any, name: str) -> str:
-    """SHA-256 of the metadata of an array, or of the store (`ROOT`)."""
-    text = json.dumps([name, content], sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _check_root(found: Mapping[str, Any]) -> None:
-    """Refuse metadata of a store that we do not write.
+def read_file(folder: Path, key: str, most: int) -> bytes:
+    """A file of the store.
 
     Raises:
-        ValueError: what is foreign.
+        FileNotFoundError: there is none.
+        ValueError: it is another kind of thing, leads out of the store, or is too large.
     """
-    _check_keys(found, {"attributes", "zarr_format", "node_type", "consolidated_metadata"})
-    _check_fixed(found, {"zarr_format": 3, "node_type": "group"})
-    for name, value in found["attributes"].items():
-        if name not in _ABOUT or not isinstance(value, _ABOUT[name]):
-            raise ValueError(f"the attribute {name!r} is foreign")
-    for name, listed in found["attributes"].get(WRITTEN, {}).items():
-        _check_name(name)
-        if not isinstance(listed, list) or not all(map(_CHUNK.fullmatch, map(str, listed))):
-            raise ValueError(f"the chunks of {name!r} are {listed!r:.60}")
-    whole = found.get("consolidated_metadata")
-    if whole is None:  # it is being made
-        return
-    if not isinstance(whole, dict) or not isinstance(whole.get("metadata"), dict):
-        raise ValueError("invalid consolidated metadata")
-    _check_keys(whole, {"kind", "must_understand", "metadata"})
-    for name, array in whole["metadata"].items():
-        _check_name(name)
-        try:
-            _check_array(array)
-        except ValueError as error:
-            raise ValueError(f"array {name!r}: {error}") from None
-
-
-def _check_name(name: str) -> None:
-    """Refuse names of arrays that lead elsewhere."""
-    if not name or name.startswith(".") or "/" in name or "\0" in name:
-        raise ValueError(f"an array is called {name!r}")
-
-
-def _check_array(found: Any) -> None:
-    """Refuse metadata of an array that we do not write.
-
-    Raises:
-        ValueError: what is foreign.
-    """
-    if not isinstance(found, dict):
-        raise ValueError("no metadata")
-    _check_fixed(found, {"zarr_format": 3, "node_type": "array"})
-    _check_keys(found, _ARRAY)
-    if set(found) != _ARRAY:
-        raise ValueError(f"it has no {', no '.join(sorted(_ARRAY - set(found)))}")
-    kind, shape, names = found["data_type"], found["shape"], found["dimension_names"]
-    if not isinstance(kind, str) or kind not in _TYPES:
-        raise ValueError(f"the type {kind!r} is none of {', '.join(_TYPES)}")
-    _check_codecs(kind, found["codecs"])
-    try:
-        chunks = found["chunk_grid"]["configuration"]["chunk_shape"]
-    except (TypeError, KeyError):
-        chunks = None
-    fixed = {
-        "storage_transformers": [],
-        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
-        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunks}},
-    }
-    _check_fixed(found, fixed)
-    if not (_sizes(shape, 0) and _sizes(chunks, 1) and len(shape) == len(chunks) > 0):
-        raise ValueError(f"the shape {shape!r} in chunks {chunks!r}")
-    if math.prod(chunks) * _TYPES[kind] > MOST_CHUNK_BYTES:
-        raise ValueError(f"chunks {chunks!r} are larger than {MOST_CHUNK_BYTES} bytes")
-    if not (
-        isinstance(names, list)
-        and len(names) == len(shape)
-        and all(isinstance(n, str) for n in names)
-    ):
-        raise ValueError(f"the dimensions {names!r}")
-    if not isinstance(found["fill_value"], str | int | float):
-        raise ValueError(f"the fill value {found['fill_value']!r}")
-    attributes = found["attributes"]
-    if not isinstance(attributes, dict) or not all(
-        name in ("units", "long_name", "origin", "sweep") and isinstance(v, str)
-        for name, v in attributes.items()
-    ):
-        raise ValueError(f"the attributes {attributes!r}")
-
-
-def _check_codecs(kind: str, codecs: Any) -> None:
-    """Refuse codecs other than ours: metadata name codecs, and zarr runs what they name."""
-    first: dict[str, Any] = {"name": "bytes"}
-    if kind == "string":
-        first = {"name": "vlen-utf8"}
-    elif _TYPES[kind] > 1:
-        first["configuration"] = {"endian": "little"}
-    try:
-        given = [one | {"configuration": one.get("configuration") or {}} for one in codecs]
-        shown = ", ".join(str(one["name"])[:40] for one in given)
-    except (TypeError, KeyError, AttributeError):
-        given, shown = [], repr(codecs)[:60]
-    ours = [{"configuration": {}, **one} for one in (first, *map(_described, COMPRESSORS))]
-    if given != ours:
-        words = ", ".join(one["name"] for one in ours)
-        raise ValueError(f"its codecs ({shown}) are not ours ({words})")
-
-
-def _described(codec: Any) -> dict[str, Any]:
-    """A codec as metadata name it."""
-    described: dict[str, Any] = codec.to_dict()
-    return described
-
-
-def _check_fixed(found: Mapping[str, Any], ours: Mapping[str, Any]) -> None:
-    """Refuse other values of keys than ours."""
-    for key, value in ours.items():
-        given = found.get(key)
-        if type(given) is not type(value) or given != value:
-            raise ValueError(f"{key} is {given!r:.60}, not {value!r}")
-
-
-def _check_keys(found: Mapping[str, Any], known: set[str]) -> None:
-    """Refuse keys that we do not write."""
-    foreign = sorted(set(found) - known)
-    if foreign:
-        raise ValueError(f"unknown keys: {', '.join(foreign)[:60]}")
-
-
-def _sizes(given: Any, least: int) -> bool:
-    """Whether it is a list of whole numbers."""
-    return isinstance(given, list) and all(type(n) is int and n >= least for n in given)
+    path = folder / key
+    found = path.lstat()
+    whole = os.path.realpath(folder)
+    if not stat.S_ISREG(found.st_mode) or os.path.realpath(path) != str(Path(whole) / key):
+        raise ValueError("no file of the store")
+    if found.st_size > most:
+        raise ValueError(f"{found.st_size} bytes are more than {most}")
+    return path.read_bytes()

@@ -1,49 +1,76 @@
-"""The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is done."""
+"""The store of a study: labelled Zarr arrays over its dimensions, and a journal of what is done.
+
+    store = Store(path, plan)             # made; or gone on with: Store(path, plan, resume=True)
+    for index in np.argwhere(store.state == 0): ...
+    store.put(Outcome(index, DONE, {"peak_force": 3.0}))   # on return it survives this process
+    store.column("peak_force")            # of all cases so far
+    store.close()
+    open_sweep(path)                      # for those who read it
+
+Of a plan a store needs its `sizes`, `coordinates`, `histories`, `identity` and `about`, the
+`meaning` of measures, and in what it has `grown`.
+
+A finished case is one line of the journal. The arrays are filled from it now and then, and at the
+end; filled again, they are what they were. The store's own metadata, written last and replaced at
+once, say which arrays and chunks there are, and how large: what they do not know of is filled
+again. The journal is emptied only when all that it says is in the arrays and on disk. So whatever
+is killed, and whenever, nothing that was finished is lost.
+
+What has changed since it was written is found by its seal, what is gone by the list of chunks
+(`sealed`); its cases run again.
+"""
 
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import json
 import os
+import secrets
+import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 import zarr
 from zarr.core.sync import sync
-from zarr.dtype import parse_dtype
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_a
 from jointplay.result.stored import versions
-from jointplay.scenario.places import dotted
 from jointplay.study import sealed
-from jointplay.study.axes import GROWING
-from jointplay.study.case import DONE, FAILED, Outcome, joints
-from jointplay.study.dataset import FORMAT, check_format, quiet, reading
-from jointplay.study.journal import JOURNAL, SYNC_S, Journal, entries, is_there, line
-from jointplay.study.measures import USER, about
-from jointplay.study.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.study.journal import (
+    FAILED,
+    JOURNAL,
+    History,
+    Index,
+    Journal,
+    Outcome,
+    is_there,
+)
 from jointplay.study.sealed import (
-    BEGUN,
-    COMPRESSORS,
+    CHUNKS,
+    COPY,
+    FORMAT,
     METADATA,
     PARTIAL,
-    ROOT,
-    WRITTEN,
+    Array,
+    Contents,
     SealedStore,
     array_name,
+    damaged,
+    damaged_whole,
     plain_name,
 )
 
-GROWS = ("samples", "repeats")
-"""Keys of a sweep that may grow."""
+if TYPE_CHECKING:
+    from jointplay.study.plan import Plan
 
 ROUNDING = 1e-9
 """Times that differ by less than this, relative to the last of them, are the same."""
@@ -51,62 +78,26 @@ ROUNDING = 1e-9
 SUFFIX = "_history"
 """What the names of arrays of time histories end with."""
 
-CHUNK = 4096
+CHUNK = 1 << 12
 """Cases in a chunk, at most."""
+
+HISTORY_CHUNK = 1 << 17
+"""Numbers in a chunk of histories, at most: a megabyte."""
 
 REST_S = 10.0
 """How long is waited for chunks that are being written where one could not be [s]."""
 
+SYNC_S = 1.0
+"""What a power failure can take is no older than this [s]."""
+
 FLUSH_S = 60.0
 """Interval at which the arrays are brought up to date, for readers [s]."""
 
+FLUSH_BYTES = 1 << 26
+"""Size of the journal at which that is done as well, and the journal emptied [bytes]."""
+
 MOST_DIFFERENCES = 4
 """Differences that a message names."""
-
-
-def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
-    """In what two sweeps differ, in words by key."""
-    changes = {}
-    for key in dict.fromkeys((*old, *new)):
-        was, now = old.get(key, "not given"), new.get(key, "not given")
-        if was != now:
-            file = key.startswith("file ") and "not given" not in (was, now)
-            words = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
-            changes[key] = f"{key} {words}"
-    return changes
-
-
-def _short(text: str) -> str:
-    """A text without its middle, if it is long."""
-    return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
-
-
-def grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
-    """Keys in which the plan is the old one made larger."""
-    old, new = attrs["identity"], plan.identity
-    if list(attrs["sizes"]) != list(plan.sizes):
-        return set()
-    keys = set()
-    for word in GROWS:
-        key = f"sweep.{word}"
-        grows = word != "samples" or plan.sampling in GROWING
-        if grows and json.loads(new.get(key, "0")) >= json.loads(old.get(key, "1")):
-            keys.add(key)
-    for key in new:
-        if key.startswith("sweep.axes.") and key in old:
-            was, now = json.loads(old[key]), json.loads(new[key])
-            if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
-                keys.add(key)
-    return keys
-
-
-# A finished case is one line of the journal. The arrays are filled from it now and then, and at
-# the end; filled again, they are what they were. So whatever is killed, and whenever, nothing
-# that was finished is lost: the journal is emptied only when all that it says is in the arrays
-# and on disk.
-#
-# What has changed since it was written is found by its checksum, what is gone by the list of
-# chunks that the sweep has left, and runs again.
 
 
 class Store:
@@ -124,7 +115,7 @@ class Store:
         removed: whether it is there no more.
 
     Raises:
-        JointplayError: the store exists (and `resume` is false), is of another sweep, or another
+        JointplayError: the store exists (and `resume` is false), is of another study, or another
             process writes to it; it cannot be written.
     """
 
@@ -139,9 +130,9 @@ class Store:
         self.removed = False
         try:
             self.plan = plan
-            self.group: Any  # zarr's own types know no group whose members are all arrays
-            self.state = np.zeros(plan.shape, np.int8)
+            self.state = np.zeros(self._shape, np.int8)
             self._pending: list[Outcome] = []
+            self._labels: dict[str, list[Any]] = {}
             self._synced = self._flushed = time.monotonic()
             with writing(self.path):
                 if there:
@@ -149,67 +140,107 @@ class Store:
                         self._reopen(extend)
                 else:
                     self._make()
-                self.journal = Journal(self.path / JOURNAL)
                 self._take_up()
             self.new = not there and not self.journal.found
         except BaseException:
             files.release(self.path)
             raise
 
-    def _opened(self) -> Any:
-        """The arrays of the store, for writing."""
-        return zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
+    @property
+    def _shape(self) -> Index:
+        """Sizes of the dimensions of the cases."""
+        return tuple(self.plan.sizes.values())
+
+    @cached_property
+    def _reserved(self) -> set[str]:
+        """Folders of arrays that are of no measure and no history."""
+        return {"state", "error", *map(array_name, (*self.plan.sizes, *self.plan.coordinates))}
+
+    # ---- Made, and gone on with -----------------------------------------------------------------
+
+    def _see(self, contents: Contents) -> None:
+        """Have the store be what its metadata say."""
+        self.contents = contents
+        self._view = SealedStore(self.path, contents)
+
+    def _about(self, store: str) -> dict[str, Any]:
+        """Attributes of the store: of which study it is."""
+        mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
+        own = {"jointplay_sweep": FORMAT, "store": store, "versions": versions()}
+        return {**self.plan.about, **mine, **own}
 
     def _make(self) -> None:
-        """Begin a new store."""
-        files.empty(self.path)  # by zarr the folder itself would go, and with it its lock
-        store = SealedStore(self.path)
-        self.group = zarr.create_group(store, attributes={BEGUN: FORMAT}, zarr_format=3)
-        self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
-        self.group["state"].update_attributes({"sweep": of_sweep(self.plan)})
-        self.array("error", "string", "", "error message of the case", "")
-        self._coordinates()
-        # With these attributes it is a store; without, the rest of one that was not made.
-        self.group.attrs.put(self._about())
-        self._consolidate()
-
-    def _about(self) -> dict[str, Any]:
-        """Attributes of the store: which sweep it is of."""
-        plan = self.plan
-        return {
-            "jointplay_sweep": FORMAT,
-            "case": plan.case,
-            "sampling": plan.sampling,
-            "sampled": [axis.name for axis in plan.drawn],
-            "inputs": plan.inputs,
-            "versions": versions(),
-            "identity": plan.identity,
-            "sizes": plan.sizes,
-            "title": plan.scenario.title,
-            "scenario": plan.scenario.text,
-            "scenario_file": plan.scenario.path.name,
-            "sweep": json.dumps(dict(plan.given), default=str),
-        }
+        """Begin a new store; what there was in the folder was of an older one."""
+        self._see(Contents(self._about(secrets.token_hex(16))))
+        state = "0: not run, 1: done, 2: failed"
+        self._add("state", self._of_cases("int8", {"units": "1", "long_name": state}))
+        about = {"units": "", "long_name": "error message of the case"}
+        self._add("error", self._of_cases("string", about))
+        self._commit()
+        for one in self.path.iterdir():
+            if one.is_dir() and not one.is_symlink():
+                shutil.rmtree(one)
+            elif one.name not in (METADATA, COPY):
+                one.unlink()
+        self._labels = {}
+        self._write_coordinates()
+        self._commit()
+        self.journal = Journal(self.path / JOURNAL, self.contents.store)
 
     def _reopen(self, extend: bool) -> None:
         """Go on with an old store.
 
         Raises:
-            JointplayError: it is of another sweep.
+            JointplayError: it is of another study.
         """
-        hurt = list(sealed.survey(self.path))
-        if (ROOT, None) in hurt:
-            self._identify_again()
-        attrs = sealed.metadata(self.path, ROOT)["attributes"]
-        if "jointplay_sweep" not in attrs:
-            if BEGUN not in attrs:  # a store of someone else, which making ours would empty
-                check_format(attrs, self.path)
-            self._make()  # killed while it was made
+        contents = self._read()
+        self._check_study(contents.attributes, extend)
+        for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
+            rest.unlink(missing_ok=True)
+        hurt = list(sealed.survey(self.path, contents))
+        if any(contents.kind(name) == "labels" for name, _ in hurt):
+            self._make()
             return
-        check_format(attrs, self.path)
-        changes = differences(attrs["identity"], self.plan.identity)
-        beyond = changes.keys() - grown(attrs, self.plan)
-        mine, theirs = versions()["jointplay"], attrs["versions"].get("jointplay")
+        self._see(contents)
+        self._mend(hurt)
+        self.journal = Journal(self.path / JOURNAL, contents.store)
+        self.state = np.asarray(self._array("state")[...], np.int8).copy()
+        self._labels = {
+            plain_name(name): np.asarray(self._array(name)[...]).tolist()
+            for name in contents.arrays
+            if contents.kind(name) == "labels"
+        }
+        if self.state.shape != self._shape:
+            self.grow(self.plan)
+        else:
+            self._write_coordinates()
+            self._commit()
+
+    def _read(self) -> Contents:
+        """What the store has, by its metadata or their copy.
+
+        Raises:
+            JointplayError: neither is whole, or they are none of ours.
+        """
+        try:
+            return Contents.read(self.path)
+        except (OSError, ValueError) as error:
+            if not isinstance(error, sealed.Foreign):
+                with suppress(OSError, ValueError):
+                    return Contents.read(self.path, COPY)
+                error = sealed.Foreign(f"{error}, and so has their copy; choose another name")
+            raise damaged_whole(self.path, error) from None
+
+    def _check_study(self, attributes: Mapping[str, Any], extend: bool) -> None:
+        """Refuse a store of another study.
+
+        Raises:
+            JointplayError: it is; the message names the differences.
+        """
+        changes = differences(attributes["identity"], self.plan.identity)
+        grown = self.plan.grown(attributes["identity"], list(attributes["sizes"]))
+        beyond = changes.keys() - grown
+        mine, theirs = versions()["jointplay"], attributes["versions"].get("jointplay")
         if mine != theirs:
             changes["version"] = f"jointplay is {mine} instead of {theirs}"
             beyond |= {"version"}
@@ -223,117 +254,55 @@ class Store:
             raise JointplayError(
                 f"{str(self.path)!r} belongs to another sweep: {'; '.join(shown)}; {advice}"
             )
-        for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
-            rest.unlink(missing_ok=True)
-        if not self._mend(hurt, attrs):
-            self._make()
-            return
-        if tuple(attrs["sizes"].values()) != self.plan.shape:
-            self.grow(self.plan)
-        self.state = np.asarray(self.group["state"][...], np.int8).copy()
 
-    def _identify_again(self) -> None:
-        """Write the metadata of the whole again, if the states are of the same sweep.
+    def _mend(self, hurt: Sequence[tuple[str, str]]) -> None:
+        """Have the cases count as not run whose numbers were in damaged chunks, and delete these.
 
-        Raises:
-            JointplayError: they are not, or nothing tells.
+        What the journal has of them is filled in again. Killed at any moment it is done again: what
+        is damaged goes only when the states on disk say that its cases have not been run.
         """
-        if sweep_of_states(self.path) != of_sweep(self.plan):
-            raise sealed.damaged(
-                self.path,
-                f"metadata of the whole {sealed.CHANGED}, and it cannot be verified that its "
-                "states belong to this sweep; continue with the same scenario, or choose another "
-                "name",
-            )
-        about = {"attributes": self._about(), "zarr_format": 3, "node_type": "group"}
-        files.write(self.path / METADATA, sealed.write_metadata(about, ROOT), overwrite=True)
-        self.group = self._opened()
-        with suppress(JointplayError):  # metadata of an array are damaged as well
-            self._consolidate()
-
-    def _mend(self, hurt: Sequence[tuple[str, str | None]], attrs: Mapping[str, Any]) -> bool:
-        """Have what is damaged written again, or the cases run again whose numbers it held.
-
-        Killed at any moment it is done again: what is damaged goes only when the states on disk
-        and the journal say that its cases have not been run. Returns whether that can be;
-        otherwise all has to be made anew.
-        """
-        root = sealed.metadata(self.path, ROOT)
-        arrays = (root.get("consolidated_metadata") or {}).get("metadata", {})
-        journal = self.path / JOURNAL
-        under_way = files.is_file(journal) and journal.stat().st_size > 0
-        again = np.zeros(tuple(attrs["sizes"].values()), bool)
-        coordinates = False
-        gone = []
-        for name, key in hurt:
-            if name == ROOT:
-                continue
-            if name not in arrays:
-                return False
-            array = arrays[name]
-            kind = sealed.kind(name, array, attrs)
-            if key is None:
-                if kind == "labels" or (under_way and len(array["shape"]) > again.ndim):
-                    return False  # they may have grown since
-                (self.path / name).mkdir(exist_ok=True)
-                content = sealed.write_metadata(array, name)
-                files.write(self.path / name / METADATA, content, overwrite=True)
-            elif kind == "labels":
-                return False
-            else:
-                gone.append((name != "state", name != "error", self.path / key))
-                coordinates |= kind == "coordinate"
-                if kind == "cases":
-                    again[_region(key, name, array, again.ndim)] = True
-        self.group = self._opened()
-        if gone:
-            self._forget(again, [path for *_, path in sorted(gone)], journal)
-            self.group.update_attributes({WRITTEN: {}})  # chunks are listed again at the end
-            self._consolidate()
-        if coordinates:
-            self._coordinates()
-        return True
-
-    def _forget(self, again: np.ndarray, gone: Sequence[Path], journal: Path) -> None:
-        """Have cases count as not run, then delete the chunks in which they are damaged."""
-        if files.is_file(journal):
-            found = [e for e, _ in entries(journal.read_bytes())]
-            kept = [e for e in found if (o := outcome_of(e, again.shape)) and not again[o.index]]
-            files.write(journal, b"".join(map(line, kept)), overwrite=True)
-        cells = list(zip(*np.nonzero(again), strict=True))
-        for name, nothing in (("state", 0), ("error", "")):
-            for path in gone:
-                if path.is_relative_to(self.path / name):
-                    path.unlink(missing_ok=True)
-            if cells:
-                _set(self.group[name], [(cell, nothing) for cell in cells])
+        again = np.zeros(self.contents.arrays["state"].shape, bool)
+        for name, chunk in hurt:
+            if self.contents.kind(name) in ("measure", "cases"):
+                sizes = self.contents.arrays[name].chunks[: again.ndim]
+                at = zip(map(int, chunk.split("/")), sizes, strict=False)
+                again[tuple(slice(k * size, (k + 1) * size) for k, size in at)] = True
+            if name == "state":
+                sealed.delete_chunk(self.path, self.contents, name, chunk)
+        if again.any():
+            state = self._array("state")
+            state[...] = np.where(again, 0, state[...]).astype(np.int8)
             os.sync()
-        for path in gone:
-            path.unlink(missing_ok=True)
+        for name, chunk in hurt:
+            sealed.delete_chunk(self.path, self.contents, name, chunk)
 
     def _take_up(self) -> None:
         """Fill the arrays with what the journal has; entries that are none are as good as changed.
 
-        A checksum is no seal: a stranger's line can have the right one.
+        A seal does not tell who made it: a stranger's line can have the right one.
         """
-        room = {n for n, a in self._arrays().items() if not self._of_measure(a)}
-        room |= self._reserved()
         for entry in self.journal.found:
-            outcome = outcome_of(entry, self.state.shape)
-            if outcome is not None and not room & set(outcome.values):
-                self._pending.append(outcome)
-        for outcome in self._pending:
-            self.state[outcome.index] = outcome.state
-        if self._pending:
-            self.flush()
+            outcome = Outcome.read(entry, self._shape)
+            if outcome is None or not self._possible(outcome):
+                continue
+            self._pending.append(self._fitted(outcome))
+            self.state[outcome.index] = self._pending[-1].state
+        self.flush()
 
-    def _reserved(self) -> set[str]:
-        """Names that arrays have which are no measures."""
-        return {"state", "error", *self.plan.sizes, *(axis.name for axis in self.plan.drawn)}
-
-    def _of_measure(self, array: Any) -> bool:
-        """Whether an array has room for a number of each case."""
-        return bool(array.shape == self.state.shape and array.dtype == np.float64)
+    def _possible(self, outcome: Outcome) -> bool:
+        """Whether arrays of the names that an outcome has are, or can be, what it needs."""
+        arrays = self.contents.arrays
+        for name in map(array_name, outcome.values):
+            if name in self._reserved or (name in arrays and self.contents.kind(name) != "measure"):
+                return False
+        for name, history in outcome.histories.items():
+            dims = tuple(map(array_name, (*self.plan.sizes, *history.labels)))
+            known = arrays.get(array_name(name + SUFFIX))
+            if name not in self.plan.histories or self._reserved & set(dims[len(self._shape) :]):
+                return False
+            if known is not None and known.dims != dims:
+                return False
+        return True
 
     def grow(self, plan: Plan) -> None:
         """Make room for the cases of a larger plan; those there are stay what they are.
@@ -341,152 +310,142 @@ class Store:
         Raises:
             JointplayError: the store cannot be written.
         """
-        before = self.state
-        self.plan = plan
-        self.state = np.zeros(plan.shape, np.int8)
-        self.state[tuple(slice(0, size) for size in before.shape)] = before
-        dims = list(map(array_name, plan.sizes))
+        self.plan, before = plan, self.state
+        self.state = np.zeros(self._shape, np.int8)
+        self.state[tuple(map(slice, before.shape))] = before
+        arrays = self.contents.arrays
         with writing(self.path):
-            for array in self._arrays().values():
-                names = array.metadata.dimension_names or ()
-                if tuple(names[: len(dims)]) == tuple(dims):
-                    array.resize((*plan.shape, *array.shape[len(dims) :]))
-            self._coordinates()
-            self.group["state"].update_attributes({"sweep": of_sweep(plan)})
-            self.group.update_attributes(self._about())
-            self._consolidate()
+            for name in arrays:
+                if self.contents.kind(name) in ("measure", "cases"):
+                    shape = (*self._shape, *arrays[name].shape[before.ndim :])
+                    arrays[name] = replace(arrays[name], shape=shape)
+            self.contents.attributes = self._about(self.contents.store)
+            self._write_coordinates()
+            self._commit()
 
-    @quiet()
-    def _consolidate(self) -> None:
-        """Write into one file what the arrays are, so that a reader need not look for them."""
-        zarr.consolidate_metadata(self.group.store)
+    # ---- Arrays ---------------------------------------------------------------------------------
 
-    @quiet()
-    def _folders(self) -> list[str]:
-        """Folders of all arrays."""
-        return list(self.group)
-
-    @quiet()
-    def _arrays(self) -> dict[str, Any]:
-        """All arrays by their names."""
-        return {plain_name(folder): array for folder, array in self.group.arrays()}
-
-    def array(
-        self,
-        name: str,
-        dtype: Any,
-        fill: Any,
-        text: str,
-        unit: str,
-        tail: Mapping[str, int] | None = None,
-        origin: str = "",
-    ) -> zarr.Array[Any]:
-        """Make an array over the dimensions of the sweep and those of `tail`."""
+    def _of_cases(
+        self, dtype: str, attributes: Mapping[str, str], tail: Mapping[str, int] | None = None
+    ) -> Array:
+        """An array over the dimensions of the cases and those of `tail`."""
         tail = tail or {}
-        attributes = {"units": unit, "long_name": text} | ({"origin": origin} if origin else {})
-        chunks = (1,) * len(self.plan.shape) if tail else _chunks(self.plan.shape)
-        chunks = (*chunks, *(max(size, 1) for size in tail.values()))
-        shape = (*self.plan.shape, *tail.values())
-        return self._create(name, shape, chunks, dtype, fill, (*self.plan.sizes, *tail), attributes)
+        shape = (*self._shape, *tail.values())
+        chunks = _chunks(shape, HISTORY_CHUNK if tail else CHUNK)
+        dims = tuple(map(array_name, (*self.plan.sizes, *tail)))
+        return Array(dtype, dims, shape, chunks, attributes)
 
-    @quiet()
-    def _create(
-        self,
-        name: str,
-        shape: Index,
-        chunks: Index,
-        dtype: Any,
-        fill: Any,
-        dimensions: Sequence[str],
-        attributes: Mapping[str, Any],
-    ) -> zarr.Array[Any]:
-        """Make an array, in place of one of its name."""
-        return self.group.create_array(
-            array_name(name),
-            shape=shape,
-            chunks=chunks,
-            dtype=dtype,
-            fill_value=fill,
-            compressors=COMPRESSORS,
-            dimension_names=list(map(array_name, dimensions)),
-            attributes=dict(attributes),
-            overwrite=True,
-        )
+    def _add(self, name: str, array: Array) -> None:
+        """Have an array, in place of what a killed process, or another kind, has left there."""
+        if (self.path / name).is_dir():
+            shutil.rmtree(self.path / name)
+        self.contents.arrays[name] = array
+        self.contents.chunks.pop(name, None)
 
-    def _coordinates(self) -> None:
-        """Values of the dimensions, and of what is sampled."""
-        plan = self.plan
-        for k, axis in enumerate((*plan.axes, *plan.drawn)):
-            sampled = k - len(plan.axes)
-            values = axis.coordinate if sampled < 0 else plan.drawn_values[:, sampled]
-            text = ", ".join(dotted(key) for key in axis.keys)
-            dimension = axis.name if sampled < 0 else SAMPLE
-            self.labels(axis.name, dimension, values, {"units": axis.unit, "long_name": text})
-        if REPEAT in plan.sizes:
-            text = "seed of the displacement of the journals"
-            seeds = plan.seed + np.arange(plan.repeats)
-            self.labels(REPEAT, REPEAT, seeds, {"units": "", "long_name": text})
+    def _array(self, name: str) -> Any:
+        """An array as zarr has it."""
+        with quiet():
+            return zarr.open_array(self._view, path=name, mode="r+", zarr_format=3)
 
-    @quiet()
-    def labels(
-        self, name: str, dimension: str, values: np.ndarray, attrs: Mapping[str, Any]
+    def _write_coordinates(self) -> None:
+        """Write the values of the dimensions, and of what is sampled."""
+        for name, given in self.plan.coordinates.items():
+            attributes = {"units": given.unit, "long_name": given.text}
+            self._write_labels(name, given.dimension, given.values, attributes)
+
+    def _write_labels(
+        self, name: str, dimension: str, values: np.ndarray, attributes: Mapping[str, str]
     ) -> None:
-        """Write the coordinate of a dimension.
-
-        One that is there grows in place: whenever that ends, all its values are there, but for
-        those that are new, which are NaN or empty until they are written.
-        """
+        """Write values along a dimension; one that is there grows in place."""
+        folder = array_name(name)
         text = values.dtype.kind in "UO"
-        kind: Any = "string" if text else values.dtype
-        array = self._arrays().get(name)
-        if array is not None and array.metadata.data_type == parse_dtype(kind, zarr_format=3):
-            if array.shape != values.shape:
-                array.resize(values.shape)
-            array.update_attributes(dict(attrs))
-        else:
-            fill = np.nan if values.dtype.kind == "f" else None
+        dtype = "string" if text else str(values.dtype)
+        array = self.contents.arrays.get(folder)
+        if array is None or array.dtype != dtype:
             chunks = (max(len(values), 1),)
-            array = self._create(name, values.shape, chunks, kind, fill, (dimension,), attrs)
-        array[:] = values.astype(object) if text else values
+            self._add(folder, Array(dtype, (array_name(dimension),), values.shape, chunks))
+        array = self.contents.arrays[folder]
+        self.contents.arrays[folder] = replace(array, shape=values.shape, attributes=attributes)
+        self._array(folder)[...] = values.astype(object) if text else values
 
-    def _write_history(self, name: str, index: Index, history: xr.DataArray) -> None:
-        """Write a variable of a case over time: an array over the sweep, the time, and labels.
+    def _write(self, name: str, cells: Iterable[tuple[Index, Any, Sequence[np.ndarray]]]) -> None:
+        """Write values of cases into an array, each chunk once.
 
-        Cases can differ in length and in joints: the array grows as needed, and what a case has not
-        is NaN. A chunk is one case, so that writing it again, after a kill, gives what it was.
+        Args:
+            name: the array.
+            cells: index of each case, its value, and the places of that along the array's other
+                dimensions, where all else becomes NaN.
+        """
+        about, array = self.contents.arrays[name], self._array(name)
+        inside: dict[Index, list[tuple[Index, Any, Sequence[np.ndarray]]]] = {}
+        for cell in cells:
+            chunk = tuple(k // size for k, size in zip(cell[0], about.chunks, strict=False))
+            inside.setdefault(chunk, []).append(cell)
+        for chunk, given in inside.items():
+            begin = [k * size for k, size in zip(chunk, about.chunks, strict=False)]
+            region = tuple(
+                slice(first, min(first + size, most))
+                for first, size, most in zip(begin, about.chunks, about.shape, strict=False)
+            )
+            block = np.asarray(array[region])
+            if about.dtype == "string":
+                block = block.astype(object)
+            for index, value, places in given:
+                at = tuple(k - first for k, first in zip(index, begin, strict=True))
+                if places:
+                    block[at] = np.nan
+                    block[at][np.ix_(*places)] = value
+                else:
+                    block[at] = value
+            array[region] = block
+
+    def _commit(self) -> None:
+        """Have the metadata say what there is now."""
+        content = self.contents.file
+        for name in (COPY, METADATA):  # the copy is never the older one
+            if self._differs(name, content):
+                files.write(self.path / name, content, overwrite=True, announced=False)
+        for folder, array in self.contents.arrays.items():
+            name = f"{folder}/{METADATA}"
+            if self._differs(name, content := sealed.encoded(array.metadata)):
+                sealed.put(self.path / name, content)
+
+    def _differs(self, name: str, content: bytes) -> bool:
+        """Whether a file of the store does not hold this."""
+        try:
+            return sealed.read_file(self.path, name, sealed.MOST_BYTES) != content
+        except (OSError, ValueError):
+            return True
+
+    # ---- Cases ----------------------------------------------------------------------------------
+
+    def _fitted(self, outcome: Outcome) -> Outcome:
+        """An outcome as it can be kept; one that cannot be has failed."""
+        taken = [name for name in outcome.values if array_name(name) in self._reserved]
+        if taken:
+            values = {n: v for n, v in outcome.values.items() if n not in taken}
+            said = (
+                f"a measure cannot be called {min(taken)!r}: the sweep has a measure of that name"
+            )
+            return Outcome(outcome.index, FAILED, values, said)
+        try:
+            for history in outcome.histories.values():
+                self._join(history)
+        except JointplayError as error:  # it does not fit those of the cases before
+            return Outcome(outcome.index, FAILED, outcome.values, str(error))
+        return outcome
+
+    def _join(self, history: History) -> None:
+        """Have the labels of a history among those of all cases, which share one time axis.
 
         Raises:
             JointplayError: it was recorded at other times than those of the cases before.
         """
-        key = name + SUFFIX
-        values = np.asarray(history.values, float)
-        dims = list(map(str, history.dims))
-        if key not in self.group:
-            tail = dict(zip(dims, values.shape, strict=True))
-            unit, text = (str(history.attrs.get(word, "")) for word in ("units", "long_name"))
-            self.array(key, "float64", np.nan, text, unit, tail)
-        array = self.group[key]
-        places = [self._places(dimension, history) for dimension in dims]
-        sizes = array.shape[len(index) :]
-        needed = [max(int(p.max(initial=-1)) + 1, n) for p, n in zip(places, sizes, strict=True)]
-        if tuple(needed) != tuple(sizes):
-            array.resize((*array.shape[: len(index)], *needed))
-        block = np.full(needed, np.nan)
-        block[np.ix_(*places)] = values
-        array[index] = block
-
-    def _places(self, dimension: str, history: xr.DataArray) -> np.ndarray:
-        """Positions of a case's labels along a dimension, to which new ones are added.
-
-        All cases share one time axis: the longest one's.
-        """
-        own: list[Any] = history[dimension].values.tolist()
-        known: list[Any] = []
-        if dimension in self.group:
-            known = np.asarray(self.group[dimension][...]).tolist()
-            while known and (known[-1] in ("", None) or known[-1] != known[-1]):
-                known.pop()  # there was no room to write it
-        if dimension == "time":
+        for dimension, given in history.labels.items():
+            known, own = self._labels.setdefault(dimension, []), given.tolist()
+            if dimension != "time":
+                known += [label for label in own if label not in known]
+                continue
             shared = min(len(own), len(known))
             ours, theirs = np.array(own[:shared], float), np.array(known[:shared], float)
             other = np.flatnonzero(np.abs(ours - theirs) > ROUNDING * theirs.max(initial=0.0))
@@ -497,41 +456,23 @@ class Store:
                     f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
                     "end at one of their times, or leave out histories"
                 )
-            if len(own) > len(known):
-                self.labels(dimension, dimension, np.asarray(own), {"units": "s"})
-            return np.arange(len(own))
-        new = [label for label in own if label not in known]
-        if new:
-            known += new
-            self.labels(dimension, dimension, np.asarray(known), {})
-        return np.array([known.index(label) for label in own], int)
+            known += own[shared:]
 
-    def keep(self, outcome: Outcome) -> None:
+    def put(self, outcome: Outcome) -> None:
         """Keep a finished case: on return it survives this process.
 
         Raises:
             JointplayError: the disk is full; the cases before are kept.
         """
-        taken = sorted(self._reserved() & set(outcome.values))
-        if taken:
-            values = {n: v for n, v in outcome.values.items() if n not in taken}
-            said = f"a measure cannot be called {taken[0]!r}: the sweep has a measure of that name"
-            outcome = Outcome(outcome.index, FAILED, values, said)
-        with writing(self.path):
-            try:
-                for name, history in outcome.histories.items():
-                    self._write_history(name, outcome.index, history)
-            except JointplayError as error:  # it does not fit those of the cases before
-                outcome = replace(outcome, state=FAILED, error=str(error))
-        entry = {"i": list(map(int, outcome.index)), "s": outcome.state, "v": outcome.values}
-        self.journal.add(entry | ({"e": outcome.error} if outcome.error else {}))
+        outcome = self._fitted(outcome)
+        self.journal.add(outcome.entry)
         self.state[outcome.index] = outcome.state
         self._pending.append(outcome)
         now = time.monotonic()
         if now - self._synced > SYNC_S:
             self.journal.sync()
             self._synced = time.monotonic()
-        if now - self._flushed > FLUSH_S:
+        if now - self._flushed > FLUSH_S or self.journal.size > FLUSH_BYTES:
             self.flush()
 
     def flush(self) -> None:
@@ -543,31 +484,69 @@ class Store:
         if self._pending:
             with writing(self.path):
                 self._fill(self._pending)
+                if self.journal.size > FLUSH_BYTES:
+                    os.sync()
+                    self.journal.clear()
         self._pending = []
         self._flushed = time.monotonic()
 
     def _fill(self, outcomes: Sequence[Outcome]) -> None:
         """Write finished cases into the arrays."""
-        columns: dict[str, list[tuple[Index, float]]] = {}
-        for outcome in outcomes:
-            for name, value in outcome.values.items():
-                columns.setdefault(name, []).append((outcome.index, value))
-        known = self._arrays()
-        before = len(known)
-        for name, cells in columns.items():
-            if name not in known:
-                meaning = about(name, joints(self.plan))
-                unit, text = meaning or ("", name.replace("_", " "))
-                origin = "" if meaning else USER
-                known[name] = self.array(name, "float64", np.nan, text, unit, origin=origin)
-            _set(known[name], cells)
-        texts = [(outcome.index, outcome.error) for outcome in outcomes if outcome.error]
-        if texts:
-            _set(known["error"], texts)
+        arrays = self.contents.arrays
+        for name in dict.fromkeys(name for outcome in outcomes for name in outcome.values):
+            if array_name(name) not in arrays:
+                about = zip(sealed.WORDS, self.plan.meaning(name), strict=True)
+                kept = {word: text for word, text in about if text or word != "origin"}
+                self._add(array_name(name), self._of_cases("float64", kept))
+        for name in list(arrays):
+            if self.contents.kind(name) == "measure":
+                plain = plain_name(name)
+                self._write(name, [(o.index, o.values.get(plain, np.nan), ()) for o in outcomes])
+        self._write("error", [(o.index, o.error, ()) for o in outcomes])
+        self._fill_histories(outcomes)
+        self._commit()
         # Last: what a reader sees as done is whole.
-        _set(known["state"], [(outcome.index, outcome.state) for outcome in outcomes])
-        if len(known) > before:
-            self._consolidate()
+        self._write("state", [(o.index, o.state, ()) for o in outcomes])
+
+    def _fill_histories(self, outcomes: Sequence[Outcome]) -> None:
+        """Write histories, and the labels that they share."""
+        having: dict[str, list[tuple[Index, History]]] = {}
+        for outcome in outcomes:
+            for name, history in outcome.histories.items():
+                having.setdefault(name, []).append((outcome.index, history))
+        places = {
+            dimension: {label: k for k, label in enumerate(known)}
+            for dimension, known in self._labels.items()
+        }
+        for dimension, known in self._labels.items():
+            array = self.contents.arrays.get(array_name(dimension))
+            if array is None or array.shape != (len(known),):
+                units = {"units": "s"} if dimension == "time" else {}
+                self._write_labels(dimension, dimension, np.asarray(known), units)
+        for name, cases in having.items():
+            folder = array_name(name + SUFFIX)
+            tail = {dimension: len(self._labels[dimension]) for dimension in cases[0][1].labels}
+            if folder not in self.contents.arrays:
+                about = {"units": cases[0][1].unit, "long_name": cases[0][1].text}
+                self._add(folder, self._of_cases("float64", about, tail))
+            array = self.contents.arrays[folder]
+            self.contents.arrays[folder] = replace(array, shape=(*self._shape, *tail.values()))
+            self._write(
+                folder,
+                [
+                    (
+                        index,
+                        history.values,
+                        [
+                            np.arange(len(given))
+                            if dimension == "time"
+                            else np.array([places[dimension][one] for one in given.tolist()], int)
+                            for dimension, given in history.labels.items()
+                        ],
+                    )
+                    for index, history in cases
+                ],
+            )
 
     def column(self, name: str) -> np.ndarray:
         """A measure of all cases so far, NaN where there is none.
@@ -576,11 +555,11 @@ class Store:
             JointplayError: no case has it.
         """
         self.flush()
-        arrays = {n: a for n, a in self._arrays().items() if self._of_measure(a)}
-        if name not in arrays:
-            listed = ", ".join(arrays)
-            raise JointplayError(f"no case has the measure {name!r}; there are: {listed}")
-        return np.asarray(arrays[name][...], float)
+        listed = [one for one in self.contents.arrays if self.contents.kind(one) == "measure"]
+        if array_name(name) not in listed:
+            known = ", ".join(map(plain_name, listed))
+            raise JointplayError(f"no case has the measure {name!r}; there are: {known}")
+        return np.asarray(self._array(array_name(name))[...], float)
 
     def close(self, whole: bool = True) -> None:
         """Bring the arrays up to date and let go of the store.
@@ -596,9 +575,7 @@ class Store:
             self.flush()
             if whole:
                 with writing(self.path):
-                    listed = {n: sorted(sealed.chunks(self.path, n)) for n in self._folders()}
-                    self.group.update_attributes({WRITTEN: listed})
-                    self._consolidate()
+                    self._commit()
                 os.sync()
                 self.journal.clear()
         finally:
@@ -616,57 +593,34 @@ class Store:
         files.release(self.path)
 
 
-def outcome_of(entry: Any, shape: Index) -> Outcome | None:
-    """A case of a sweep of this shape, as an entry of its journal says it; None if it is none."""
-    if not isinstance(entry, dict) or not entry.keys() <= {"i", "s", "v", "e"}:
-        return None
-    index, state, values, error = (entry.get(k) for k in "isve")
-    if not isinstance(index, list) or len(index) != len(shape):
-        return None
-    if not all(type(k) is int and 0 <= k < size for k, size in zip(index, shape, strict=True)):
-        return None
-    if type(state) is not int or state not in (DONE, FAILED):
-        return None
-    if not isinstance(values, dict) or not all(n and type(v) is float for n, v in values.items()):
-        return None
-    if not isinstance(error, str | None):
-        return None
-    return Outcome(tuple(index), state, values, error or "")
+def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
+    """In what two studies differ, in words by key."""
+    changes = {}
+    for key in dict.fromkeys((*old, *new)):
+        was, now = old.get(key, "not given"), new.get(key, "not given")
+        if was != now:
+            file = key.startswith("file ") and "not given" not in (was, now)
+            words = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
+            changes[key] = f"{key} {words}"
+    return changes
 
 
-def _set(array: zarr.Array[Any], cells: Sequence[tuple[Index, Any]]) -> None:
-    """Put values at their places."""
-    at = tuple(np.array([index[k] for index, _ in cells]) for k in range(array.ndim))
-    values = [value for _, value in cells]
-    text = values and isinstance(values[0], str)
-    array.vindex[at] = np.array(values, dtype=object if text else array.dtype)
+def _short(text: str) -> str:
+    """A text without its middle, if it is long."""
+    return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
 
 
-def of_sweep(plan: Plan) -> str:
-    """What tells that states are of this sweep, should the metadata of the store be damaged."""
-    text = json.dumps([plan.identity, plan.sizes, versions()["jointplay"]], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+def sizes_of(path: Path) -> dict[str, int] | None:
+    """Sizes of the dimensions of the cases of a store; None if nothing tells."""
+    for name in (METADATA, COPY):
+        with suppress(OSError, ValueError):
+            return dict(Contents.read(path, name).attributes["sizes"])
+    return None
 
 
-def sweep_of_states(path: Path) -> str | None:
-    """The same of the sweep that the states in a store are of; None if they do not tell."""
-    try:
-        found: str | None = sealed.metadata(path, "state")["attributes"].get("sweep")
-    except (OSError, ValueError):
-        return None
-    return found
-
-
-def _region(key: str, name: str, array: Mapping[str, Any], dims: int) -> tuple[slice, ...]:
-    """Cases of a chunk."""
-    sizes = array["chunk_grid"]["configuration"]["chunk_shape"]
-    places = map(int, key.removeprefix(f"{name}/c/").split("/")[:dims])
-    return tuple(slice(k * size, (k + 1) * size) for k, size in zip(places, sizes, strict=False))
-
-
-def _chunks(shape: Index) -> Index:
-    """Chunks of at most `CHUNK` cases, whole along the last dimensions."""
-    left, chunks = CHUNK, []
+def _chunks(shape: Index, most: int) -> Index:
+    """Chunks of at most so many values, whole along the last dimensions."""
+    left, chunks = most, []
     for size in reversed(shape):
         take = max(min(size, left), 1)
         chunks.append(take)
@@ -693,3 +647,62 @@ async def _others() -> None:
     """Wait for all that zarr has begun beside."""
     rest = asyncio.all_tasks() - {asyncio.current_task()}
     await asyncio.gather(*rest, return_exceptions=True)
+
+
+# ---- Read ---------------------------------------------------------------------------------------
+
+
+def open_sweep(path: str | Path) -> xr.Dataset:
+    """The store of a sweep as one dataset over its dimensions, read when it is looked at.
+
+    Variables are the measures (docs/sweeps.md), ``state`` (0: not run, 1: done, 2: failed) and
+    ``error``. Of a sweep that is under way it shows what has been written so far. What has changed
+    since it was written, or is gone, is refused when it is looked at, naming array and chunk.
+
+    Raises:
+        JointplayError: no such store, none of a sweep, or a damaged one.
+    """
+    require_a("path", path, "str", "Path")
+    path = Path(path)
+    if not files.is_file(path / METADATA):
+        raise JointplayError(f"no sweep {str(path)!r}")
+    try:
+        with quiet():
+            dataset = xr.open_zarr(
+                SealedStore(path, read_only=True), chunks=None, consolidated=True, zarr_format=3,
+                mask_and_scale=False,
+            )  # fmt: skip
+    except JointplayError:
+        raise
+    except Exception as error:  # zarr and xarray raise whatever they stumble over
+        raise damaged(path, " ".join(str(error).split()) or type(error).__name__) from None
+    for word in ("store", CHUNKS):
+        dataset.attrs.pop(word)
+    folders = map(str, {*dataset.variables, *dataset.dims})
+    dataset = dataset.rename({f: plain_name(f) for f in folders if f != plain_name(f)})
+    coordinates = [*dataset.attrs["sizes"], *dataset.attrs["sampled"]]
+    dataset = dataset.set_coords([name for name in coordinates if name in dataset.variables])
+    dataset.encoding["source"] = str(path)
+    return dataset
+
+
+@contextmanager
+def reading(path: str | Path) -> Iterator[None]:
+    """Say of what zarr stumbles over in the block, long after a store was opened, that it is
+    damaged.
+
+    Raises:
+        JointplayError: it is.
+    """
+    try:
+        yield
+    except (RuntimeError, json.JSONDecodeError) as error:  # of codecs, and of arrays' metadata
+        raise JointplayError(f"{str(path)!r} is damaged: {error}") from None
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without zarr's notes on what Zarr 3 has not settled, and on the journal beside the arrays."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

@@ -17,7 +17,7 @@ from jointplay.analysis.uncertainty import (
 )
 from jointplay.core.errors import JointplayError, MissingName, require_a, require_share
 from jointplay.core.tables import Column, Table
-from jointplay.study.case import FAILED
+from jointplay.study.journal import FAILED
 from jointplay.study.measures import BEARING
 from jointplay.study.plan import REPEAT, SAMPLE
 
