@@ -1,18 +1,27 @@
-"""Allocation of clearances."""
+"""Allocation of clearances, of classes of bearings and of causes of error: the cheapest of all."""
+
+from itertools import product
 
 import numpy as np
 import pytest
 from conftest import body, joint, tip
+from scipy.optimize import minimize
 
+import jointplay as jp
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
 from jointplay.cli import main
-from jointplay.design.allocation import allocate
-from jointplay.design.static_budget import budget
+from jointplay.core.errors import MissingName
+from jointplay.design.allocation import LIMIT, PRELOADED, allocate, offers_of
+from jointplay.design.causes import CAUSES
+from jointplay.design.error_budget import budget
+from jointplay.plots.design import cause_allocation
 from jointplay.study.courses import dynamic_error, fitting_step
+
+# Clearances of any size.
 
 
 @pytest.fixture
-def arm(urdf):
+def three(urdf):
     """Two joints about z and one across, half a metre each."""
     return urdf(
         body("one"),
@@ -37,31 +46,32 @@ def spatial():
     return RevoluteClearance(radial_clearance=1e-4, axial_clearance=2e-4)
 
 
-def test_joints_that_weigh_alike_get_the_same_clearance(arm):
+def test_joints_that_weigh_alike_get_the_same_clearance(three):
     # Discs about z and about y share the x axis, along which all three add up alike.
-    found = allocate(robot(arm), {}, 3e-5, cost="reciprocal")
+    found = allocate(robot(three), {}, 3e-5, cost="reciprocal")
     assert found.clearance == pytest.approx([1e-5] * 3, rel=1e-2)
     assert found.error == pytest.approx(3e-5, rel=1e-3)
 
 
-def test_the_optimum_is_the_known_one_for_weights(arm):
+def test_the_optimum_is_the_known_one_for_weights(three):
     # Cost sum w/c with sum c = t: c in proportion to the root of w.
-    found = allocate(robot(arm), {}, 4e-5, weights={"a": 4.0}, least=1e-6)
+    found = allocate(robot(three), {}, 4e-5, weights={"a": 4.0}, least=1e-6)
     assert found.clearance == pytest.approx([2e-5, 1e-5, 1e-5], rel=1e-2)
     # Each micrometre saves the same cost by error, where the target decides.
-    assert found.price / found.gain == pytest.approx([found.relief] * 3, rel=2e-2)
+    saved = 1e6 * found.each("saved") / found.each("gain")
+    assert saved == pytest.approx([found.relief] * 3, rel=2e-2)
 
 
-def test_the_price_of_the_target_is_what_a_wider_one_saves(arm):
-    mechanism, pose = robot(arm, spatial), {"b": 0.6, "c": 0.4}
+def test_the_price_of_the_target_is_what_a_wider_one_saves(three):
+    mechanism, pose = robot(three, spatial), {"b": 0.6, "c": 0.4}
     one, other = (allocate(mechanism, pose, target) for target in (2e-3, 2.04e-3))
-    saved = (one.total - other.total) / 40.0
+    saved = (one.total - other.total) / 4e-5
     assert saved == pytest.approx(one.relief, rel=0.05)
 
 
 @pytest.mark.parametrize("cost", ["reciprocal", "reciprocal-squared", "linear"])
-def test_the_target_is_kept_and_used_up(arm, cost):
-    mechanism = robot(arm, spatial)
+def test_the_target_is_kept_and_used_up(three, cost):
+    mechanism = robot(three, spatial)
     q = np.array([mechanism.configuration({"b": b, "c": c}) for b, c in ((0.4, 0.2), (1.5, -0.9))])
     found = allocate(mechanism, q, 1e-3, cost=cost)
     worst = budget(found.mechanism, q).worst.max()
@@ -72,8 +82,8 @@ def test_the_target_is_kept_and_used_up(arm, cost):
 
 
 @pytest.mark.parametrize("cost", ["reciprocal", "reciprocal-squared", "linear"])
-def test_no_other_clearances_that_keep_the_target_are_cheaper(arm, cost):
-    mechanism, pose = robot(arm, spatial), {"b": 0.6, "c": 0.4}
+def test_no_other_clearances_that_keep_the_target_are_cheaper(three, cost):
+    mechanism, pose = robot(three, spatial), {"b": 0.6, "c": 0.4}
     found = allocate(mechanism, pose, 1e-3, cost=cost)
     power = {"reciprocal": -1, "reciprocal-squared": -2, "linear": 1}[cost]
     sign = -1.0 if cost == "linear" else 1.0
@@ -93,8 +103,8 @@ def test_no_other_clearances_that_keep_the_target_are_cheaper(arm, cost):
         assert sign * np.sum(other**power) >= cheapest - 2e-3 * abs(cheapest)
 
 
-def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(arm):
-    mechanism, pose = robot(arm, spatial), {"b": 0.6, "c": 0.4}
+def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(three):
+    mechanism, pose = robot(three, spatial), {"b": 0.6, "c": 0.4}
     worst = allocate(mechanism, pose, 1e-3)
     most = allocate(mechanism, pose, 1e-3, quantile=0.99)
     assert most.total < worst.total
@@ -103,10 +113,10 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(arm):
     assert low <= most.error <= high
     assert "quantile" in str(most)
     # States drawn anew, with other random numbers, keep it, too.
-    from jointplay.design.levers import sources
+    from jointplay.design.error_model import play_model
 
     random, total = np.random.default_rng(99), 0.0
-    plays = sources(most.mechanism, pose)
+    plays = play_model(most.mechanism, pose)
     for j in range(len(plays.names)):
         d = random.normal(size=(1, 20000, 3))
         d /= np.linalg.norm(d, axis=2, keepdims=True)
@@ -114,24 +124,24 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(arm):
     assert np.quantile(np.linalg.norm(total, axis=1), 0.99) == pytest.approx(1e-3, rel=0.03)
 
 
-def test_a_target_that_all_keep_leaves_all_at_the_most(arm):
-    found = allocate(robot(arm), {}, 1e-2, most=1e-4)
-    assert found.bound == ("most",) * 3
+def test_a_target_that_all_keep_leaves_all_at_the_most(three):
+    found = allocate(robot(three), {}, 1e-2, most=1e-4)
+    assert list(found.each("held")) == ["most"] * 3
     assert found.clearance == pytest.approx([1e-4] * 3)
 
 
-def test_an_unreachable_target_says_what_can_be_reached(arm):
+def test_an_unreachable_target_says_what_can_be_reached(three):
     with pytest.raises(
-        JointplayError, match=r"with 5 um in every joint the error is 15(\.\d*)? um"
+        JointplayError, match=r"with 5 um in every joint the error is 15(\.\d*)? um at least"
     ):
-        allocate(robot(arm), {}, 1e-5, least=5e-6)
+        allocate(robot(three), {}, 1e-5, least=5e-6)
     with pytest.raises(JointplayError, match="cannot be reached"):
-        allocate(robot(arm, a=Gear(1e-3, 0.1, 1e4)), {}, 1e-4)
+        allocate(robot(three, a=Gear(1e-3, 0.1, 1e4)), {}, 1e-4)
 
 
-def test_the_play_of_gears_is_taken_off_the_target(arm):
+def test_the_play_of_gears_is_taken_off_the_target(three):
     gear = Gear(1e-4, 0.1, 1e4)  # 75 um at the tool
-    free, geared = (allocate(robot(arm, **g), {}, 2e-4) for g in ({}, {"a": gear}))
+    free, geared = (allocate(robot(three, **g), {}, 2e-4) for g in ({}, {"a": gear}))
     assert geared.clearance.sum() < free.clearance.sum()
     assert geared.error <= 2e-4
 
@@ -147,13 +157,13 @@ def test_the_play_of_gears_is_taken_off_the_target(arm):
         ({"cost": "linear", "quantile": 0.9}, "worst case only"),
     ],
 )
-def test_allocations_refuse_what_cannot_be(arm, options, message):
+def test_allocations_refuse_what_cannot_be(three, options, message):
     with pytest.raises(JointplayError, match=message):
-        allocate(robot(arm), {}, **({"target": 1e-4} | options))
+        allocate(robot(three), {}, **({"target": 1e-4} | options))
 
 
-def test_slow_dynamic_runs_keep_the_static_bound_but_for_penetration(arm):
-    mechanism = Mechanism(arm, {"b": spatial()})
+def test_slow_dynamic_runs_keep_the_static_bound_but_for_penetration(three):
+    mechanism = Mechanism(three, {"b": spatial()})
     motion = Motion(["a", "b", "c"], [0.0, 0.4], [[0.0, 0.3, 0.2], [0.0, 0.35, 0.2]])
     seen = dynamic_error(mechanism, motion, runs=1)
     q = mechanism.configuration({"b": 0.3, "c": 0.2})
@@ -163,9 +173,9 @@ def test_slow_dynamic_runs_keep_the_static_bound_but_for_penetration(arm):
     assert seen.step == fitting_step(mechanism, q)
 
 
-def test_the_command_prints_the_table_and_writes_files(arm, tmp_path, capsys):
+def test_the_command_prints_the_table_and_writes_files(three, tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["allocate", str(arm), "--target", "0.5 mm", "--out", str(out)]) == 0
+    assert main(["allocate", str(three), "--target", "0.5 mm", "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "static worst case" in text
     assert "a target one um wider saves" in text
@@ -173,6 +183,378 @@ def test_the_command_prints_the_table_and_writes_files(arm, tmp_path, capsys):
     assert (out / "allocation.png").stat().st_size > 5000
 
 
-def test_the_command_says_that_verification_needs_a_motion(arm, capsys):
-    assert main(["allocate", str(arm), "--target", "0.5 mm", "--verify"]) == 2
+def test_the_command_says_that_verification_needs_a_motion(three, capsys):
+    assert main(["allocate", str(three), "--target", "0.5 mm", "--verify"]) == 2
     assert "--verify simulates a motion" in capsys.readouterr().err
+
+
+def test_allocation_by_the_command_needs_what_it_works_on(capsys):
+    for options, says in (
+        (["--joint", "elbow_joint=6010", "--least", "1 um"], "--least is for clearances that can"),
+        (
+            ["--joint", "elbow_joint=6010", "--weight", "elbow_joint=2"],
+            "--weight is for clearances",
+        ),
+        (["--joint", "elbow_joint=6010", "--cost", "linear"], "--cost is for clearances"),
+        (["--joint", "elbow_joint=6010", "--price", "C2"], "--price must read CLASS=X, got 'C2'"),
+        (["--joint", "elbow_joint", "--price", "C2=3"], "prices of C2 are for classes of rolling"),
+        (["--joint", "elbow_joint", "--weight", "elbow_joint"], "--weight must read JOINT=X"),
+        (["--whole", "industrial", "--cost", "linear"], "does not go with --whole"),
+        (["--whole", "industrial", "--quantile", "0.9"], "does not go with --whole"),
+        (["--keep", "heat"], "needs --whole"),
+        (["--statistical"], "needs --whole"),
+        (["--payload", "3 kg"], "needs --whole"),
+    ):
+        assert main(["allocate", "ur5", "--target", "1 mm", *options]) == 2
+        assert says in capsys.readouterr().err
+
+
+# Classes of bearings.
+
+CONFIGURATIONS = np.array([[0.1, -0.9, 1.2, 0.3, 0.2, 0.0], [0.5, -0.2, 0.4, -0.6, 1.0, 0.3]])
+PRICED = {"C2": 1.9, "CN": 1.35, "C3": 1.0, "C4": 0.8, "CC0": 1.5, "C0": 1.1, "C1": 0.9}
+
+
+@pytest.fixture(scope="module")
+def rolling():
+    """A UR5 with three bearings."""
+    return jp.Mechanism(
+        "example-robot-data:ur5",
+        {
+            "shoulder_pan_joint": jp.BallBearing(designation="7210 C DB", radial_clearance=4e-6),
+            "elbow_joint": jp.BallBearing(designation="6010"),
+            "wrist_1_joint": jp.CrossedRollerBearing(designation="RB2008"),
+        },
+    )
+
+
+def at_poses(robot):
+    """Both poses as configurations."""
+    joints = [name for name in robot.joints]
+    return np.array(
+        [robot.configuration(dict(zip(joints, row, strict=True))) for row in CONFIGURATIONS]
+    )
+
+
+def test_offers_are_all_classes_of_the_size_and_a_preloaded_pair(rolling):
+    deep, crossed, pair = (
+        offers_of(rolling.clearance[name])
+        for name in ("elbow_joint", "wrist_1_joint", "shoulder_pan_joint")
+    )
+    assert [one.name for one in deep] == ["C2", "C3", "C4", "CN"]
+    assert {one.name for one in crossed} == {"CC0", "C0", "C1"}
+    assert [one.name for one in pair] == ["as given", PRELOADED]
+    assert pair[1].joint.preloaded
+    dear = offers_of(rolling.clearance["elbow_joint"], {"C2": 7.0})
+    assert dear[0].price == 7.0
+
+
+@pytest.mark.parametrize("target", [2e-3, 1.1e-3, 8.5e-4, 7e-4])
+def test_no_cheaper_choice_of_classes_keeps_the_target(rolling, target):
+    poses, best, names = at_poses(rolling), np.inf, list(rolling.clearance)
+    for choice in product(*(offers_of(rolling.clearance[name], PRICED) for name in names)):
+        price = sum(one.price for one in choice)
+        made = {name: one.joint for name, one in zip(names, choice, strict=True)}
+        if price < best and budget(rolling.with_clearance(made), poses).worst.max() <= target:
+            best = price
+    if not np.isfinite(best):
+        with pytest.raises(JointplayError, match="with the tightest bearings offered"):
+            allocate(rolling, poses, target, prices=PRICED)
+        return
+    found = allocate(rolling, poses, target, prices=PRICED)
+    assert found.total == pytest.approx(best)
+    assert found.error <= target
+    assert budget(found.mechanism, poses).worst.max() == pytest.approx(found.error, rel=1e-3)
+    assert found.each("after").sum() == pytest.approx(found.error, rel=1e-9)
+
+
+@pytest.mark.parametrize("cost", ["reciprocal", "linear"])
+def test_sizes_and_classes_are_chosen_together_and_no_other_choice_is_cheaper(rolling, cost):
+    journal = RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
+    joints = {**rolling.clearance, "shoulder_lift_joint": journal, "wrist_2_joint": journal}
+    robot = rolling.with_clearance(joints)
+    poses, options = at_poses(robot), {"prices": PRICED, "cost": cost, "most": 5e-5}
+    # So dear that a tighter class and a larger journal compete.
+    options["weights"] = dict.fromkeys(("shoulder_lift_joint", "wrist_2_joint"), 0.02)
+    if cost == "linear":
+        options["weights"] = dict.fromkeys(options["weights"], 20.0)
+    found = allocate(robot, poses, 1.4e-3, **options)
+    assert budget(found.mechanism, poses).worst.max() == pytest.approx(found.error, rel=1e-6)
+    assert 0.999 * 1.4e-3 < found.error <= 1.4e-3
+    names, best = list(rolling.clearance), np.inf
+    every = [offers_of(robot.clearance[name], PRICED) for name in names]
+    for choice in product(*every):
+        made = {name: one.joint for name, one in zip(names, choice, strict=True)}
+        try:
+            fixed = allocate(
+                robot.with_clearance({**joints, **made}), poses, 1.4e-3, keep=names,
+                **{**options, "prices": {}},
+            )  # fmt: skip
+        except JointplayError:
+            continue
+        best = min(best, fixed.total + sum(one.price for one in choice))
+    assert found.total == pytest.approx(best, rel=1e-5)
+    assert set(found.each("held")) > {"class"}
+    assert {"class", "clearance", "price"} <= {one.head for one in found.table().columns}
+
+
+def test_classes_that_cannot_be_are_refused(rolling):
+    poses = at_poses(rolling)
+    with pytest.raises(MissingName, match="C3"):
+        allocate(rolling, poses, 1e-3, prices={"C9": 1.0})
+    with pytest.raises(MissingName, match="elbow_joint"):
+        allocate(rolling, poses, 1e-3, offers={"elbow": ()})
+    with pytest.raises(JointplayError, match="no joint has clearance to allocate"):
+        allocate(rolling, poses, 1e-3, keep=list(rolling.clearance))
+
+
+def test_the_command_line_allocates_by_class(tmp_path, capsys):
+    out = tmp_path / "out"
+    options = ["allocate", "ur5", "--joint", "elbow_joint=6010", "--target", "1 mm"]
+    assert main([*options, "--price", "C2=3", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "elbow_joint" in shown
+    assert "of 1000.00 um" in shown
+    assert (out / "allocation.csv").read_text().startswith("joint,class,")
+
+
+# Causes of error.
+
+POSE = {"shoulder_lift_joint": -0.7, "elbow_joint": 0.9, "wrist_1_joint": 0.3}
+PULL = (20.0, 0.0, -50.0)
+ELBOW = {"joint_a": 0.3, "joint_b": 0.8}
+both = pytest.mark.parametrize("statistical", [False, True])
+
+
+@pytest.fixture(scope="module")
+def scara():
+    """The SCARA with a journal in joint B."""
+    journal = jp.RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
+    return jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": journal}, tool="suction_cup")
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """A UR5 with a preloaded pair, a crossed roller bearing, a journal and a gear with play."""
+    joints = {
+        "elbow_joint": jp.BallBearing(designation="7010 C DB", preload=200.0),
+        "wrist_1_joint": jp.CrossedRollerBearing(designation="RB2008"),
+        "wrist_2_joint": jp.RevoluteClearance(radial_clearance=2e-5, axial_clearance=2e-5),
+    }
+    gears = {"wrist_1_joint": jp.Gear(3e-4, 0.1, 1e4)}
+    return jp.Mechanism("example-robot-data:ur5", joints, gears=gears)
+
+
+def largest(budget, statistical):
+    return float((budget.rms if statistical else budget.worst).max())
+
+
+@both
+def test_no_cheaper_choice_of_a_grid_keeps_the_target(scara, statistical):
+    causes, weights = ("geometry", "encoder"), {"joint_a": 2.0, "joint_b": 0.5}
+    kept = [name for name in scara.joints if name not in ELBOW]
+    quiet = jp.RobotErrors(
+        joints={
+            name: jp.JointErrors(encoder=0.0, zero_offset=0.0, axis_offset=0.0, axis_tilt=0.0)
+            for name in kept
+        }
+    )
+    options = {"errors": quiet, "causes": causes}
+    keys = [(joint, cause) for joint in ELBOW for cause in causes]
+    first = budget(scara, ELBOW, **options)
+    target = 0.45 * largest(first, statistical)
+    found = allocate(
+        scara,
+        ELBOW,
+        target,
+        statistical=statistical,
+        weights=weights,
+        prices={"encoder": 3.0},
+        **options,
+    )
+    weight = [weights[joint] * (3.0 if cause == "encoder" else 1.0) for joint, cause in keys]
+    steps = np.geomspace(LIMIT, 1.0, 12)
+    grid = np.stack(np.meshgrid(*[steps] * 4), -1).reshape(-1, 4)
+    prices = (weight * (1.0 / grid - 1.0)).sum(axis=1)
+    best = np.inf
+    for k in np.argsort(prices):
+        parts = dict(zip(keys, map(float, grid[k]), strict=True))
+        if largest(budget(scara, ELBOW, remaining=parts, **options), statistical) <= target:
+            best = prices[k]
+            break
+    assert found.total <= best
+    assert found.total >= 0.75 * best  # the grid is coarse
+    x = np.array([found.parts.get(key, 1.0) for key in keys])
+    assert found.total == pytest.approx(float((weight * (1.0 / x - 1.0)).sum()))
+
+
+def test_a_general_method_finds_the_same_root_mean_square(scara):
+    ideal = scara.ideal()
+    first = budget(ideal, ELBOW, causes=CAUSES)
+    target = 0.4 * float(first.rms[0])
+    found = allocate(ideal, ELBOW, target, statistical=True, causes=CAUSES)
+    keys = [(one.joint, one.cause) for one in found.choices]
+
+    def over(x):
+        parts = dict(zip(keys, x, strict=True))
+        scale = [parts.get((one.joint, one.cause), 1.0) for one in first.model.contributions]
+        return 1.0 - first.model.scaled(np.array(scale)).rms[0] / target
+
+    other = minimize(
+        lambda x: (1.0 / x).sum() - len(x), np.full(len(keys), 0.3),
+        jac=lambda x: -1.0 / x**2, bounds=[(LIMIT, 1.0)] * len(keys),
+        constraints={"type": "ineq", "fun": over}, method="SLSQP", options={"maxiter": 500},
+    )  # fmt: skip
+    assert found.total == pytest.approx(other.fun, rel=1e-5)
+
+
+@both
+@pytest.mark.parametrize("part", [0.6, 0.3])
+def test_the_whole_budget_with_what_remains_is_the_target(arm, statistical, part):
+    first = budget(arm, POSE, force=PULL, causes=CAUSES)
+    target = part * largest(first, statistical)
+    found = allocate(arm, POSE, target, statistical=statistical, force=PULL, causes=CAUSES)
+    again = budget(arm, POSE, force=PULL, remaining=found.parts, causes=CAUSES)
+    assert largest(again, statistical) == pytest.approx(target, rel=1e-6)
+    assert largest(again, statistical) <= target * (1.0 + 1e-7)
+    assert found.each("after").sum() == pytest.approx(target, rel=1e-6)
+    assert found.each("before").sum() == pytest.approx(largest(first, statistical), rel=1e-9)
+    assert max(found.each("order")) == sum(how in ("target", "limit") for how in found.each("held"))
+
+
+def test_the_target_is_kept_by_the_sizes_themselves(scara):
+    """Not by factors: with the clearance, resolutions, tolerances and warmth that are left."""
+    causes = [one for one in CAUSES if one != "elasticity"]
+    start = jp.design.robot_errors.ERROR_CLASSES["industrial"]
+    first = budget(scara, ELBOW, causes=causes)
+    target = 0.4 * float(first.worst[0])
+    found = allocate(scara, ELBOW, target, causes=causes)
+    left = {
+        name: {cause: found.parts.get((name, cause), 1.0) for cause in CAUSES}
+        for name in scara.joints
+    }
+    sized = {}
+    for name, x in left.items():
+        pinion = 0.01 if scara.description.joints[name].slides else 1.0
+        sized[name] = jp.JointErrors(
+            encoder=start.encoder * pinion * x["encoder"],
+            zero_offset=start.zero_offset * pinion * x["encoder"],
+            gear_error=start.gear_error * pinion * x["gear error"],
+            axis_offset=start.axis_offset * x["geometry"],
+            axis_tilt=start.axis_tilt * x["geometry"],
+            heating=start.heating * x["heat"],
+        )
+    journal = scara.clearance["joint_b"].scaled(left["joint_b"]["play"])
+    made = scara.with_clearance({"joint_b": journal})
+    again = budget(made, ELBOW, causes=causes, errors=jp.RobotErrors(joints=sized))
+    assert again.worst[0] == pytest.approx(target, rel=1e-6)
+    assert left["joint_b"]["play"] < 1.0
+
+
+@both
+def test_the_marginal_price_is_that_of_a_target_a_little_wider(arm, statistical):
+    target = 0.4 * largest(budget(arm, POSE, force=PULL, causes=CAUSES), statistical)
+    options = {"statistical": statistical, "force": PULL, "keep": ["play"]}
+    low, mid, high = (
+        allocate(arm, POSE, target * part, **options, causes=CAUSES) for part in (0.999, 1.0, 1.001)
+    )
+    saved = (low.total - high.total) / (0.002 * target)
+    assert mid.relief == pytest.approx(saved, rel=1e-3)
+
+
+def test_several_poses_keep_the_target_at_all(arm):
+    random = np.random.default_rng(1)
+    poses = np.array([arm.configuration(dict(zip(arm.joints, random.uniform(-1.5, 1.5, 6),
+                                                 strict=True))) for _ in range(8)])  # fmt: skip
+    target = 0.5 * budget(arm, poses, causes=CAUSES).worst.max()
+    found = allocate(arm, poses, float(target), causes=CAUSES)
+    again = budget(arm, poses, remaining=found.parts, causes=CAUSES)
+    assert again.worst.max() == pytest.approx(target, rel=1e-6)
+    assert found.total > 0.0
+
+
+def test_play_of_rolling_bearings_stays_but_that_of_their_gears_does_not(arm):
+    target = 0.15 * budget(arm, POSE, causes=CAUSES).worst[0]
+    found = allocate(arm, POSE, float(target), causes=CAUSES)
+    assert found.parts[("wrist_1_joint", "play")] < 1.0
+    assert any("kept: the play of the bearings of wrist_1_joint" in one for one in found.notes)
+    for remaining, part in (({}, 1.0), (found.parts, found.parts["wrist_1_joint", "play"])):
+        model = budget(arm, POSE, causes=CAUSES, remaining=remaining).model
+        own = [k for k, one in enumerate(model.contributions) if one.cause == "play"]
+        scale = {model.names[k]: model.scale[k] for k in own}
+        assert (scale["wrist_1_joint"], scale["wrist_1_joint (gear)"]) == (1.0, part)
+    alone = arm.with_clearance(arm.clearance, {})
+    with pytest.raises(JointplayError, match="not proportional to its clearance"):
+        budget(alone, POSE, remaining={("wrist_1_joint", "play"): 0.5}, causes=CAUSES)
+    with pytest.raises(JointplayError, match="no cause is left that may be improved"):
+        allocate(
+            alone.with_clearance({"wrist_1_joint": arm.clearance["wrist_1_joint"]}), POSE, 1e-3,
+            causes=["play"],
+        )  # fmt: skip
+
+
+def test_a_target_that_cannot_be_reached_names_the_cause(arm):
+    with pytest.raises(JointplayError, match=r"most of it by geometry .*kept"):
+        allocate(arm, POSE, 1e-3, keep=["geometry"], causes=CAUSES)
+    with pytest.raises(JointplayError, match=r"most of it by elasticity .*at least 0.5 of it"):
+        allocate(
+            arm, POSE, 1e-3, force=(0.0, 0.0, -500.0), limits={"elasticity": 0.5}, causes=CAUSES
+        )
+
+
+def test_a_target_that_is_met_already_costs_nothing(arm):
+    found = allocate(arm, POSE, 1.0, causes=CAUSES)
+    assert found.total == 0.0
+    assert found.parts == {}
+    assert set(found.each("held")) <= {"as is", "kept"}
+    assert "within the target already, nothing is spent" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"keep": ["wear"]}, "elasticity"),
+        ({"prices": {"gear": 1.0}}, "gear error"),
+        ({"prices": {"play": 0.0}}, "price of 'play'"),
+        ({"weights": {"elbow": 1.0}}, "elbow_joint"),
+        ({"limits": {"heat": 2.0}}, "at most 1 remains"),
+        ({"keep": CAUSES}, "no cause is left"),
+        ({"target": -1.0}, "target"),
+    ],
+)
+def test_what_cannot_be_of_causes_is_refused_with_the_choices(arm, options, says):
+    with pytest.raises((JointplayError, MissingName), match=says):
+        allocate(arm, POSE, **{"target": 1e-3, **options}, causes=CAUSES)
+
+
+def test_the_figure_shows_all_parts_and_prices(arm):
+    found = allocate(arm, POSE, 1e-3, causes=CAUSES)
+    figure = cause_allocation(found)
+    parts, prices = (
+        sum(bar.get_width() for bars in panel.containers for bar in bars) for panel in figure.axes
+    )
+    assert parts == pytest.approx(
+        1e3 * (found.each("before").sum() + found.each("after").sum()), rel=1e-9
+    )
+    assert prices == pytest.approx(found.total, rel=1e-9)
+
+
+def test_the_command_line_spends_on_causes(tmp_path, capsys):
+    out = tmp_path / "out"
+    options = ["allocate", "ur5", "--whole", "industrial", "--target", "2 mm", "--payload", "3 kg"]
+    more = ["--keep", "heat", "--price", "encoder=2", "--limit", "geometry=0.2"]
+    assert main([*options, *more, "--weight", "elbow_joint=3", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "worst case 2.0000 mm of 2.0000 mm" in shown
+    assert "assumed: prices: halving costs 1 at each joint, of elasticity, gear error" in shown
+    assert (out / "allocation.csv").read_text().startswith("joint,cause,before_m,after_m,")
+    assert (out / "allocation.png").read_bytes().startswith(b"\x89PNG")
+    assert main([*options, "--statistical", "--causes", "geometry"]) == 0
+    assert "RMS" in capsys.readouterr().out
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        '[robot]\nurdf = "jointplay:scara.urdf"\ntool = "suction_cup"\n'
+        '[errors]\nassumed = "industrial"\naxis_offset = "0.2 mm"\n'
+    )
+    assert main(["allocate", str(path), "--whole", "--target", "1 mm"]) == 0
+    assert "given: geometry: offset 0.0002 m (all joints)" in capsys.readouterr().out

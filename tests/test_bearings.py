@@ -13,7 +13,7 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
 from jointplay.joints.bearings import (
     bearing_kind,
     catalogue,

@@ -18,7 +18,7 @@ from jointplay import (
 )
 from jointplay.cli import main
 from jointplay.design import poses
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
 from jointplay.plots import design as plots
 from jointplay.simulation.run import Run
 
@@ -116,7 +116,7 @@ def test_no_direction_is_worse_than_the_worst(two):
     found = budget(mechanism, {"b": 0.7})
     random = np.random.default_rng(0).normal(size=(1, 4000, 3))
     random /= np.linalg.norm(random, axis=2, keepdims=True)
-    total = found.sources.along(random).value.sum(axis=0)
+    total = found.model.along(random).value.sum(axis=0)
     assert total.max() <= found.worst[0] * (1.0 + 1e-6)
     assert total.max() >= found.worst[0] * 0.99
 
@@ -132,7 +132,7 @@ def test_the_exact_tool_stays_within_bound_and_second_order(two):
     largest = 0.0
     for _ in range(300):
         q = q0.copy()
-        for name, play in zip(found.joints, found.sources.plays, strict=True):
+        for name, play in zip(found.joints, found.model.plays, strict=True):
             point = play.support(random.normal(size=(1, 6)) * [1, 1, 1, 0.02, 0.02, 0])
             at = mechanism.virtual_link(name)
             yaw = q0[mechanism.coordinate(name)]

@@ -24,8 +24,8 @@ from jointplay import (
 from jointplay.cli import main
 from jointplay.design import loop_play, poses
 from jointplay.design.allocation import allocate
-from jointplay.design.levers import PlaySources, sources
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
+from jointplay.design.error_model import Contribution, ErrorModel, play_model
 from jointplay.joints.play import BallPlay, BlockPlay, JournalPlay
 from jointplay.mechanism.closed_loops import ClosedLoops, is_closed
 from jointplay.mechanism.loop import assemble
@@ -200,15 +200,15 @@ def test_pins_that_lean_together_lift_the_coupler_as_far_as_the_loop_reaches(fou
     random = np.random.default_rng(2)
     d = random.normal(size=(1, 30, 3))
     d /= np.linalg.norm(d, axis=2, keepdims=True)
-    states = found.sources.along(d)
+    states = found.model.along(d)
     bound = states.value.sum(axis=0)
     reached = np.einsum("jnmk,nmk->nm", states.error[..., :3], d)
     assert (reached <= bound * (1.0 + 1e-9)).all()
     assert (reached >= bound * (1.0 - 1e-3)).all()
-    ties = found.sources.tie
+    ties = found.model.tie
     assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
     # What no loop holds could reach farther.
-    apart = replace(found.sources, tie=ties[:, :, :0]).along(d).value.sum(axis=0)
+    apart = replace(found.model, tie=ties[:, :, :0]).along(d).value.sum(axis=0)
     assert (bound <= apart * (1.0 + 1e-9)).all()
     assert bound.sum() < 0.9 * apart.sum()
 
@@ -243,7 +243,8 @@ def test_ties_hold_whatever_the_numerics_and_the_value_is_a_bound():
     play = JournalPlay(1e-4, 1e-4, 0.04, 0.01)
     ties = random.normal(size=(3, 1, 2, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
     move = np.array([random.normal(size=(1, 6, 6)) for _ in range(3)])
-    plays = PlaySources(("0", "1", "2"), (play,) * 3, move, np.zeros((3, 1, 6)), ties)
+    three = tuple(Contribution(name, "play", play) for name in "012")
+    plays = ErrorModel(three, move, np.zeros((3, 1, 6)), ties, np.ones(3))
     d = np.eye(3)[None]
     states = plays.along(d)
     assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
@@ -354,7 +355,7 @@ def test_others_than_budgets_say_that_they_take_no_loops():
     with pytest.raises(
         JointplayError, match="'piston_pin': this works only for robots without closed"
     ):
-        sources(slider_crank({"piston_pin": pin_joint()}), START)
+        play_model(slider_crank({"piston_pin": pin_joint()}), START)
 
 
 def test_the_commands_take_a_scenario_with_a_loop(capsys):

@@ -125,6 +125,30 @@ def test_a_pin_rests_in_the_corner_of_its_three_sides(urdf):
     assert forces == pytest.approx([19.62, 19.62, 0.0], rel=1e-3)
 
 
+def test_a_cause_of_error_of_ones_own_counts_in_budgets_and_allocations():
+    """As large as the tolerance that it repeats, and it is paid for like all others."""
+    arm = jp.Mechanism("example-robot-data:ur5", {})
+    pose, flat = {"elbow_joint": 0.9}, addition("cause").Flatness(3e-4)
+    known = jp.RobotErrors(axis_offset=0.0, axis_tilt=3e-4)
+    found = jp.budget(arm, pose, causes=["geometry", flat], errors=known)
+    worst = found.by("cause")
+    assert worst["flatness"] == pytest.approx(worst["geometry"], rel=1e-9)
+    assert "flatness" in str(found.table())
+    target = 0.5 * float(found.worst[0])
+    made = jp.allocate(
+        arm, pose, target, causes=["geometry", flat], errors=known, prices={"flatness": 0.25}
+    )
+    assert made.error == pytest.approx(target, rel=1e-6)
+    free = {(one.joint, one.cause): one.remaining for one in made.choices if one.held == "target"}
+    pairs = [(x, free[joint, "geometry"]) for (joint, cause), x in free.items()
+             if cause == "flatness" and (joint, "geometry") in free]  # fmt: skip
+    assert len(pairs) >= 2
+    for own, other in pairs:  # at a quarter of the price half of the size
+        assert own == pytest.approx(0.5 * other, rel=1e-4)
+    again = jp.budget(arm, pose, causes=["geometry", flat], errors=known, remaining=made.parts)
+    assert again.worst[0] == pytest.approx(target, rel=1e-6)
+
+
 def test_a_word_is_given_once():
     spring = addition("spring").CubicSpring
     add(Load, spring)

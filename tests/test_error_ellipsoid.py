@@ -9,8 +9,9 @@ from test_playback import browser, open_page  # noqa: F401
 
 import jointplay as jp
 from jointplay import player
-from jointplay.design.levers import sources
-from jointplay.design.static_budget import budget, ellipsoids
+from jointplay.design.ellipsoids import ellipsoids
+from jointplay.design.error_budget import budget
+from jointplay.design.error_model import play_model
 from jointplay.player.tracks import unpack
 
 PLAY = 1e-4
@@ -36,7 +37,7 @@ def run(arm):
 
 def test_a_pins_ellipsoid_is_its_disc(arm):
     mechanism = jp.Mechanism(arm, {"a": jp.RevoluteClearance.planar(radial_clearance=PLAY)})
-    found = ellipsoids(sources(mechanism, {"a": 0.7}))
+    found = ellipsoids(play_model(mechanism, {"a": 0.7}))
     sizes = np.linalg.eigvalsh(found.root[0])
     assert sizes[1:] == pytest.approx([PLAY, PLAY], rel=2e-3)
     assert sizes[0] < 2e-3 * PLAY
@@ -46,7 +47,7 @@ def test_a_pins_ellipsoid_is_its_disc(arm):
 def test_no_place_that_the_tool_can_take_is_outside(arm):
     bearing = jp.RevoluteClearance(radial_clearance=PLAY, axial_clearance=2e-4)
     mechanism = jp.Mechanism(arm, {"a": bearing})
-    plays = sources(mechanism, {"a": 0.7})
+    plays = play_model(mechanism, {"a": 0.7})
     found = ellipsoids(plays)
     d = np.random.default_rng(0).normal(size=(1, 500, 3))
     d /= np.linalg.norm(d, axis=2, keepdims=True)

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import jointplay as jp
 from jointplay import cli
 from jointplay.core.errors import JointplayError
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
 from jointplay.loads.drive import Prescribed
 from jointplay.mechanism.beams import CLAMPED_FREE, section
 

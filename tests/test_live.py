@@ -20,7 +20,7 @@ from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
 from jointplay.analysis import tool_error, twin
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
 from jointplay.joints import RollingBearing
 from jointplay.live.answer import Machine, Superseded
 from jointplay.live.state import State

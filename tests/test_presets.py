@@ -9,7 +9,8 @@ import pytest
 import jointplay as jp
 from jointplay import cli
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.error_budget import error_budget
+from jointplay.design.causes import CAUSES
+from jointplay.design.error_budget import budget
 from jointplay.design.robot_errors import CLASSES
 from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_for, preset_of, presets
 
@@ -41,10 +42,10 @@ def test_every_preset_makes_a_mechanism_with_a_whole_budget(name, robot):
     one = preset(name)
     mechanism = one.mechanism(robot)
     assert mechanism.clearance or mechanism.gears
-    found = error_budget(mechanism, {}, kind=one.errors)
+    found = budget(mechanism, {}, kind=one.errors, causes=CAUSES)
     assert found.worst[0] > 0.0
     if name in ("so101", "ur-like", "panda-like"):
-        drawn = np.linalg.norm(found.sample(100_000), axis=1)
+        drawn = np.linalg.norm(found.sample(20_000), axis=1)
         assert drawn.max() <= 1.002 * found.worst[0]
         assert found.reached == pytest.approx(found.worst[0], rel=0.02)
         assert np.sqrt((drawn**2).mean()) == pytest.approx(found.rms[0], rel=0.02)

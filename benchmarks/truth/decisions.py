@@ -21,10 +21,10 @@ from common import folder_of, require
 
 import jointplay as jp
 from jointplay.core.files import temporary
+from jointplay.design.error_budget import budget
 from jointplay.design.poses import along_motion, over_workspace
 from jointplay.design.reduced_mjcf import compile_robot, follow
 from jointplay.design.reduction import reduce
-from jointplay.design.static_budget import budget
 from jointplay.mechanism.robots import robot_urdf
 from jointplay.study.courses import dynamic_error
 

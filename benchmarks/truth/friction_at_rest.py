@@ -32,7 +32,7 @@ from scipy.optimize import minimize, nnls
 
 import jointplay as jp
 from jointplay.design import poses
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
 from jointplay.mechanism.robots import robot_urdf
 
 RIGID = 1e14

@@ -23,8 +23,8 @@ import pinocchio as pin
 
 import jointplay as jp
 from jointplay.design import poses
+from jointplay.design.error_budget import budget
 from jointplay.design.rest import AGREES_M
-from jointplay.design.static_budget import budget
 from jointplay.mechanism.robots import robot_urdf
 
 BEARING = {

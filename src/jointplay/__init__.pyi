@@ -11,12 +11,12 @@ from .analysis.certification import certify as certify
 from .analysis.comparison import compare as compare
 from .core.errors import JointplayError as JointplayError
 from .design.allocation import allocate as allocate
-from .design.cause_allocation import allocate_causes as allocate_causes
-from .design.error_budget import error_budget as error_budget
+from .design.causes import CAUSES as CAUSES
+from .design.causes import Cause as Cause
+from .design.error_budget import budget as budget
 from .design.reduction import reduce as reduce
 from .design.robot_errors import JointErrors as JointErrors
 from .design.robot_errors import RobotErrors as RobotErrors
-from .design.static_budget import budget as budget
 from .exports import export as export
 from .identification import Measurement as Measurement
 from .identification import Recording as Recording

@@ -160,7 +160,7 @@ def test_a_run_of_the_ideal_mechanism_takes_the_same_servo(pendulum):
 def test_a_budget_rests_where_servos_hold(pendulum):
     servo = replace(SERVO, dead_band=0.01)
     found = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=servo)
-    rest = found.standing.rest(0).whole
+    rest = found.rest_positions.at(0).whole
     stiffness = servo.stall * servo.p_gain
     weight = 0.3 * 9.81 * 0.1
     expected = 0.01 + weight / stiffness + GEAR.play / 2 + weight / 300.0

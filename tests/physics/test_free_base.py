@@ -17,8 +17,8 @@ from jointplay import (
 )
 from jointplay.cli import main
 from jointplay.core.errors import MissingName
-from jointplay.design.levers import displaced_configuration, tool_place
-from jointplay.design.static_budget import budget
+from jointplay.design.error_budget import budget
+from jointplay.design.jacobians import displaced_configuration, tool_place
 from jointplay.exports.trajectory import joint_trajectory
 from jointplay.loads import Wrench
 from jointplay.loads.drive import Prescribed, Torque
@@ -316,13 +316,13 @@ def test_budget_seen_from_a_body_is_that_of_the_joints_between(walker):
     random = np.random.default_rng(1)
     for seat, still in (("tail", []), ("thigh", ["hip", "wag"]), ("base", ["wag"])):
         found = budget(mechanism, q, relative_to=seat)
-        sources = found.sources
-        assert [n for n, m in zip(sources.names, sources.move, strict=True) if not m.any()] == still
+        model = found.model
+        assert [n for n, m in zip(model.names, model.jacobian, strict=True) if not m.any()] == still
         twists = 1e-7 * random.uniform(-1.0, 1.0, (3, 6))
-        aside = dict(zip(sources.names, twists, strict=True))
+        aside = dict(zip(model.names, twists, strict=True))
         moved = displaced_configuration(mechanism, q, aside)
         before, after = (tool_place(mechanism, one, seat) for one in (q, moved))
-        linear = np.einsum("jik,jk->i", sources.move[:, 0], twists)
+        linear = np.einsum("jik,jk->i", model.jacobian[:, 0], twists)
         assert after.translation - before.translation == pytest.approx(linear[:3], abs=1e-12)
         assert found.positions[0] == pytest.approx(before.translation)
         assert found.relative_to == seat

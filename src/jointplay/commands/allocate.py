@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
     Outputs,
@@ -26,6 +26,10 @@ from jointplay.commands.mechanism import (
     task,
 )
 from jointplay.core.errors import JointplayError
+
+if TYPE_CHECKING:
+    from jointplay.commands.mechanism import Task
+    from jointplay.design.allocation import Allocation
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
 
@@ -99,58 +103,86 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.joints import RollingBearing
 
     _require_fitting(options)
-    if options.whole is not None:
-        return _causes(options, out)
+    whole = options.whole is not None
     chosen = chosen_preset(options)
     named = is_scenario(options) or (chosen is not None and chosen.bearings)
-    if options.clearance is None and not named:
+    if options.clearance is None and not named and not whole:
         options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
     work = task(options)
     if options.verify is not None and work.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    if any(isinstance(one, RollingBearing) for one in work.mechanism.clearance.values()):
-        return _by_class(options, work, out)
-    if options.price:
-        raise JointplayError(
-            f"--price {options.price[0]} is for classes of rolling bearings, and no joint has one "
-            "(--joint NAME=BEARING); clearances have --cost and --weight"
-        )
+    joints = [one for one in work.mechanism.clearance.values() if one.clearances]
+    rolling = [one for one in joints if isinstance(one, RollingBearing)]
+    if rolling and len(rolling) == len(joints) and not whole:
+        for name in (*_OF_CLEARANCES, "weight"):
+            if getattr(options, name) not in (None, []):
+                raise JointplayError(
+                    f"--{name} is for clearances that can be any; bearings have classes (--price "
+                    "CLASS=X)"
+                )
+    more: dict[str, Any] = {}
+    if whole:
+        from jointplay.design.causes import CAUSES
+
+        more = {
+            "causes": options.causes or CAUSES,
+            "statistical": options.statistical,
+            "keep": options.keep or (),
+            "force": load_on_tool(options, work.mechanism.gravity),
+            "errors": work.errors,
+            "kind": error_class(options, work),
+        }
+    prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
     weights = numbers_by_name(options.weight, "--weight JOINT=X")
+    limits = numbers_by_name(options.limit, "--limit CAUSE=X")
     out.claim()
     allotment = allocate(
         work.mechanism,
         work.q,
         options.target,
         quantile=options.quantile,
-        weights=weights,
         driven=work.driven,
         progress=not options.quiet,
+        prices=prices,
+        weights=weights,
+        limits=limits,
+        **more,
         **given(options, "cost", "least", "most"),
     )
-    notes = [note for note in work.notes if not note.startswith("play:")]
+    notes = [note for note in work.notes if whole or rolling or not note.startswith("play:")]
     print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
+    if rolling and not options.price and not whole:
+        print("prices of the classes are assumed; give your own with --price CLASS=X")
     if options.verify is not None:
-        from jointplay.study.courses import dynamic_error
-
-        assert work.motion is not None
-        error = dynamic_error(
-            allotment.mechanism,
-            work.motion,
-            work.simulation,
-            runs=options.verify,
-            jobs=options.jobs,
-            progress=not options.quiet,
-        )
-        peak = float(error.peak.max())
-        kept = "keeps" if peak <= allotment.target else "exceeds"
-        print(f"{error}; {kept} the target ({peak / allotment.target:.2f} of it)")
+        _verify(options, work, allotment)
     if options.out:
-        from jointplay.plots.design import allocation
+        from jointplay.plots import design as plots
 
-        out.write(
-            {"allocation.csv": allotment.table.csv(), "allocation.png": allocation(allotment)}
-        )
+        contents: dict[str, Any] = {"allocation.csv": allotment.data().csv()}
+        if whole:
+            contents["allocation.png"] = plots.cause_allocation(allotment)
+        elif len(rolling) < len(joints):
+            contents["allocation.png"] = plots.allocation(allotment)
+        out.write(contents)
     return 0
+
+
+def _verify(options: argparse.Namespace, work: Task, allotment: Allocation) -> None:
+    """Simulate the motion with what was allocated, and print its peak error."""
+    from jointplay.study.courses import dynamic_error
+
+    assert work.motion is not None
+    error = dynamic_error(
+        allotment.mechanism,
+        work.motion,
+        work.simulation,
+        runs=options.verify,
+        jobs=options.jobs,
+        progress=not options.quiet,
+    )
+    peak = float(error.peak.max())
+    kept = "keeps" if peak <= allotment.target else "exceeds"
+    print(f"{error}; {kept} the target ({peak / allotment.target:.2f} of it)")
 
 
 _OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
@@ -167,62 +199,3 @@ def _require_fitting(options: argparse.Namespace) -> None:
         if getattr(options, name) not in (None, [], False):
             needs = "needs --whole" if options.whole is None else "does not go with --whole"
             raise JointplayError(f"--{name} {needs}, which allocates causes of the whole error")
-
-
-def _causes(options: argparse.Namespace, out: Outputs) -> int:
-    """Choose which causes of the whole error to improve."""
-    from jointplay.design.cause_allocation import allocate_causes
-    from jointplay.design.error_budget import CAUSES
-
-    work = task(options)
-    kind = error_class(options, work)
-    numbers = {
-        "prices": numbers_by_name(options.price, "--price CAUSE=X"),
-        "weights": numbers_by_name(options.weight, "--weight JOINT=X"),
-        "limits": numbers_by_name(options.limit, "--limit CAUSE=X"),
-    }
-    out.claim()
-    found = allocate_causes(
-        work.mechanism,
-        work.q,
-        options.target,
-        statistical=options.statistical,
-        force=load_on_tool(options, work.mechanism.gravity),
-        errors=work.errors,
-        kind=kind,
-        causes=options.causes or CAUSES,
-        keep=options.keep or (),
-        progress=not options.quiet,
-        **numbers,
-    )
-    print("\n".join([*work.notes, f"at: {work.poses}", str(found)]))
-    if options.out:
-        from jointplay.plots.design import cause_allocation
-
-        out.write(
-            {"allocation.csv": found.causes_table.csv(), "allocation.png": cause_allocation(found)}
-        )
-    return 0
-
-
-def _by_class(options: argparse.Namespace, work: Any, out: Outputs) -> int:
-    """Choose classes of rolling bearings."""
-    from jointplay.design.class_allocation import allocate_classes
-
-    for name in (*_OF_CLEARANCES, "weight"):
-        if getattr(options, name) not in (None, []):
-            raise JointplayError(
-                f"--{name} is for clearances that can be any; bearings have classes (--price "
-                "CLASS=X)"
-            )
-    prices = numbers_by_name(options.price, "--price CLASS=X")
-    out.claim()
-    found = allocate_classes(
-        work.mechanism, work.q, options.target, prices=prices, driven=work.driven
-    )
-    print("\n".join([*work.notes, f"at: {work.poses}", str(found)]))
-    if not prices:
-        print("prices of the classes are assumed; give your own with --price CLASS=X")
-    if options.out:
-        out.write({"allocation.csv": found.table.csv()})
-    return 0

@@ -61,7 +61,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute, print, draw."""
     out = Outputs(options.out, ["budget.csv" if options.whole is None else "errors.csv"])
-    from jointplay.design.static_budget import FOLLOW, budget
+    from jointplay.design.error_budget import FOLLOW, budget
     from jointplay.loads.drive import Drive
 
     if options.causes is not None and options.whole is None:
@@ -136,22 +136,23 @@ def run(options: argparse.Namespace) -> int:
 
 def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: Outputs) -> int:
     """Print the whole error budget."""
-    from jointplay.design.error_budget import CAUSES, error_budget
+    from jointplay.design.causes import CAUSES
+    from jointplay.design.error_budget import budget
 
     out.names.append("errors.png")
     out.claim()
-    errors = error_budget(
+    errors = budget(
         work.mechanism,
         work.q,
+        causes=options.causes or CAUSES,
         force=force,
         errors=work.errors,
         kind=error_class(options, work),
-        causes=options.causes or CAUSES,
     )
     print("\n".join([*work.notes, f"at: {work.poses}"]))
-    print(errors.table)
+    print(errors.table())
     if options.out:
         from jointplay.plots.design import cause_bars
 
-        out.write({"errors.csv": errors.data.csv(), "errors.png": cause_bars(errors)})
+        out.write({"errors.csv": errors.data().csv(), "errors.png": cause_bars(errors)})
     return 0

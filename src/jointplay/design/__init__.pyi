@@ -1,4 +1,3 @@
 from .allocation import allocate as allocate
-from .cause_allocation import allocate_causes as allocate_causes
+from .error_budget import budget as budget
 from .reduction import reduce as reduce
-from .static_budget import budget as budget

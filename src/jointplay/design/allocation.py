@@ -1,32 +1,42 @@
-"""Which clearances may be how large: the cheapest ones that keep the tool within its tolerance.
+"""What must be how large, or better: the cheapest sizes and bearings that keep a tolerance.
 
-On the static model (`budget`), in the first order of the clearances: the worst case at a pose and
-along a direction is then a sum over joints, linear in their clearances, so that all clearances that
-keep a target make a convex set, and a convex cost has one minimum on it. It is found by cutting
-planes: the convex problem is solved for the poses and directions known to bind, the worst ones of
-the solution are added, and so on until none is worse than the target. A joint's axial clearance
-keeps its ratio to the radial one.
+The tool's error (`error_model`) is convex in what its contributions are multiplied by: at a pose
+and along a direction the worst case is linear in them, as support functions add; the root mean
+square is the root of a quadratic form, as variances add and loads shift. So the sizes that keep a
+target at all poses make a convex set, and a convex price has one minimum on it. It is found by
+cutting planes: the problem is solved for the poses and directions known to bind, the worst ones of
+the solution are added, and so on until none is worse than the target.
 
-Where plays of a loop hold each other the worst case is concave in the clearances: a plane found at
-some of them is too strict for others. What is found keeps the target; it need not be the cheapest.
+- Sizes go on and on: clearances, or parts of causes that remain. Their price is convex; the dual of
+  the problem, which has bounds only, is solved by L-BFGS-B, or by HiGHS where the price is linear.
+- Bearings are bought by class, of which one is chosen for each joint: integer programming (HiGHS),
+  for which prices of sizes are replaced by tangents, more of them until the choice stays (outer
+  approximation: Duran and Grossmann, Mathematical Programming 36, 1986, 307).
 
-The quantile supposes that each journal rests, independently of the others, where a load on the tool
-of random direction puts it.
+A clearance's play has a second order: it is found anew at each solution until both agree. Where
+plays of a loop hold each other the worst case is concave in the clearances: a plane found at some
+of them is too strict for others. What is found keeps the target; it need not be the cheapest. A
+quantile is not convex either: it supposes that each journal rests, independently of the others,
+where a load on the tool of random direction puts it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog, minimize, nnls
+from scipy.optimize import Bounds, LinearConstraint, linprog, milp, minimize
 from scipy.stats import binom
 
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
     require_a,
+    require_non_negative,
     require_positive,
     require_share,
     require_whole,
@@ -34,301 +44,838 @@ from jointplay.core.errors import (
 from jointplay.core.progress import ProgressBar
 from jointplay.core.tables import Column, Table
 from jointplay.core.units import readable
-from jointplay.design.levers import PlaySources, sources
-from jointplay.design.static_budget import budget, half_sphere
+from jointplay.design.causes import CAUSES, Cause, cause_model, named, told_apart
+from jointplay.design.error_model import ErrorModel, half_sphere, play_model
+from jointplay.design.jacobians import configurations, force_on_tool
+from jointplay.design.robot_errors import RobotErrors
+from jointplay.joints import Clearance, RollingBearing
+from jointplay.joints.bearings import PRELOADED
 from jointplay.mechanism.mechanism import Mechanism
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
 """What a clearance c [mm] costs, times its weight: 1/c, 1/c^2, or what `most` has more."""
 LEAST_M, MOST_M = 2e-6, 1e-3
 """Clearances that can be bought, unless others are given [m]."""
+LIMIT = 0.1
+"""Part of a cause that remains at least, unless it is given: assumed."""
+PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1": 1.0,
+          PRELOADED: 2.0}  # fmt: skip
+"""Price of a class relative to the usual one, unless it is given: assumed, of no catalogue."""
 SAMPLES = 4000
 """States drawn for a quantile."""
-_MM = 1e3
-"""Costs are of clearances in millimetres."""
-_QUANTILE_POSES = 12
 PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
+_MM = 1e3
+"""Costs are of clearances in millimetres."""
+_QUANTILE_POSES, _QUANTILE_ROUNDS = 12, 8
 _DIRECTIONS_TIED = 60
 """Over half a sphere, where plays hold each other: each is a search, in every round anew."""
-_ROUNDS, _QUANTILE_ROUNDS = 80, 8
-_REFINEMENTS = 5
-_EXACT = 2e-5
-_CLOSE = 0.9995
-"""Part of the target that must be used up, second order included."""
+_NEAR = 0.98
+"""Part of the largest error from which on poses are looked at closely: the sphere's directions are
+about 7 degrees apart, which hides 0.7 %."""
+_ROUNDS, _RENEWALS, _CUTS = 100, 12, 12
+_FITS = 1e-8
+"""Part of the target by which an error may miss it."""
+_USED, _USED_ROUGH = 1e-6, 5e-4
+"""Part of the target that may be left, and where the error is not convex."""
+_SETTLED = 1e-3
+"""Relative change of sizes below which plays, of the second order, are as they were."""
+_TANGENTS = 16
+"""To begin with, of each price."""
+_TIE = 1e-6
+"""Part of the largest price by which of equal prices the tighter bearing is chosen."""
+_LISTED = 2e-3
+"""Part of the error below which a cause has no line of its own."""
+
+Key = tuple[str, str]
+"""Joint and cause."""
 
 
-class ErrorModel:
-    """The tool's error as a function of the clearances, and its rows."""
+@dataclass(frozen=True)
+class Offer:
+    """A bearing that can be bought for a joint."""
+
+    name: str
+    """Of the class."""
+    joint: Clearance
+    price: float
+
+
+def offers_of(
+    joint: RollingBearing, prices: Mapping[str, float] | None = None
+) -> tuple[Offer, ...]:
+    """What can be bought instead of a bearing: all classes of its size, and a pair preloaded.
+
+    Args:
+        joint: the bearing.
+        prices: by class; those of `PRICES` where not given.
+
+    Raises:
+        MissingName: a price of a class that does not exist.
+        JointplayError: a negative price; a bearing of whose size no classes are known.
+    """
+    known = dict(PRICES)
+    for name, price in (prices or {}).items():
+        if name not in known:
+            raise MissingName("class of clearance", name, known)
+        known[name] = require_non_negative(f"price of {name!r}", price, "")
+    return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in joint.of_classes().items())
+
+
+# The error as a function of what can be chosen: sizes x, a number from 0 to 1 of each offer, and 1
+# of all that stays.
+
+
+class Error(ABC):
+    """The largest error of all poses by what is chosen, and planes that touch it."""
+
+    convex = True
+
+    def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
+        """What each contribution is multiplied by.
+
+        Args:
+            model: with choices as they are.
+            of: number of the choice of each contribution; -1 of what stays.
+            now: how large choices are in the model, (v,).
+        """
+        self.model, self.of = model, np.array(of, int)
+        self._unit = np.append(1.0 / now, 1.0)[self.of]
+
+    @abstractmethod
+    def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The error as rows . z + offsets, exact at z and nowhere above it; (m, v), (m,) [m].
+
+        Of m poses: all, or those that may have the largest error.
+        """
+
+    @abstractmethod
+    def parts(self, z: np.ndarray) -> np.ndarray:
+        """What each contribution adds where the error is largest, (k,) [m]."""
+
+    def at(self, z: np.ndarray) -> float:
+        """The error [m]."""
+        rows, offsets = self.planes(z)
+        return float((rows @ z + offsets).max())
+
+    def slopes(self, z: np.ndarray) -> np.ndarray:
+        """How the largest error grows with each choice, (v,) [m]."""
+        rows, offsets = self.planes(z)
+        return np.asarray(rows[(rows @ z + offsets).argmax()])
+
+    def _ratio(self, z: np.ndarray) -> np.ndarray:
+        """What contributions as they are must be multiplied by, (k,)."""
+        return np.asarray(np.append(z, 1.0)[self.of] * self._unit)
+
+    def _by_choice(self, each: np.ndarray, count: int) -> np.ndarray:
+        """Sums over contributions (k, ...) of each choice and of what stays, (v + 1, ...)."""
+        sums = np.zeros((count, *each.shape[1:]))
+        weighted = each * self._unit.reshape(-1, *[1] * (each.ndim - 1))
+        np.add.at(sums, self.of % count, weighted)
+        return sums
+
+
+class WorstCase(Error):
+    """The largest distance of the tool at all."""
+
+    def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
+        """Choose where to look."""
+        super().__init__(model, of, now)
+        self.convex, self._count = not model.tied, len(now) + 1
+        self._sphere = half_sphere(_DIRECTIONS_TIED) if model.tied else model.sphere
+        self._grids: dict[int, np.ndarray] = {}
+
+    def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Along the worst direction of each pose."""
+        ratio = self._ratio(z)
+        (counting,) = np.nonzero(ratio)
+        scaled = self.model.scaled(self.model.scale * ratio)
+        total = self._around(z) if self.convex else scaled.values(self._sphere).sum(axis=0)
+        size = total.max(axis=1)
+        (near,) = np.nonzero(size >= _NEAR * size.max())
+        start = self._sphere[total[near].argmax(axis=1)]
+        d = scaled.subset(counting, near).climb(start)[:, None]
+        if self.convex:
+            each = self.model.subset(poses=near).along(d).value[..., 0]
+        else:
+            each = scaled.subset(poses=near).along(d).value[..., 0] / ratio[:, None]
+        rows = self._by_choice(each, self._count).T
+        self._worst = each[:, int((rows @ np.append(z, 1.0)).argmax())]
+        return rows[:, :-1], rows[:, -1]
+
+    def _around(self, z: np.ndarray) -> np.ndarray:
+        """The error at all poses along all directions, (n, m): sums of what each choice does."""
+        total = np.zeros((self.model.poses, len(self._sphere)))
+        for k, part in enumerate(np.append(z, 1.0)):
+            (own,) = np.nonzero(self.of % self._count == k)
+            if part == 0.0 or not len(own):
+                continue
+            if k not in self._grids:
+                each = self.model.subset(own).values(self._sphere)
+                self._grids[k] = np.tensordot(self._unit[own], each, 1)
+            total += part * self._grids[k]
+        return total
+
+    def parts(self, z: np.ndarray) -> np.ndarray:
+        """In the worst direction."""
+        self.planes(z)
+        return self._worst * self._ratio(z)
+
+
+class RootMeanSquare(Error):
+    """The largest root mean square distance of the tool."""
+
+    def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
+        """Add up means and variances."""
+        super().__init__(model, of, now)
+        count = len(now) + 1
+        self._means = self._by_choice(model.means, count)
+        variances = np.trace(model.covariances, axis1=2, axis2=3)
+        self._variances = self._by_choice(variances * self._unit[:, None], count)
+
+    def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By the derivative of the root of a quadratic form."""
+        whole = np.append(z, 1.0)
+        mean = np.einsum("kni,k->ni", self._means, whole)
+        square = (mean**2).sum(axis=1) + whole**2 @ self._variances
+        rows = np.einsum("kni,ni->nk", self._means, mean) + self._variances.T * whole
+        rows /= np.sqrt(np.maximum(square, 1e-300))[:, None]
+        return rows[:, :-1], rows[:, -1]
+
+    def parts(self, z: np.ndarray) -> np.ndarray:
+        """The mean's part along the mean, and the variance, over the root mean square."""
+        rows, offsets = self.planes(z)
+        values = rows @ z + offsets
+        at, ratio = int(values.argmax()), self._ratio(z)
+        means = self.model.means[:, at] * ratio[:, None]
+        square = np.trace(self.model.covariances[:, at], axis1=1, axis2=2) * ratio**2
+        return np.asarray((means @ means.sum(axis=0) + square) / max(float(values[at]), 1e-300))
+
+
+class Quantile(Error):
+    """The largest distance that a part of all states of the journals keeps to.
+
+    A state is drawn at the poses that matter; the result is judged at all of them (`spread`).
+    """
+
+    convex = False
 
     def __init__(
         self,
-        mechanism: Mechanism,
-        poses: np.ndarray | Mapping[str, float],
-        quantile: float | None,
+        model: ErrorModel,
+        of: Sequence[int],
+        now: np.ndarray,
+        quantile: float,
         seed: int,
-        driven: Sequence[str] | None = None,
-        progress: bool = False,
     ) -> None:
-        """Find the sources of play at all poses, and draw states if a quantile is asked for."""
-        self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
-        self.seed, self.driven = seed, driven
-        self._bar = ProgressBar(
-            desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
-        )
-        self.names = allocated(mechanism)
-        self.nominal = np.array([mechanism.clearance[name].radial_room for name in self.names])
-        every = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
-        without = {*mechanism.clearance} - {*self.names}
-        self.sources = every.subset([i for i, n in enumerate(every.names) if n not in without])
-        self.j = len(self.names)
-        if self.sources.tied and quantile is not None:
+        """Draw states."""
+        if model.tied:
             raise JointplayError(
                 "a quantile is defined for journals that rest independently of each other, but "
                 "journals that tilt in a loop constrain each other: use the worst case, or kind "
                 "'planar'"
             )
-        if quantile is None:
-            self._half = half_sphere(_DIRECTIONS_TIED) if self.sources.tied else half_sphere()
-            # Per unit of clearance; then what gears add.
-            self._grid = self._gains(np.ones(len(self.sources.names)))
-        else:
-            # A state is drawn at the poses that matter; the result is judged at all of them.
-            first = self._draw(self.sources, SAMPLES // 20).sum(axis=0)
-            size = np.quantile(np.linalg.norm(first, axis=2), quantile, axis=1)
-            self.sources = self.sources.subset(poses=np.argsort(size)[-_QUANTILE_POSES:])
-            self._states = self._draw(self.sources)
+        self.quantile, self.seed, self._count = quantile, seed, len(now) + 1
+        first = drawn(model, seed, SAMPLES // 20).sum(axis=0)
+        size = np.quantile(np.linalg.norm(first, axis=2), quantile, axis=1)
+        super().__init__(model.subset(poses=np.argsort(size)[-_QUANTILE_POSES:]), of, now)
+        self._states = drawn(self.model, seed)
 
-    @property
-    def n(self) -> int:
-        """Poses that are looked at."""
-        return self.sources.move.shape[1]
+    def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The mean over states about the quantile of what each adds along the error."""
+        rows = self._by_choice(self._each(z), self._count).T
+        return rows[:, :-1], rows[:, -1]
 
-    def _draw(self, plays: PlaySources, count: int = SAMPLES) -> np.ndarray:
-        """States of each source under loads of random directions, (sources, n, count, 3) [m]."""
-        random = np.random.default_rng(self.seed)
-        states = []
-        for j in range(len(plays.names)):
-            d = random.normal(size=(1, count, 3))
-            d /= np.linalg.norm(d, axis=2, keepdims=True)
-            shape = (plays.move.shape[1], count, 3)
-            found = plays.subset([j]).along(np.broadcast_to(d, shape))
-            states.append(found.error[0, ..., :3])
-        return np.stack(states)
+    def parts(self, z: np.ndarray) -> np.ndarray:
+        """Where the quantile is largest."""
+        each = self._each(z) * self._ratio(z)[:, None]
+        return np.asarray(each[:, each.sum(axis=0).argmax()])
 
-    def _gains(self, scale: np.ndarray) -> np.ndarray:
-        """Error along each direction at each pose, by clearance: (n, directions, sources)."""
-        directions = np.broadcast_to(self._half, (self.n, *self._half.shape))
-        return np.moveaxis(self._per_clearance(directions, scale), 0, 2)
-
-    def _per_clearance(self, directions: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """The same along directions (n, m, 3), (sources, n, m); what gears add, as it is."""
-        gains = self.sources.along(directions, scale=scale).value / scale[:, None, None]
-        gains[: self.j] /= self.nominal[:, None, None]
-        return gains
-
-    def with_clearance(self, clearance: np.ndarray) -> Mechanism:
-        """The mechanism with these clearances."""
-        factors = clearance / self.nominal
-        joints = self.mechanism.clearance
-        pairs = zip(self.names, factors, strict=True)
-        scaled = {name: joints[name].scaled(float(factor)) for name, factor in pairs}
-        return self.mechanism.with_clearance({**joints, **scaled})
-
-    def error(self, clearance: np.ndarray) -> float:
-        """Largest error of all poses [m]."""
-        rows, offsets = self.rows(clearance)
-        return float((rows @ clearance + offsets).max())
-
-    def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
-        scale = np.append(clearance / self.nominal, np.ones(len(self.sources.names) - self.j))
-        self._bar.update()
-        return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
-
-    def _worst(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        per_unit = np.append(scale[: self.j] * self.nominal, scale[self.j :])
-        grid = self._gains(scale) if self.sources.tied else self._grid
-        best = (grid @ per_unit).argmax(axis=1)
-        d = self.sources.climb(self._half[best], _REFINEMENTS, scale=scale)
-        values = self._per_clearance(d[:, None], scale)[:, :, 0].T
-        return values[:, : self.j], values[:, self.j :].sum(axis=1)
-
-    def _at_quantile(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The mean over states about the quantile of what each joint adds along the error."""
-        assert self.quantile is not None
+    def _each(self, z: np.ndarray) -> np.ndarray:
+        """What each contribution as it is adds at each pose, (k, n)."""
+        scale = self._ratio(z)
         total = np.einsum("j,jnsk->nsk", scale, self._states)
         size = np.linalg.norm(total, axis=2)
         order = np.argsort(size, axis=1)
         place = int(np.ceil(self.quantile * SAMPLES)) - 1
         width = max(int(0.005 * SAMPLES), 1)
         near = order[:, max(place - width, 0) : min(place + width + 1, SAMPLES)]
-        poses = np.arange(self.n)[:, None]
+        poses = np.arange(self.model.poses)[:, None]
         unit = total[poses, near] / np.maximum(size[poses, near], 1e-300)[..., None]
-        adds = np.einsum("jnsk,nsk->nj", self._states[:, poses, near], unit) / near.shape[1]
-        exact = size[poses[:, 0], order[:, place]]
-        mean = adds @ scale
-        adds *= np.divide(exact, mean, out=np.ones_like(mean), where=mean > 0.0)[:, None]
-        return adds[:, : self.j] / self.nominal, adds[:, self.j :].sum(axis=1)
+        adds = np.einsum("jnsk,nsk->jn", self._states[:, poses, near], unit) / near.shape[1]
+        mean, exact = scale @ adds, size[poses[:, 0], order[:, place]]
+        return np.asarray(adds * np.divide(exact, mean, out=np.ones_like(mean), where=mean > 0.0))
 
-    def spread(self, mechanism: Mechanism) -> tuple[float, tuple[float, float]]:
-        """Quantile with the second order, included, and its 95 % interval [m]."""
-        assert self.quantile is not None
-        plays = sources(mechanism, self.poses, driven=self.driven, loops=True)
-        size = np.sort(np.linalg.norm(self._draw(plays).sum(axis=0), axis=2), axis=1)
-        low, high = binom.ppf([0.025, 0.975], SAMPLES, self.quantile).astype(int)
-        place = int(np.ceil(self.quantile * SAMPLES)) - 1
-        worst = int(size[:, place].argmax())
-        row = size[worst]
-        return float(row[place]), (float(row[low]), float(row[min(high, SAMPLES - 1)]))
+
+def drawn(model: ErrorModel, seed: int, count: int = SAMPLES) -> np.ndarray:
+    """The tool's errors where loads of random directions put each play, (k, n, count, 3) [m]."""
+    random = np.random.default_rng(seed)
+    states = []
+    for k in range(len(model.contributions)):
+        d = random.normal(size=(1, count, 3))
+        d /= np.linalg.norm(d, axis=2, keepdims=True)
+        found = model.subset([k]).along(np.broadcast_to(d, (model.poses, count, 3)))
+        states.append(found.error[0, ..., :3])
+    return np.stack(states)
+
+
+def spread(model: ErrorModel, quantile: float, seed: int) -> tuple[float, tuple[float, float]]:
+    """A quantile of the error at the worst of all poses, and its 95 % interval [m]."""
+    size = np.sort(np.linalg.norm(drawn(model, seed).sum(axis=0), axis=2), axis=1)
+    low, high = binom.ppf([0.025, 0.975], SAMPLES, quantile).astype(int)
+    place = int(np.ceil(quantile * SAMPLES)) - 1
+    row = size[int(size[:, place].argmax())]
+    return float(row[place]), (float(row[low]), float(row[min(high, SAMPLES - 1)]))
+
+
+# What is to be chosen, and what it costs.
 
 
 @dataclass(frozen=True)
-class AllocationProblem:
-    """Cost and limits of the clearances."""
+class Sizes:
+    """What can have any size within limits, as a part x of what it is."""
 
-    cost: str
+    keys: tuple[Key, ...]
     weight: np.ndarray
-    least: float
-    most: float
-
-    def value(self, c: np.ndarray) -> float:
-        """Cost of clearances c [m]."""
-        if self.cost == "linear":
-            return float(self.weight @ (self.most - c)) * _MM
-        return float(self.weight @ (1.0 / (_MM * c) ** self._power))
-
-    def slope(self, c: np.ndarray) -> np.ndarray:
-        """Derivative of the cost by each clearance [1/m]."""
-        if self.cost == "linear":
-            return -self.weight * _MM
-        return -self._power * self.weight / ((_MM * c) ** self._power * c)
+    least: np.ndarray
+    most: np.ndarray
+    unit: np.ndarray
+    """What x = 1 counts in the price; of clearances millimetres."""
+    cost: str
+    """One of `COSTS`, of unit times x."""
 
     @property
-    def _power(self) -> int:
-        """Of 1/c."""
+    def power(self) -> int:
+        """Of the reciprocal."""
         return 2 if self.cost == "reciprocal-squared" else 1
 
-    def solve(self, rows: np.ndarray, room: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """The cheapest clearances with rows . c <= room [m]."""
-        limits = [(self.least, self.most)] * len(start)
-        if self.cost == "linear":
-            # The solver's tolerances are absolute: in parts of the room and of these clearances.
-            alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
-            unit = np.clip(alone, self.least, self.most)
-            optimum = linprog(
-                -self.weight * unit / unit.max(),
-                A_ub=rows * unit / room[:, None],
-                b_ub=np.ones(len(rows)),
-                bounds=[(self.least / u, self.most / u) for u in unit],
-                method="highs",
-            )
-            if not optimum.success:
-                raise JointplayError(f"no clearances meet the target: {optimum.message}")
-            return np.clip(optimum.x * unit, self.least, self.most)
-        # In logarithms of clearances the problem is convex too, and well scaled.
-        cost = self.value(start)
-        optimum = minimize(
-            lambda y: self.value(np.exp(y)) / cost,
-            np.log(start),
-            jac=lambda y: self.slope(np.exp(y)) * np.exp(y) / cost,
-            bounds=np.log(limits),
-            constraints={
-                "type": "ineq",
-                "fun": lambda y: 1.0 - rows @ np.exp(y) / room,
-                "jac": lambda y: -rows * np.exp(y) / room[:, None],
-            },
-            method="SLSQP",
-            options={"maxiter": 500, "ftol": 1e-14},
-        )
-        c = np.clip(np.exp(optimum.x), self.least, self.most)
-        over = float((rows @ c / room).max())
-        return c if over <= 1.0 else self.shrunk(c, rows, room)
+    @property
+    def linear(self) -> bool:
+        """Whether the cost is."""
+        return self.cost == "linear"
 
-    def shrunk(self, c: np.ndarray, rows: np.ndarray, room: np.ndarray) -> np.ndarray:
-        """Clearances scaled down until they fit, but not below the least."""
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            fits = (rows @ np.maximum(middle * c, self.least) <= room).all()
-            low, high = (middle, high) if fits else (low, middle)
-        return np.maximum(low * c, self.least)
+    @property
+    def scaled(self) -> np.ndarray:
+        """Price of each at x = 1, reciprocal; or less for each unit of x."""
+        return self.weight * (self.unit if self.linear else self.unit**-self.power)
 
-    def duals(self, c: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the last metre of each clearance costs, and the multipliers of the rows [1/m].
+    def prices(self, x: np.ndarray) -> np.ndarray:
+        """Of each."""
+        return self.scaled * (self.most - x if self.linear else x**-self.power)
 
-        By the conditions of Karush, Kuhn and Tucker: the cost's slope is balanced by the rows that
-        bind, joints at a limit aside.
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """Derivative of the prices, negative."""
+        if self.linear:
+            return -self.scaled
+        return -self.power * self.scaled * x ** (-self.power - 1)
+
+    def held(self, x: np.ndarray) -> list[str]:
+        """What holds each: ``least``, ``most``, or ``target``."""
+        return [
+            "least" if p <= low * (1.0 + 1e-6) else "most" if p >= high * (1.0 - 1e-6) else "target"
+            for p, low, high in zip(x, self.least, self.most, strict=True)
+        ]
+
+
+class Problem:
+    """The cheapest choice on a growing set of poses and directions."""
+
+    def __init__(
+        self, error: Error, sizes: Sizes, offers: Sequence[np.ndarray], target: float, bar: Any
+    ) -> None:
+        """Nothing is known yet.
+
+        Args:
+            error: by sizes, then offers.
+            sizes: what can be any.
+            offers: prices of each joint's.
+            target: largest error [m].
+            bar: counts rounds.
         """
-        slope = -self.slope(c)
-        inside = (c > self.least * (1 + 1e-6)) & (c < self.most * (1 - 1e-6))
-        if not len(rows) or not inside.any():
-            return slope, np.zeros(len(rows))
-        scale = np.linalg.norm(slope[inside])
-        return slope, nnls(rows[:, inside].T, slope[inside] / scale)[0] * scale
+        self.error, self.sizes, self.offers, self.target = error, sizes, offers, target
+        self._bar, self._count = bar, len(sizes.keys)
+        self._ends = self._count + np.cumsum([0, *(len(one) for one in offers)])
+        self._rows = np.zeros((0, self._ends[-1]))
+        self._offsets, self._multipliers = np.zeros(0), np.zeros(0)
+        self._tangents = np.geomspace(sizes.least, sizes.most, _TANGENTS)
+
+    def free(self) -> np.ndarray:
+        """What would be chosen without a target."""
+        return np.concatenate([self.sizes.most, *(np.eye(len(p))[p.argmin()] for p in self.offers)])
+
+    def chosen(self, z: np.ndarray) -> list[int]:
+        """Number of the offer for each joint."""
+        return [int(z[a:b].argmax()) for a, b in zip(self._ends, self._ends[1:], strict=False)]
+
+    def solve(self) -> np.ndarray:
+        """The cheapest sizes, and a one for each offer that is taken, (v,).
+
+        Raises:
+            JointplayError: the target cannot be reached.
+        """
+        z = self.free()
+        if self._add(z) <= self.target:
+            return z
+        if isinstance(self.error, Quantile):
+            return self._solve_quantile(z)
+        self._require_reachable()
+        for _ in range(_ROUNDS):
+            z = self._cheapest()
+            if self._add(z) <= self.target * (1.0 + _FITS):
+                return z
+        raise JointplayError("the allocation did not settle; give fewer poses, offers or causes")
+
+    @property
+    def relief(self) -> float:
+        """Price saved by a target one metre wider [1/m]."""
+        return float(self._multipliers.sum())
+
+    def gains(self, z: np.ndarray) -> np.ndarray:
+        """Error per choice where the target binds, (v,) [m]."""
+        known = self._rows[: len(self._multipliers)]
+        if self._multipliers.any():
+            return np.asarray(self._multipliers @ known / self._multipliers.sum())
+        return self.error.slopes(z)
+
+    def _add(self, z: np.ndarray) -> float:
+        """Take into account where the error is largest; the error there [m]."""
+        self._bar.update()
+        rows, offsets = self.error.planes(z)
+        values = rows @ z + offsets
+        worst = np.argsort(values)[::-1][:_CUTS]
+        self._rows = np.vstack([self._rows, rows[worst]])
+        self._offsets = np.append(self._offsets, offsets[worst])
+        return float(values.max())
+
+    def _require_reachable(self) -> None:
+        """Refuse a target that no choice keeps, whatever it costs."""
+        z = np.concatenate([self.sizes.least, *(np.eye(len(p))[0] for p in self.offers)])
+        for _ in range(_ROUNDS):
+            if self._add(z) <= self.target:
+                return
+            if not self.error.convex:
+                break
+            # Where loads shift the tool against each other, the least need not be the best.
+            z, bound = self._least()
+            if bound > self.target:
+                raise Unreachable(self.target, bound, z)
+        raise Unreachable(self.target, max(self.error.at(z), self.target), z)
+
+    def _least(self) -> tuple[np.ndarray, float]:
+        """The choice with the least error by what is known, and this error [m]."""
+        one = np.ones((len(self._rows), 1))
+        found = self._integers(
+            np.append(np.zeros(self._ends[-1]), 1.0),
+            np.hstack([self._rows / self.target, -one]),
+            -self._offsets / self.target,
+        )
+        assert found is not None
+        return found[:-1], float(found[-1]) * self.target
+
+    def _integers(self, price: np.ndarray, rows: np.ndarray, room: np.ndarray) -> np.ndarray | None:
+        """The cheapest choice with rows . (z, more) <= room; None: there is none."""
+        more = len(price) - self._ends[-1]
+        low = np.concatenate([self.sizes.least, np.zeros(len(price) - self._count)])
+        ones = np.ones(self._ends[-1] - self._count)
+        high = np.concatenate([self.sizes.most, ones, np.full(more, np.inf)])
+        limits = [LinearConstraint(rows, -np.inf, room)]
+        for first, end in zip(self._ends, self._ends[1:], strict=False):
+            one = np.zeros((1, len(price)))
+            one[0, first:end] = 1.0
+            limits.append(LinearConstraint(one, 1.0, 1.0))
+        whole = np.concatenate([np.zeros(self._count), ones, np.zeros(more)])
+        found = milp(price, constraints=limits, integrality=whole, bounds=Bounds(low, high))
+        return None if found.x is None else np.clip(found.x, low, high)
+
+    def _cheapest(self) -> np.ndarray:
+        """The cheapest choice by what is known."""
+        if not self.offers:
+            return self._sized(np.zeros(0))
+        tried: dict[tuple[int, ...], tuple[float, np.ndarray]] = {}
+        while True:
+            taken = self._taken()
+            key = tuple(self.chosen(taken))
+            if key in tried:
+                return min(tried.values(), key=lambda one: one[0])[1]
+            z = self._sized(taken[self._count :].round())
+            tried[key] = self.price(z), z
+            if not self._count:
+                return z
+            self._tangents = np.vstack([self._tangents, z[: self._count]])
+
+    def price(self, z: np.ndarray) -> float:
+        """Of a choice."""
+        own = np.concatenate([np.zeros(0), *self.offers])
+        return float(self.sizes.prices(z[: self._count]).sum() + own @ z[self._count :])
+
+    def _taken(self) -> np.ndarray:
+        """The choice by integer programming, with tangents for the prices of sizes."""
+        own, row = np.concatenate(self.offers), self._rows[-1, self._count :]
+        own = own + _TIE * own.max() * row / max(row.max(), 1e-300)
+        rows, room = self._rows / self.target, 1.0 - self._offsets / self.target
+        k = self._count
+        if self.sizes.linear or not k:
+            found = self._integers(np.append(-self.sizes.scaled, own), rows, room)
+        else:  # one more number for each size: its price, above all tangents
+            slopes = np.array([self.sizes.slopes(x) for x in self._tangents])
+            at = np.array([self.sizes.prices(x) for x in self._tangents])
+            count, total = len(slopes), self._ends[-1] + k
+            cuts = np.zeros((count, k, total))
+            cuts[:, np.arange(k), np.arange(k)] = slopes / at
+            cuts[:, np.arange(k), self._ends[-1] + np.arange(k)] = -1.0 / at
+            left = slopes * self._tangents / at - 1.0
+            found = self._integers(
+                np.concatenate([np.zeros(k), own, np.ones(k)]),
+                np.vstack([np.hstack([rows, np.zeros((len(rows), k))]), cuts.reshape(-1, total)]),
+                np.append(room, left.ravel()),
+            )
+        assert found is not None
+        return found[: self._ends[-1]]
+
+    def _sized(self, taken: np.ndarray) -> np.ndarray:
+        """The cheapest sizes with these offers (0 or 1), and the offers."""
+        k, sizes = self._count, self.sizes
+        rows = self._rows[:, :k] / self.target
+        room = 1.0 - (self._offsets + self._rows[:, k:] @ taken) / self.target
+        if not k:
+            return taken
+        solve = self._linear if sizes.linear else self._dual
+        x, multipliers = solve(rows, room)
+        self._multipliers = multipliers / self.target
+        return np.append(x, taken)
+
+    def _linear(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes and multipliers by linear programming."""
+        sizes = self.sizes
+        # The solver's tolerances are absolute: in parts of what each could have alone.
+        unit = np.clip(
+            (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0), sizes.least, sizes.most
+        )
+        whole = float((sizes.scaled * unit).max())
+        found = linprog(
+            -sizes.scaled * unit / whole,
+            A_ub=rows * unit,
+            b_ub=room,
+            bounds=np.column_stack([sizes.least / unit, sizes.most / unit]),
+            method="highs",
+            options={"primal_feasibility_tolerance": 1e-10},
+        )
+        if not found.success:
+            raise JointplayError(f"no clearances meet the target: {found.message}")
+        x = np.clip(found.x * unit, sizes.least, sizes.most)
+        return x, -found.ineqlin.marginals * whole
+
+    def _dual(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes and multipliers by the dual, which has bounds only.
+
+        With multipliers y of the rows R, each size is (p w / (R' y))^(1 / (p + 1)) within its
+        limits.
+        """
+        sizes, power = self.sizes, self.sizes.power
+        whole = sizes.scaled.sum()
+        unit = sizes.scaled / whole
+
+        def best(multiplier: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            slope = multiplier @ rows
+            x = (power * unit / np.maximum(slope, 1e-12)) ** (1.0 / (power + 1))
+            return np.clip(x, sizes.least, sizes.most), slope
+
+        def dual(multiplier: np.ndarray) -> tuple[float, np.ndarray]:
+            x, slope = best(multiplier)
+            value = float((unit * x**-power + slope * x).sum() - multiplier @ room)
+            return -value, room - rows @ x
+
+        start = np.zeros(len(rows))
+        known = self._multipliers * self.target / whole
+        start[: len(known)] = known
+        found = minimize(
+            dual, start, jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * len(rows),
+            options={"maxiter": 5000, "maxfun": 20000, "ftol": 1e-16, "gtol": 1e-10, "maxcor": 30},
+        )  # fmt: skip
+        x = best(found.x)[0]
+        return np.where(x > sizes.most * (1.0 - 1e-9), sizes.most, x), found.x * whole
+
+    def _solve_quantile(self, z: np.ndarray) -> np.ndarray:
+        """A quantile is not convex: what holds near the last sizes is solved."""
+        least, most = self.sizes.least, self.sizes.most
+        if (reached := self.error.at(least)) > self.target:
+            raise Unreachable(self.target, reached, least)
+        for _ in range(_QUANTILE_ROUNDS):
+            # All errors are nearly proportional to the sizes.
+            start = np.maximum(z * self.target / self.error.at(z), least)
+            rows, self._offsets = self.error.planes(start)
+            self._offsets = np.minimum(self._offsets, (1.0 - 1e-3) * self.target)
+            self._rows, self._multipliers = rows, np.zeros(0)
+            z = np.sqrt(start * self._sized(np.zeros(0)))
+        for _ in range(4):
+            z = np.clip(z * self.target / self.error.at(z), least, most)
+        return z
+
+
+@dataclass(eq=False)
+class Unreachable(Exception):
+    """A target that no choice keeps."""
+
+    target: float
+    """[m]."""
+    bound: float
+    """The error that is left [m]."""
+    z: np.ndarray
+    """By which choice."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen of a cause at a joint."""
+
+    joint: str
+    cause: str
+    remaining: float
+    """How large it is, as a part of what it was."""
+    clearance: float
+    """Radial (across x, of a slider), NaN if it is none [m]."""
+    offer: Offer | None
+    """The bearing, if one was chosen."""
+    before: float
+    """What it added to the error as it was [m]."""
+    after: float
+    """What it adds in the end [m]."""
+    gain: float
+    """Error per clearance, where the target binds."""
+    price: float
+    saved: float
+    """What the last micrometre of the clearance costs: saved by one more [1/um]."""
+    held: str
+    """``target``, ``least``, ``most``, of causes ``limit``, ``as is`` where nothing is bought, or
+    ``kept``; ``class`` of bearings."""
+    order: int
+    """Of causes, which is bought first: rank by what the first of its price saves, from 1 on; 0
+    where nothing is bought."""
 
 
 @dataclass(frozen=True)
 class Allocation:
-    """Clearances that keep a target, of j joints."""
+    """Sizes and bearings that keep a target."""
 
     target: float
     """Largest error of the tool [m]."""
-    quantile: float | None
-    """Part of all states that keep it; None: all."""
+    kind: str
+    """What the error is: a worst case, a quantile or the root mean square, in words."""
     cost: str
     """How clearances are paid for."""
-    joints: tuple[str, ...]
-    clearance: np.ndarray
-    """Radial (across x, of a slider), shape (j,) [m]."""
+    whole: bool
+    """Whether causes were improved; else only clearances and bearings."""
+    choices: tuple[Choice, ...]
+    was: float
+    """The error as it was [m]."""
     error: float
-    """What they lead to, by the static model with its second order [m]."""
+    """What is reached, by the static model with its second order [m]."""
     spread: tuple[float, float]
-    """95 % interval of a quantile, for it is of samples; of a worst case, the value itself [m]."""
-    total: float
-    """Cost of all."""
-    gain: np.ndarray
-    """Error per clearance of each joint, where the target binds, shape (j,)."""
-    price: np.ndarray
-    """What the last micrometre of each joint costs: cost saved by one more, (j,) [1/um]."""
+    """95 % interval of a quantile, for it is of samples; else the error itself [m]."""
+    free: float
+    """Price without a target."""
     relief: float
-    """Cost saved by a target one micrometre wider [1/um]."""
-    bound: tuple[str, ...]
-    """For each joint: ``least``, ``most``, or ``""`` where the target decides."""
+    """Price saved by a target one metre wider [1/m]."""
     mechanism: Mechanism
-    """With these clearances."""
+    """With these sizes and bearings; of causes the clearances alone."""
+    notes: tuple[str, ...]
+    """What was given and assumed, and what stays as it is, lines of text."""
+
+    def each(self, what: str) -> np.ndarray:
+        """A number of all choices, such as their ``price``; one of the fields of `Choice`."""
+        return np.array([getattr(one, what) for one in self.choices])
 
     @property
-    def kind(self) -> str:
-        """Worst case or quantile, in words."""
-        if self.quantile is None:
-            return "static worst case"
-        return f"static {100 * self.quantile:g} % quantile, of {SAMPLES} states"
+    def joints(self) -> tuple[str, ...]:
+        """Of the choices."""
+        return tuple(one.joint for one in self.choices)
 
     @property
+    def clearance(self) -> np.ndarray:
+        """Radial clearances, NaN of what is none [m]."""
+        return self.each("clearance")
+
+    @property
+    def total(self) -> float:
+        """Price of all."""
+        return float(self.each("price").sum())
+
+    @property
+    def parts(self) -> dict[Key, float]:
+        """What remains by joint and cause, where less than all: `remaining` of `budget`."""
+        return {(o.joint, o.cause): o.remaining for o in self.choices if o.remaining < 1.0}
+
     def table(self) -> Table:
-        """A row for each joint."""
+        """A row for each; of causes those that matter, first those that were bought first."""
+        if not self.whole:
+            return replace(self.data(), notes=self._notes())
+        small = [abs(o.before) <= _LISTED * self.was and not o.order for o in self.choices]
+        kept = [one for one, left in zip(self.choices, small, strict=True) if not left]
+        shown = self._rows(sorted(kept, key=lambda one: (one.order == 0, -one.before)))
+        more = []
+        if any(small):
+            sums = {head: self.each(head)[small].sum() for head in ("before", "after")}
+            others = [sums.get(one.head) for one in shown.columns[1:]]
+            more = [(f"{sum(small)} more", *others)]
+        return replace(shown, totals=more, notes=self._notes())
+
+    def data(self) -> Table:
+        """The same of all, in their order."""
+        return self._rows(self.choices)
+
+    def _rows(self, kept: Sequence[Choice]) -> Table:
+        def numbers(what: str) -> list[Any]:
+            return [getattr(one, what) for one in kept]
+
+        total = self.total or 1.0
+        offers = [one.offer for one in kept]
+        free = [None if one is None else one.joint.travel for one in offers]
+        columns = [Column("joint", numbers("joint"))]
+        if self.whole:
+            columns.append(Column("cause", numbers("cause")))
+        elif self._sized:
+            columns.append(Column("clearance", numbers("clearance"), "m", fine=True))
+        if any(offers):
+            columns.append(Column("class", [None if o is None else o.name for o in offers]))
+            for way, axis in (("across", "x"), ("along", "z")):
+                far = [None if one is None else one[axis] for one in free]
+                columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
+        if self.whole:
+            columns += [
+                Column("before", numbers("before"), "m"),
+                Column("after", numbers("after"), "m"),
+                Column("remains", numbers("remaining"), key="remaining"),
+                Column("price", numbers("price"), digits=4),
+                Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
+                Column("bought", [one.order or None for one in kept]),
+                Column("held by", numbers("held")),
+            ]
+            return Table(columns)
+        if self._sized:
+            columns.append(Column("error per clearance", numbers("gain")))
+        columns.append(Column("adds", numbers("after"), "m", fine=True))
+        if any(offers):
+            columns.append(Column("price", numbers("price"), digits=4))
+        if self._sized:
+            saved = Column("a um more saves", numbers("saved"), key="saved_by_a_micrometre")
+            columns += [saved, Column("held by", numbers("held"))]
+        return Table(columns)
+
+    @property
+    def _sized(self) -> bool:
+        return not np.isnan(self.clearance).all()
+
+    def _notes(self) -> list[str]:
+        """The outcome, what was given and what was assumed, in lines."""
+        if self.whole:
+            line = (
+                f"{self.kind} {1e3 * self.error:.4f} mm of {1e3 * self.target:.4f} mm (as it is "
+                f"{1e3 * self.was:.4f} mm)"
+            )
+            if self.total == 0.0:
+                line += ": within the target already, nothing is spent"
+            else:
+                line += f"; price {self.total:.5g}; a target 1 % wider saves "
+                line += f"{0.01 * self.target * self.relief:.4g}"
+            return [line, *self.notes]
         low, high = self.spread
         interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
-        return Table(
-            (
-                Column("joint", self.joints),
-                Column("clearance", self.clearance, "m", fine=True),
-                Column("error per clearance", self.gain),
-                Column("adds", self.gain * self.clearance, "m", fine=True),
-                Column("a um more saves", self.price, key="saved_by_a_micrometre"),
-                Column("held by", [one or "target" for one in self.bound]),
-            ),
-            notes=(
-                f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; "
-                f"cost {self.total:.5g} ({self.cost}); a target one um wider saves "
-                f"{self.relief:.4g}",
-            ),
-        )
+        line = f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; "
+        if self._sized:
+            line += f"cost {self.total:.5g} ({self.cost}); a target one um wider saves "
+            line += f"{1e-6 * self.relief:.4g}"
+        else:
+            line += f"price {self.total:g} (without a target {self.free:g})"
+        return [line, *self.notes]
 
     def __str__(self) -> str:
         """The table."""
-        return str(self.table)
+        return str(self.table())
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """What is to be allocated: a machine by what remains of its causes and by its bearings."""
+
+    mechanism: Mechanism
+    q: np.ndarray
+    driven: Sequence[str] | None
+    causes: Mapping[str, Cause] | None
+    """None: play alone."""
+    force: np.ndarray
+    errors: RobotErrors
+    kind: str
+    offers: Mapping[str, Sequence[Offer]]
+
+    def made(
+        self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
+    ) -> tuple[Mechanism, ErrorModel]:
+        """The mechanism with clearances that remain and bearings that are chosen, and its error."""
+        joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
+        if self.causes is not None:
+            other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
+            return cause_model(
+                other, self.q, self.force, self.causes, self.errors, self.kind, remaining
+            )
+        joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
+        other = self.mechanism.with_clearance(joints)
+        return other, play_model(other, self.q, driven=self.driven, loops=True)
+
+    def with_offers(
+        self, remaining: Mapping[Key, float], keys: Sequence[Key]
+    ) -> tuple[ErrorModel, list[int]]:
+        """The error with all bearings that are offered, and which choice each contribution is."""
+        first = dict(
+            zip(self.offers, np.cumsum([0, *map(len, self.offers.values())]), strict=False)
+        )
+        models, of = [], []
+        for k in range(max(map(len, self.offers.values()), default=1)):
+            chosen = {name: own[min(k, len(own) - 1)] for name, own in self.offers.items()}
+            _, model = self.made(remaining, chosen)
+            own = [self._offered(one.joint, one.cause, one.gear) for one in model.contributions]
+            kept = [
+                i
+                for i, one in enumerate(model.contributions)
+                if (k < len(self.offers[one.joint]) if own[i] else k == 0)
+            ]
+            models.append(model.subset(kept))
+            of += [
+                len(keys) + int(first[model.contributions[i].joint]) + k
+                if own[i]
+                else self.choice(model, keys)[i]
+                for i in kept
+            ]
+        if len(models) > 1 and models[0].tied:
+            raise JointplayError(
+                "plays that constrain each other in a closed loop are no sum over joints: choose "
+                "the classes by trying (jointplay budget)"
+            )
+        return ErrorModel.join(models), of
+
+    def choice(self, model: ErrorModel, keys: Sequence[Key]) -> list[int]:
+        """Which of the sizes each contribution is, -1 for none."""
+        place = {key: i for i, key in enumerate(keys)}
+        return [
+            place.get((one.joint, one.cause), -1)
+            if one.proportional and not (one.gear and self.causes is None)
+            else -1
+            for one in model.contributions
+        ]
+
+    def _offered(self, joint: str, cause: str, gear: bool) -> bool:
+        """Whether a contribution is that of a bearing that is to be chosen."""
+        return joint in self.offers and cause in ("play", "elasticity") and not gear
+
+    def sizable(self, model: ErrorModel, keep: Collection[str]) -> list[Key]:
+        """Joints and causes whose size can be chosen."""
+        found = dict[Key, None]()
+        for one in model.contributions:
+            free = one.proportional and not {one.joint, one.cause} & {*keep}
+            if self.causes is None:
+                free = free and not one.gear
+            if free and not self._offered(one.joint, one.cause, one.gear):
+                found[one.joint, one.cause] = None
+        return list(found)
 
 
 def allocate(
@@ -336,115 +883,350 @@ def allocate(
     poses: np.ndarray | Mapping[str, float],
     target: float,
     *,
+    causes: Collection[str | Cause] | None = None,
+    statistical: bool = False,
     quantile: float | None = None,
-    cost: str = COSTS[0],
+    keep: Collection[str] = (),
+    offers: Mapping[str, Sequence[Offer]] | None = None,
+    prices: Mapping[str, float] | None = None,
     weights: Mapping[str, float] | None = None,
+    limits: Mapping[str, float] | None = None,
+    cost: str = COSTS[0],
     least: float = LEAST_M,
     most: float = MOST_M,
+    force: Sequence[float] = (0.0, 0.0, 0.0),
+    errors: RobotErrors | None = None,
+    kind: str | None = None,
     seed: int = 0,
     driven: Sequence[str] | None = None,
     progress: bool = False,
 ) -> Allocation:
-    """The cheapest clearances with which the tool's error stays below `target` at all poses.
+    """The cheapest sizes and bearings with which the tool's error keeps `target` at all poses.
+
+    By play alone: clearances of any size, whose ratio of axial to radial clearance stays, and the
+    classes of rolling bearings, together. By several causes: the part of each that remains at each
+    joint, and rolling bearings for which there are `offers`.
 
     Args:
-        mechanism: its joints with clearance are those to decide on; their sizes set the ratio of
-            axial to radial clearance. The play of gears, and what has none, stay as they are.
+        mechanism: the play of its gears, and what has no play, stays unless causes are improved.
         poses: as for `budget`.
-        target: largest distance of the tool from the ideal one [m].
-        quantile: the part of states that must keep it, such as 0.99; None: the worst case.
-        cost: one of `COSTS`.
-        weights: of the joints' costs, by name; one where not given.
+        target: largest distance of the tool from where it should be [m].
+        causes: as for `budget`; None: play alone.
+        statistical: of several causes: the target is of the root mean square, not of the worst
+            case.
+        quantile: by play alone: the part of states that must keep it, such as 0.99; None: the worst
+            case.
+        keep: joints and causes that count but stay as they are.
+        offers: bearings for joints; of play alone `offers_of` all rolling bearings that are not
+            named, as of a joint with an empty list.
+        prices: by class of bearing, `PRICES` where not given; of halving a cause, by cause, 1 where
+            not given.
+        weights: of joints, which multiply the prices of their sizes; 1 where not given.
+        limits: part of a cause that remains at least, by cause; `LIMIT` where not given.
+        cost: of clearances, one of `COSTS`.
         least, most: clearances that can be bought [m].
+        force, errors, kind: of several causes, as for `budget`.
         seed: of the sampled states.
         driven: joints of loops that stand; see `budget`.
         progress: show a count of the rounds on standard error, if it takes long.
 
     Raises:
-        JointplayError: a target that the least clearances miss, which says what can be reached;
-            values that cannot be; rolling bearings.
-        MissingName: no such cost or joint.
+        JointplayError: a target that cannot be reached, which says what can be, and what prevents
+            it; nothing to allocate; values that cannot be; see `budget`.
+        MissingName: no such cost, joint, cause or class.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    names = allocated(mechanism)
-    _refuse_rolling(mechanism)
-    _check(names, target, quantile, cost, weights or {}, least, most)
-    weight = np.array([(weights or {}).get(name, 1.0) for name in names])
+    target = require_positive("target", target, "m")
     seed = require_whole("seed", seed)
-    model = ErrorModel(mechanism, poses, quantile, seed, driven, progress)
-    problem = AllocationProblem(cost, weight, least, most)
-    smallest = model.error(np.full(len(names), least))
-    if smallest > target:
-        raise JointplayError(
-            f"a target of {1e6 * target:.4g} um cannot be reached: with {1e6 * least:.4g} um in "
-            f"every joint the error is {1e6 * smallest:.4g} um already"
-        )
-    aim = target
-    for _ in range(4 if quantile else 6):
-        clearances, rows, offsets = _solve(model, problem, aim)
-        true, spread = _true_error(model, clearances)
-        if _CLOSE * target <= true <= target or (clearances >= most * (1 - 1e-9)).all():
-            break
-        aim *= 0.5 * (1.0 + _CLOSE) * target / true
-    slack = aim - rows @ clearances - offsets
-    binding = np.flatnonzero(slack < 1e-3 * target)
-    price, multipliers = problem.duals(clearances, rows[binding])
-    total = multipliers.sum()
-    gain = multipliers @ rows[binding] / total if total > 0.0 else rows[np.argmin(slack)]
-    bound = tuple(
-        "least" if c <= least * (1 + 1e-6) else "most" if c >= most * (1 - 1e-6) else ""
-        for c in clearances
+    whole = causes is not None
+    prices, weights, limits = dict(prices or {}), dict(weights or {}), dict(limits or {})
+    own = named(causes or ())
+    _check(mechanism, own if whole else None, keep, prices, weights, limits)
+    if quantile is not None:
+        require_share("the quantile", quantile)
+    if whole and mechanism.loops:
+        raise JointplayError("causes can be improved only of robots without closed loops")
+    given = RobotErrors() if errors is None else errors
+    kind = kind or given.assumed or "industrial"
+    classes = {name: price for name, price in prices.items() if name not in own}
+    machine = _Machine(
+        mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
+        force_on_tool(force), given, kind, _offers(mechanism, offers, classes, keep, whole),
+    )  # fmt: skip
+    _, first = machine.made({}, {})
+    keys = machine.sizable(first, keep)
+    if whole:
+        weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
+        low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
+        sizes = Sizes(tuple(keys), np.array(weight), np.array(low), ones, ones, COSTS[0])
+    else:
+        sizes = _clearances(mechanism, keys, cost, weights, least, most, quantile)
+    if not keys and not machine.offers:
+        _refuse_nothing(mechanism, whole)
+    if quantile is not None and machine.offers:
+        raise JointplayError("a quantile is for clearances that can be any, not for classes")
+    make: Any = RootMeanSquare if statistical else WorstCase
+    if quantile is not None:
+        make = partial(Quantile, quantile=quantile, seed=seed)
+    bar = ProgressBar(
+        desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
     )
+    with bar:
+        try:
+            return _allocated(machine, sizes, first, target, make, bar, prices, limits)
+        except Unreachable as unreachable:
+            raise _refusal(machine, sizes, make, unreachable) from None
+
+
+def _allocated(
+    machine: _Machine,
+    sizes: Sizes,
+    first: ErrorModel,
+    target: float,
+    make: Any,
+    bar: Any,
+    *given: Mapping[str, float],
+) -> Allocation:
+    """Allocate, again with the play as it is at each solution until both agree."""
+    keys, count = sizes.keys, len(sizes.keys)
+    x, aim = np.ones(count), target * (1.0 - _FITS)
+    curved = any(cause == "play" for _, cause in keys)
+    offers = list(machine.offers.values())
+    start = last = make(first, machine.choice(first, keys), x)
+    for _ in range(_RENEWALS):
+        before, error = x, last
+        if offers:
+            now = np.append(x, np.ones(sum(map(len, offers))))
+            error = make(*machine.with_offers(_remaining(keys, x), keys), now)
+        own = [np.array([one.price for one in some]) for some in offers]
+        problem = Problem(error, sizes, own, aim, bar)
+        try:
+            z = problem.solve()
+        except Unreachable as refused:
+            least = refused.z[:count]
+            if not curved or np.allclose(x, least, rtol=_SETTLED):
+                raise
+            x = least  # where plays may be smaller than in proportion
+            _, model = machine.made(_remaining(keys, x), {})
+            last = make(model, machine.choice(model, keys), x)
+            continue
+        x = z[:count]
+        taken = {
+            name: some[k]
+            for (name, some), k in zip(machine.offers.items(), problem.chosen(z), strict=True)
+        }
+        mechanism, model = machine.made(_remaining(keys, x), taken)
+        if isinstance(error, Quantile):  # its states stay, in the first order
+            reached, ends = spread(model, error.quantile, error.seed)
+        else:
+            last = make(model, machine.choice(model, keys), x)
+            reached = last.at(x) if last.convex else float(model.farthest().size.max())
+            ends = reached, reached
+        left = _USED if error.convex else _USED_ROUGH
+        settled = (
+            not curved or not error.convex or np.abs(x / before - 1.0).max(initial=0.0) < _SETTLED
+        )
+        used = reached >= target * (1.0 - left) or "target" not in sizes.held(x)
+        if settled and used and reached <= target:
+            break
+        if settled:
+            aim *= target / reached * (1.0 - 0.5 * left)
+    else:
+        raise JointplayError(
+            f"the allocation did not settle within {100 * abs(reached / target - 1.0):.2g} % of "
+            "the target; keep play, or allocate clearances first"
+        )
+    whole = machine.causes is not None
+    free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if whole else 0.0)
     return Allocation(
         target,
-        quantile,
-        cost,
-        names,
-        clearances,
-        true,
-        spread,
-        problem.value(clearances),
-        gain,
-        price * 1e-6,
-        float(total) * 1e-6,
-        bound,
-        model.with_clearance(clearances),
+        _words(machine, last),
+        sizes.cost,
+        whole,
+        tuple(_choices(machine, problem, z, taken, start, last)),
+        start.at(np.ones(count)),
+        reached,
+        ends,
+        float(free),
+        problem.relief,
+        mechanism,
+        tuple(_notes(machine, first, sizes, *given)) if whole else (),
     )
 
 
-def allocated(mechanism: Mechanism) -> tuple[str, ...]:
-    """Joints that have clearance to allocate; those that springs hold have none."""
-    return tuple(name for name, joint in mechanism.clearance.items() if joint.clearances)
+def _remaining(keys: Sequence[Key], x: np.ndarray) -> dict[Key, float]:
+    """What is not as it was."""
+    return {key: float(part) for key, part in zip(keys, x, strict=True) if part != 1.0}
 
 
-def _refuse_rolling(mechanism: Mechanism) -> None:
-    joints, names = mechanism.clearance, allocated(mechanism)
-    if joints and not names:
-        name, joint = next(iter(joints.items()))
-        raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
-    rolling = [name for name in names if joints[name].resultant is not None]
-    if rolling:
-        raise JointplayError(
-            f"the clearance of rolling bearings cannot be allocated ({', '.join(rolling)}): they "
-            "are bought in classes, and their play along the axis and in tilt is not proportional "
-            "to their radial clearance; choose classes with allocate_classes, or "
-            f"jointplay allocate --joint {rolling[0]}=6010"
+def _choices(
+    machine: _Machine,
+    problem: Problem,
+    z: np.ndarray,
+    taken: Mapping[str, Offer],
+    start: Error,
+    last: Error,
+) -> list[Choice]:
+    """What was chosen, by joint and cause; `start` and `last` are the error as it was and is."""
+    sizes, whole = problem.sizes, machine.causes is not None
+    count = len(sizes.keys)
+    x, ones = z[:count], np.ones(count)
+    before, after = (
+        _by_key(error.model, error.parts(at)) for error, at in ((start, ones), (last, x))
+    )
+    held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
+    paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
+    worth = start.slopes(ones) / sizes.weight
+    bought = [int(k) for k in np.argsort(-worth) if held[k] != "most"]
+    place = {key: k for k, key in enumerate(sizes.keys)}
+    of_joints = dict.fromkeys((name, "play") for name in machine.mechanism.clearance)
+    rows = [*before, *(key for key in of_joints if key[0] in taken and key not in before)]
+    if not whole:
+        rows = [key for key in of_joints if key in place or key[0] in taken]
+    found = []
+    for key in rows:
+        k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
+        adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
+        size, gain, saved, how, order = np.nan, np.nan, np.nan, "kept", 0
+        if offer is not None:
+            how = "class"
+        if k is not None:
+            how, cost = held[k], cost + float(paid[k])
+            if whole:
+                how = {"least": "limit", "most": "as is"}.get(how, how)
+                order = bought.index(k) + 1 if k in bought else 0
+            else:
+                unit = float(sizes.unit[k]) / _MM
+                size, gain, saved = unit * x[k], gains[k] / unit, -1e-6 * slopes[k] / unit
+                adds = gain * size
+        part = 1.0 if k is None else float(x[k])
+        found.append(
+            Choice(*key, part, size, offer, before.get(key, 0.0), adds, gain, cost, saved, how,
+                   order)
+        )  # fmt: skip
+    return found
+
+
+def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
+    """Sums of contributions by joint and cause."""
+    found = dict[Key, float]()
+    for one, part in zip(model.contributions, parts, strict=True):
+        key = one.joint, one.cause
+        found[key] = found.get(key, 0.0) + float(part)
+    return found
+
+
+def _words(machine: _Machine, error: Error) -> str:
+    """What an error is."""
+    if isinstance(error, Quantile):
+        return f"static {100 * error.quantile:g} % quantile, of {SAMPLES} states"
+    if isinstance(error, RootMeanSquare):
+        return "RMS"
+    return "static worst case" if machine.causes is None else "worst case"
+
+
+def _notes(
+    machine: _Machine,
+    first: ErrorModel,
+    sizes: Sizes,
+    prices: Mapping[str, float],
+    limits: Mapping[str, float],
+) -> list[str]:
+    """What was given and assumed of causes, prices and limits, and which plays stay."""
+    given, assumed = told_apart(first, machine.kind)
+    notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
+    causes = list(dict.fromkeys(cause for _, cause in sizes.keys))
+    if unpriced := [cause for cause in causes if cause not in prices]:
+        notes.append(
+            f"assumed: prices: halving costs 1 at each joint, of {', '.join(unpriced)} "
+            "(--price CAUSE=X, --weight JOINT=X)"
         )
+    if unlimited := [cause for cause in causes if cause not in limits]:
+        notes.append(
+            f"assumed: limits: at least {LIMIT:g} remains, of {', '.join(unlimited)} "
+            "(--limit CAUSE=X)"
+        )
+    rolling = [
+        one.joint
+        for one in first.contributions
+        if not one.proportional and one.joint not in machine.offers
+    ]
+    if rolling:
+        notes.append(
+            f"kept: the play of the bearings of {', '.join(rolling)}, which is not proportional to "
+            "their clearance: allocate by class chooses theirs"
+        )
+    return notes
 
 
-def _check(
-    names: tuple[str, ...],
-    target: float,
-    quantile: float | None,
+def _refusal(
+    machine: _Machine, sizes: Sizes, make: Any, unreachable: Unreachable
+) -> JointplayError:
+    """What prevents a target."""
+    count, text = (
+        len(sizes.keys),
+        f"a target of {1e6 * unreachable.target:.4g} um cannot be reached",
+    )
+    error = f"the error is {1e6 * unreachable.bound:.4g} um at least"
+    if machine.causes is None:
+        least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
+        means = [f"{1e6 * least:.4g} um in every joint"] if count else []
+        means += ["the tightest bearings offered"] if machine.offers else []
+        return JointplayError(f"{text}: with {' and '.join(means)} {error}")
+    x = unreachable.z[:count]
+    _, model = machine.made(_remaining(sizes.keys, x), {})
+    last = make(model, machine.choice(model, sizes.keys), x)
+    sums, free = dict[str, float](), {cause for _, cause in sizes.keys}
+    for (_, cause), part in _by_key(model, last.parts(x)).items():
+        sums[cause] = sums.get(cause, 0.0) + part
+    kept = {key[1] for key in _by_key(model, np.zeros(len(model.contributions)))
+            if key not in sizes.keys}  # fmt: skip
+    kept |= {one.cause for one in model.contributions if not one.proportional}
+    limit = {cause: low for (_, cause), low in zip(sizes.keys, sizes.least, strict=True)}
+    words = []
+    for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
+        why = [f"at least {limit[cause]:g} of it remains"] if cause in free else []
+        why += ["kept"] if cause in kept else []
+        words.append(f"{cause} {1e6 * part:.4g} um ({' and '.join(why)})")
+    return JointplayError(
+        f"{text}: with all causes at their limits {error}, most of it by {'; then '.join(words)}"
+    )
+
+
+# What is refused.
+
+
+def _offers(
+    mechanism: Mechanism,
+    given: Mapping[str, Sequence[Offer]] | None,
+    prices: Mapping[str, float],
+    keep: Collection[str],
+    whole: bool,
+) -> dict[str, tuple[Offer, ...]]:
+    """What can be bought for each joint whose bearing is to be chosen."""
+    rolling = {n: one for n, one in mechanism.clearance.items() if isinstance(one, RollingBearing)}
+    for name in given or {}:
+        if name not in rolling:
+            raise MissingName("joint with a rolling bearing", name, rolling)
+    names = [name for name in rolling if name not in keep and (not whole or name in (given or {}))]
+    if prices and not names and not whole:
+        raise JointplayError(
+            f"prices of {', '.join(prices)} are for classes of rolling bearings, and no joint has "
+            "one; clearances have a cost and weights"
+        )
+    return {n: tuple((given or {}).get(n, ())) or offers_of(rolling[n], prices) for n in names}
+
+
+def _clearances(
+    mechanism: Mechanism,
+    keys: Sequence[Key],
     cost: str,
     weights: Mapping[str, float],
     least: float,
     most: float,
-) -> None:
-    """Refuse what `allocate` cannot work on."""
-    require_positive("target", target, "m")
-    if quantile is not None:
-        require_share("the quantile", quantile)
+    quantile: float | None,
+) -> Sizes:
+    """Clearances as parts of what they are."""
     if cost not in COSTS:
         raise MissingName("cost", cost, COSTS)
     if quantile is not None and cost == "linear":
@@ -458,63 +1240,54 @@ def _check(
             f"the least clearance {readable(least, 'm')} must be below the most, "
             f"{readable(most, 'm')}"
         )
-    if not names:
-        raise JointplayError("no joint has clearance to allocate")
-    for name, value in weights.items():
+    names = [name for name, _ in keys]
+    for name in weights:
         if name not in names:
             raise MissingName("joint with clearance", name, names)
-        require_positive(f"weight of {name!r}", value, "")
+    room = np.array([mechanism.clearance[name].radial_room for name in names])
+    weight = np.array([weights.get(name, 1.0) for name in names])
+    return Sizes(tuple(keys), weight, least / room, most / room, _MM * room, cost)
 
 
-def _true_error(model: ErrorModel, clearance: np.ndarray) -> tuple[float, tuple[float, float]]:
-    """Error with these clearances, second order included, and its interval [m]."""
-    mechanism = model.with_clearance(clearance)
-    if model.quantile is not None:
-        return model.spread(mechanism)
-    worst = float(budget(mechanism, model.poses, driven=model.driven).worst.max())
-    return worst, (worst, worst)
+def _check(
+    mechanism: Mechanism,
+    causes: Mapping[str, Cause] | None,
+    keep: Collection[str],
+    prices: Mapping[str, float],
+    weights: Mapping[str, float],
+    limits: Mapping[str, float],
+) -> None:
+    """Refuse names that there are not, and numbers that cannot be."""
+    joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
+    known = [*CAUSES, *(causes or {})]
+    if causes is None and limits:
+        raise JointplayError("limits are of causes: give these, too, or least and most clearances")
+    for name in keep:
+        if name not in (*known, *joints):
+            raise MissingName("cause of errors", name, known, " (nor is it a joint)")
+    for name in limits:
+        if name not in known:
+            raise MissingName("cause of errors", name, known)
+    for name in prices:
+        if causes is not None and name not in (*known, *PRICES):
+            raise MissingName("cause of errors", name, known)
+    for name in weights:
+        if name not in joints:
+            raise MissingName("joint with clearance", name, joints)
+    for noun, own in (("price of", prices), ("weight of", weights), ("limit of", limits)):
+        for name, value in own.items():
+            if noun != "price of" or name in known:
+                require_positive(f"{noun} {name!r}", value, "")
+    for name, value in limits.items():
+        if value > 1.0:
+            raise JointplayError(f"limit of {name!r}: a part of at most 1 remains, got {value:g}")
 
 
-def _solve(
-    model: ErrorModel, problem: AllocationProblem, target: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Clearances, and the rows and offsets that hold them."""
-    c = np.full(model.j, problem.most)
-    if model.quantile is not None:
-        return _solve_quantile(model, problem, target, c)
-    rows, offsets = np.zeros((0, model.j)), np.zeros(0)
-    for _ in range(_ROUNDS):
-        new, added = model.rows(c)
-        values = new @ c + added
-        if values.max() <= target * (1.0 + _EXACT):
-            if len(rows) == 0:
-                return c, new, added
-            break
-        worst = np.argsort(values)[::-1][:12]
-        worst = worst[values[worst] > target]
-        rows, offsets = np.vstack([rows, new[worst]]), np.append(offsets, added[worst])
-        room = target - offsets
-        start = np.clip(c * float((room / np.maximum(rows @ c, 1e-300)).min()), problem.least, None)
-        c = problem.solve(rows, room, np.minimum(start, problem.most))
-    return c, rows, offsets
-
-
-def _solve_quantile(
-    model: ErrorModel, problem: AllocationProblem, target: float, c: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `_solve`: a quantile is not convex, so what holds near the last clearances is solved."""
-    rows, offsets = model.rows(c)
-    if (rows @ c + offsets).max() <= target:
-        return c, rows, offsets
-    for _ in range(_QUANTILE_ROUNDS):
-        # All errors are nearly proportional to the clearances.
-        start = np.maximum(c * target / (rows @ c + offsets).max(), problem.least)
-        rows, offsets = model.rows(start)
-        room = np.maximum(target - offsets, 1e-3 * target)
-        new = problem.solve(rows, room, problem.shrunk(start, rows, room))
-        c = np.sqrt(start * new)
-        rows, offsets = model.rows(c)
-    for _ in range(4):
-        c = np.clip(c * target / (rows @ c + offsets).max(), problem.least, problem.most)
-        rows, offsets = model.rows(c)
-    return c, rows, offsets
+def _refuse_nothing(mechanism: Mechanism, whole: bool) -> None:
+    """Say why nothing can be allocated."""
+    if whole:
+        raise JointplayError("no cause is left that may be improved: keep fewer")
+    for name, joint in mechanism.clearance.items():
+        if not joint.clearances:
+            raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
+    raise JointplayError("no joint has clearance to allocate")

@@ -1,13 +1,7 @@
-"""The whole error of a tool: which joint, which cause, and what halving it would buy.
+"""How far off the tool can be, at many poses, and which joint and which cause are to blame.
 
-Beside play an arm gives way under its weight, its payload and a force; encoders have a resolution
-and a zero, gears an error of their own; links and axes are not where the drawing has them, and all
-of it grows with heat. Each of these displaces the body beyond a joint by a small twist. Twists that
-can be anywhere in a set add as sets, so that a worst case is a sum of their support functions;
-twists at random add by their variances; what loads displace is a shift that both share.
-
-What is not given of a robot is taken from a class of robots (`robot_errors`), and said to be
-assumed.
+No dynamics: a sum of sets and of variances (`error_model`). Of play alone, in closed loops too,
+with where the machine rests; or of all causes of a robot without loops.
 """
 
 from __future__ import annotations
@@ -15,374 +9,523 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import overload
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import (
-    JointplayError,
-    MissingName,
-    require_a,
-    require_finite,
-    require_positive,
-)
+from jointplay.core.errors import JointplayError, require_a, require_finite
 from jointplay.core.tables import Column, Table
-from jointplay.design.levers import (
-    GEAR,
-    TurnPlay,
+from jointplay.design.causes import Cause, cause_model, named, told_apart
+from jointplay.design.error_model import (
+    ErrorModel,
+    Farthest,
+    covering,
+    half_sphere,
+    play_model,
+)
+from jointplay.design.jacobians import (
     configurations,
-    lever,
+    displaced,
+    force_on_tool,
     place,
     tool_place,
 )
-from jointplay.design.rest import compliance_shift
-from jointplay.design.robot_errors import (
-    CLASSES,
-    ERROR_CLASSES,
-    JointErrors,
-    RobotErrors,
-    refuse_misfit,
-)
-from jointplay.design.static_budget import half_sphere
-from jointplay.joints import RollingBearing
-from jointplay.joints.play import Play, Support
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.design.rest import AGREES_M, RestPositions
+from jointplay.design.robot_errors import RobotErrors
+from jointplay.loads.drive import ComputedTorque, Drive
+from jointplay.mechanism.closed_loops import ClosedLoops
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 
-CAUSES = ("play", "elasticity", "encoder", "gear error", "geometry", "heat")
-"""What makes a tool miss its target."""
-
-DRAWS = 4000
-"""States by which the variance of a play is found."""
 _LISTED = 2e-3
 """Part of the worst case below which a contribution has no line of its own."""
-_FITS = 0.02
+_LINEAR = 0.02
 """Part of the worst case by which the exact kinematics may put it elsewhere."""
-_DIRECTIONS = 400
-_CLIMBS = 12
+_BEYOND = 0.01
+"""Part of a joint's largest error by which an error at rest exceeds its bound to be mentioned."""
+_DECIDES = 0.5
+"""Part of the error at rest by which friction decides it, if it can shift the tool so far."""
+_PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+_TRUE = 0.25
+"""Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
+FOLLOW = ComputedTorque()
+"""Drives of a run that says nothing of them."""
+AXES = ("x", "y", "z", "about x", "about y", "about z")
+"""Components of the tool's error, in world axes [m, rad]."""
 
 
 @dataclass(frozen=True)
-class BoxPlay(Play):
-    """Displacements and rotations between bounds, each independent of the others."""
+class Budget:
+    """Error of the tool at n poses by k contributions; lengths in m, angles in rad.
 
-    half: tuple[float, ...]
-    """Along and about x, y, z, either way, six [m, rad]."""
+    `worst` is a bound that can be reached: no state of the contributions is worse, up to the second
+    order.
+    """
 
-    @property
-    def reach(self) -> tuple[float, float]:
-        """To a corner."""
-        half = np.array(self.half)
-        return float(np.linalg.norm(half[:3])), float(np.linalg.norm(half[3:]))
-
-    def support(self, loads: np.ndarray) -> Support:
-        """See `Play.support`."""
-        loads = np.asarray(loads, float).reshape(-1, 6)
-        point = np.array(self.half) * np.sign(loads)
-        return Support(np.abs(loads) @ np.array(self.half), point)
-
-
-@dataclass(frozen=True)
-class Contribution:
-    """What one cause does at one joint, at n poses."""
-
-    joint: str
-    cause: str
-    set: Play | None
-    """Where the twist may be; None: only where `shift` says."""
-    shift: np.ndarray
-    """Twist in any case, bearing axes, shape (n, 6) [m, rad]."""
-    spread: float
-    """Relative uncertainty of `shift`, either way."""
-    covariance: np.ndarray
-    """Of the twist within its set, (6, 6)."""
-    move: np.ndarray
-    """The tool's displacement and rotation in world axes per twist, (n, 6, 6)."""
-    origin: str
-    """Where the numbers come from."""
-    factor: float = 1.0
-    """What all of it is multiplied by."""
-    proportional: bool = True
-    """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
-    not."""
-
-    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Farthest displacement along directions (n, m, 3) and where, (n, m) and (n, m, 3) [m]."""
-        n, m, _ = directions.shape
-        rows = self.move[:, :3]
-        at = np.einsum("nik,nk->ni", rows, self.shift)
-        along = np.einsum("nmi,ni->nm", directions, at)
-        value = along + self.spread * np.abs(along)
-        point = at[:, None] * (1.0 + self.spread * np.sign(along))[..., None]
-        if self.set is not None:
-            loads = np.einsum("nmi,nik->nmk", directions, rows).reshape(n * m, 6)
-            found = self.set.support(loads)
-            value = value + found.value.reshape(n, m)
-            point = point + np.einsum("nik,nmk->nmi", rows, found.point.reshape(n, m, 6))
-        return self.factor * value, self.factor * point
-
-    def at(self, poses: Sequence[int] | np.ndarray) -> Contribution:
-        """The same at some of the poses."""
-        return replace(self, shift=self.shift[poses], move=self.move[poses])
-
-    def variance(self) -> np.ndarray:
-        """Covariance of the tool's displacement, (n, 3, 3) [m^2]."""
-        rows = self.move[:, :3]
-        at = self.spread / np.sqrt(3.0) * np.einsum("nik,nk->ni", rows, self.shift)
-        whole = np.einsum("nik,kl,njl->nij", rows, self.covariance, rows)
-        return self.factor**2 * (whole + at[:, :, None] * at[:, None, :])
-
-    def mean(self) -> np.ndarray:
-        """The tool's displacement in any case, (n, 3) [m]."""
-        return self.factor * np.einsum("nik,nk->ni", self.move[:, :3], self.shift)
-
-    def twist(self, direction: np.ndarray) -> np.ndarray:
-        """The twist farthest along a direction at the first pose, (1, 6)."""
-        load = direction @ self.move[0, :3]
-        whole = self.shift[:1] * (1.0 + self.spread * np.sign(self.shift[0] @ load))
-        if self.set is not None:
-            whole = whole + self.set.support(load[None]).point
-        return self.factor * whole
-
-    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Twists at random, at the first pose, (count, 6)."""
-        part = 1.0 + self.spread * random.uniform(-1.0, 1.0, count)
-        twist = part[:, None] * self.shift[0]
-        if isinstance(self.set, BoxPlay):
-            twist = twist + random.uniform(-1.0, 1.0, (count, 6)) * self.set.half
-        elif isinstance(self.set, SinePlay):
-            twist = twist + np.sin(random.uniform(0.0, 2.0 * np.pi, count))[:, None] * self.set.way
-        elif self.set is not None:
-            twist = twist + _pushed(self.set, random, count)
-        return self.factor * twist
-
-
-@dataclass(frozen=True)
-class SinePlay(Play):
-    """An error that goes up and down with a phase that nobody knows."""
-
-    amplitude: tuple[float, ...]
-    """Along and about x, y, z, six [m, rad]."""
-
-    @property
-    def way(self) -> np.ndarray:
-        """The amplitude as an array."""
-        return np.array(self.amplitude)
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """The amplitude."""
-        return float(np.linalg.norm(self.way[:3])), float(np.linalg.norm(self.way[3:]))
-
-    def support(self, loads: np.ndarray) -> Support:
-        """See `Play.support`."""
-        loads = np.asarray(loads, float).reshape(-1, 6)
-        along = loads @ self.way
-        return Support(np.abs(along), np.sign(along)[:, None] * self.way)
-
-
-def _pushed(play: Play, random: np.random.Generator, count: int) -> np.ndarray:
-    """Where loads of random direction push a journal, (count, 6)."""
-    aside, angle = play.reach
-    if aside == 0.0 and angle == 0.0:
-        return np.zeros((count, 6))
-    arm = aside / angle if angle > 0.0 and aside > 0.0 else 1.0
-    loads = random.normal(size=(count, 6)) * ([1.0] * 3 + [arm] * 3)
-    if not isinstance(play, TurnPlay):
-        loads[:, 5] = 0.0
-    return play.support(loads).point
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """Errors of the tool at n poses by k contributions; lengths in m."""
-
-    contributions: tuple[Contribution, ...]
+    mechanism: Mechanism
     q: np.ndarray
     """Configurations, (n, nq)."""
-    mechanism: Mechanism
+    model: ErrorModel
+    """What each contribution is, and how it moves the tool."""
     force: np.ndarray
-    """On the tool, world axes [N]."""
-    assumed: tuple[str, ...]
-    """What was assumed, lines of text."""
-    given: tuple[str, ...] = ()
-    """What was given besides the mechanism, lines of text."""
-
-    @cached_property
-    def worst(self) -> np.ndarray:
-        """Largest distance of the tool from where it should be, (n,) [m]."""
-        return self.farthest(self.contributions)[0]
-
-    @cached_property
-    def direction(self) -> np.ndarray:
-        """Where to, unit vectors, (n, 3)."""
-        return self.farthest(self.contributions)[1]
-
-    @cached_property
-    def parts(self) -> np.ndarray:
-        """What each contribution adds to `worst`, (k, n)."""
-        d = self.direction[:, None]
-        return np.stack([one.along(d)[0][:, 0] for one in self.contributions])
-
-    @cached_property
-    def mean(self) -> np.ndarray:
-        """The tool's displacement that loads and heat bring in any case, (n, 3) [m]."""
-        total: np.ndarray = sum(
-            (one.mean() for one in self.contributions), start=np.zeros((len(self.q), 3))
-        )
-        return total
-
-    @cached_property
-    def covariance(self) -> np.ndarray:
-        """Of the rest, (n, 3, 3) [m^2]."""
-        total: np.ndarray = sum(
-            (one.variance() for one in self.contributions), start=np.zeros((len(self.q), 3, 3))
-        )
-        return total
+    """On the tool, world axes, (3,) [N]."""
+    positions: np.ndarray
+    """Of the ideal tool, shape (n, 3)."""
+    farthest: Farthest
+    """The worst case at each pose."""
 
     @property
-    def rms(self) -> np.ndarray:
-        """Root mean square distance, (n,) [m]."""
-        return _rms(self.mean, self.covariance)
+    def tool(self) -> str:
+        """Frame whose error this is."""
+        return self.mechanism.tool
+
+    @cached_property
+    def _worst_turn(self) -> Farthest:
+        return self.model.farthest(turn=True)
+
+    @property
+    def worst(self) -> np.ndarray:
+        """Largest distance of the tool from the ideal one, shape (n,)."""
+        return self.farthest.size
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Where to, unit vectors in world axes, shape (n, 3)."""
+        return self.farthest.direction
+
+    @property
+    def worst_parts(self) -> np.ndarray:
+        """What each contribution adds to `worst`, shape (n, k)."""
+        return self.farthest.parts.T
+
+    @property
+    def worst_turn(self) -> np.ndarray:
+        """Largest rotation of the tool, shape (n,)."""
+        return self._worst_turn.size
+
+    @property
+    def turn_parts(self) -> np.ndarray:
+        """What each contribution adds to `worst_turn`, shape (n, k)."""
+        return self._worst_turn.parts.T
+
+    @cached_property
+    def axis_worst(self) -> np.ndarray:
+        """Largest error along and about each world axis, by contribution, shape (n, k, 6)."""
+        both = [self.model.values(np.eye(3), turn) for turn in (False, True)]
+        return np.concatenate(both, axis=2).transpose(1, 0, 2)
 
     @property
     def worst_pose(self) -> int:
         """Index of the pose with the largest error."""
         return int(self.worst.argmax())
 
-    def halved(self, *indices: int) -> tuple[float, float]:
-        """By how much `worst` and `rms` fall at the worst pose by half of contributions [m]."""
-        at = self.worst_pose
-        own = self.contributions
-        other = [replace(one, factor=0.5) if i in indices else one for i, one in enumerate(own)]
-        rest = ErrorBudget(tuple(one.at([at]) for one in other), self.q[at : at + 1],
-                           self.mechanism, self.force, ())  # fmt: skip
-        found = rest.farthest(rest.contributions, self.direction[at : at + 1])[0][0]
-        return float(self.worst[at] - found), float(self.rms[at] - rest.rms[0])
+
+@dataclass(frozen=True)
+class PlayBudget(Budget):
+    """Error of the tool by play alone, by j joints and gears.
+
+    No state of the journals without penetration is worse than `worst`. `rms` is of states without
+    friction. Where the machine rests is found when it is asked for (`rest`, `rest_interval`);
+    contacts give way there, so that it may be a little beyond `worst`.
+    """
+
+    rest_positions: RestPositions
+    """Where the machine rests at these poses."""
+    rms: np.ndarray
+    """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
+    rms_parts: np.ndarray
+    """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
 
     @property
-    def data(self) -> Table:
-        """A row for each contribution at the worst pose."""
-        at = self.worst_pose
-        means = np.array([one.mean()[at] for one in self.contributions])
-        every = zip(means, self.contributions, strict=True)
-        own = [_rms(mean[None], one.variance()[at][None])[0] for mean, one in every]
+    def relative_to(self) -> str | None:
+        """Body from which it is seen; None: the world."""
+        return self.rest_positions.relative_to
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Sources of play, gears last."""
+        return self.model.names
+
+    @property
+    def second_order(self) -> np.ndarray:
+        """What rotations of the second order can add to `worst` at most, shape (n,).
+
+        In closed loops no bound, but by how much the loops, closed exactly with the journals of
+        `worst`, put the tool elsewhere.
+        """
+        return self.rest_positions.second_order
+
+    @property
+    def loops(self) -> bool:
+        """Whether closed loops lead the play to the tool."""
+        return bool(self.mechanism.loops)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Each joint's share of the worst case at the worst pose, sum one, shape (j,)."""
+        parts = self.worst_parts[self.worst_pose]
+        return np.asarray(parts / parts.sum()) if parts.sum() > 0.0 else parts
+
+    @property
+    def alone(self) -> np.ndarray:
+        """Largest distance of the tool if only this joint had play, shape (n, j) [m].
+
+        In its own worst direction; `worst_parts` is along the one that is worst for all together.
+        """
+        return self.model.alone.T
+
+    @property
+    def ranking(self) -> str:
+        """The joints by their share of the worst case, one line; over several poses its range."""
+        total = self.worst_parts.sum(axis=1, keepdims=True)
+        shares = self.worst_parts / np.maximum(total, 1e-300)
+        mean = 100.0 * shares.mean(axis=0)
+        low, high = 100.0 * shares.min(axis=0), 100.0 * shares.max(axis=0)
+        words = []
+        for k, i in enumerate(np.argsort(-mean, kind="stable")):
+            name = _PLACES[k] if k < len(_PLACES) else f"{k + 1}th"
+            spread = f" ({low[i]:.0f} to {high[i]:.0f})" if len(shares) > 1 else ""
+            words.append(f"{self.joints[i]}: {name}, {mean[i]:.0f} %{spread}")
+        return f"shares of the worst case: {'; '.join(words)}"
+
+    def by_pose(self, names: Sequence[str]) -> Table:
+        """A row for each pose: error in the worst case, and the share of each joint in it.
+
+        Args:
+            names: of the poses, (n,).
+        """
+        total = np.maximum(self.worst_parts.sum(axis=1, keepdims=True), 1e-300)
+        shares = (self.worst_parts / total).T
         return Table(
             (
-                Column("joint", [one.joint for one in self.contributions]),
-                Column("cause", [one.cause for one in self.contributions]),
-                Column("worst", self.parts[:, at], "m"),
-                Column("rms", own, "m"),
-                *(Column(f"mean {axis}", means[:, k], "m") for k, axis in enumerate("xyz")),
-                Column("origin", [one.origin for one in self.contributions]),
+                Column("pose", names),
+                Column("worst case", self.worst, "m"),
+                Column("rms", self.rms, "m"),
+                *(
+                    Column(name, share, "1", digits=3)
+                    for name, share in zip(self.joints, shares, strict=True)
+                ),
+            )
+        )
+
+    @property
+    def rest(self) -> np.ndarray:
+        """Error at rest under gravity and the tool's load, without friction, by joint, (n, j, 6).
+
+        By each joint's Jacobian [m, rad]; NaN where no place of rest is found, or plays of a loop
+        hold each other.
+        """
+        return np.array([self.rest_positions.at(i).parts for i in range(len(self.worst))])
+
+    @property
+    def rest_tool(self) -> np.ndarray:
+        """Error of the tool there, of all joints, exactly, shape (n, 6) [m, rad]."""
+        return np.array([self.rest_positions.at(i).whole for i in range(len(self.worst))])
+
+    @property
+    def rest_loads(self) -> np.ndarray:
+        """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
+
+        Force and moment of its contacts about the journal's centre; of a gear the torque of its
+        teeth about its axis, last.
+        """
+        return np.array([self.rest_positions.at(i).loads for i in range(len(self.worst))])
+
+    @property
+    def rest_error(self) -> np.ndarray:
+        """Distance of the tool at rest from the ideal one, shape (n,) [m]."""
+        return np.asarray(np.linalg.norm(self.rest_tool[:, :3], axis=1))
+
+    @property
+    def rest_interval(self) -> np.ndarray:
+        """Where friction can hold the machine: least and largest error, shape (n, 4, 2) [m].
+
+        Along world x, y, z, and the distance from the ideal tool; on the safe side. In closed loops
+        all joints, and those of a kind that does not say where it presses, may be anywhere within
+        their play.
+        """
+        return np.array([self.rest_positions.interval(i) for i in range(len(self.worst))])
+
+    def table(self, pose: int | None = None) -> Table:
+        """The budget at a pose, by default the worst one."""
+        at = self.worst_pose if pose is None else pose
+        total = max(float(self.worst_parts[at].sum()), 1e-300)
+        rests, whole, _ = self.rest_positions.at(at)
+        parts = self.worst_parts[at]
+        worst = float(self.worst[at])
+        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(whole[:3]))
+        return Table(
+            (
+                Column("joint", self.joints),
+                Column("alone", self.alone[at], "m"),
+                Column("part of worst case", parts, "m"),
+                Column("share", parts / total, "1", digits=4),
+                Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m"),
+                Column("rms", self.rms_parts[at], "m"),
+                Column("worst turn", self.turn_parts[at], "rad"),
+            ),
+            totals=[("all", *sums, self.rms[at], self.worst_turn[at])],
+            notes=self._notes(at),
+        )
+
+    def _notes(self, at: int) -> list[str]:
+        """What stands below the budget of a pose."""
+        rests, whole, loads = self.rest_positions.at(at)
+        axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
+        lines = [
+            f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
+            f"about x, y, z: {', '.join(axes[3:])} mrad"
+        ]
+        begins = "" if self.rest_positions.force.any() else " (the start of a run with start=rest)"
+        place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
+        lines.append(
+            "at rest without friction: no equilibrium was found"
+            if np.isnan(whole).any()
+            else f"at rest without friction, along x, y, z: {place} mm{begins}"
+        )
+        if not np.isnan(loads).any():
+            lines.append(f"the joints bear there: {self._loads(loads)}")
+        beyond = 1e3 * (np.linalg.norm(rests[:, :3], axis=1) - self.alone[at])
+        given = [
+            f"{name} {more:.4f} mm"
+            for name, more in zip(self.joints, beyond, strict=True)
+            if more > _BEYOND * 1e3 * self.alone[at].max()
+        ]
+        if given:
+            lines.append(
+                "the worst case takes contacts as rigid; at rest they give way under the load, "
+                f"beyond the joint's worst case alone: {', '.join(given)}"
+            )
+        return [*lines, *self._held(at)]
+
+    def _loads(self, loads: np.ndarray) -> str:
+        """What each source of play bears, (j, 6), as text."""
+        words = []
+        for one, load in zip(self.model.contributions, loads, strict=True):
+            size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
+            words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
+        return ", ".join(words)
+
+    def _held(self, at: int) -> list[str]:
+        """Where the tool rests with friction, and how much that matters, lines of text."""
+        place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)
+        box = [
+            f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
+            for axis, (low, high) in zip("xyz", ends[:3], strict=True)
+        ]
+        least, largest = 1e3 * ends[3]
+        free = [
+            name
+            for name, none in zip(self.joints, self.rest_positions.unpressed(at), strict=True)
+            if none
+        ]
+        lines = []
+        if free:
+            names = "any joint" if len(free) == len(self.joints) else ", ".join(free)
+            lines.append(f"no force acts on {names}: the journals may rest anywhere in their play")
+        whole = self.rest_positions.unsearched
+        if whole:
+            all_joints = len(whole) == len(self.rest_positions.coefficients)
+            names = "all joints" if all_joints else ", ".join(whole)
+            lines.append(
+                f"how far friction can hold {names} is not known (closed loops, or a kind without "
+                "contacts): their entire play is assumed"
+            )
+        lines.append(
+            f"with {self.rest_positions.words} the tool may rest anywhere within "
+            f"{', '.join(box)} mm; {least:.4f} to {largest:.4f} mm from the ideal one"
+        )
+        away = 1e3 * float(np.linalg.norm(np.abs(ends[:3] - place[:, None]).max(axis=1)))
+        own = 1e3 * float(np.linalg.norm(place))
+        if len(free) < len(self.joints) and not whole and np.isfinite(away):
+            part = f", {100 * away / own:.0f} % of the error there" if own > 0.0 else ""
+            lines.append(
+                f"friction determines where it rests: up to {away:.4f} mm from the place "
+                f"without{part}"
+                if away > _DECIDES * own
+                else f"friction shifts the place of rest by up to {away:.4f} mm{part}"
+            )
+        return lines
+
+    @property
+    def accuracy(self) -> str:
+        """With which error the numbers are known, one line."""
+        search = 1.0 / np.cos(covering()) - 1.0
+        excess = max(play.excess for play in self.model.plays)
+        more = f"{1e6 * self.second_order[self.worst_pose]:.3g} um"
+        second = (
+            f"loops closed exactly put the tool {more} elsewhere"
+            if self.loops
+            else f"rotations of second order up to {more}"
+        )
+        at_rest = (
+            "at rest, with drives assumed rigid under the force on the tool"
+            if self.rest_positions.force.any()
+            else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
+        )
+        return (
+            "free travel with rigid contacts, to which contacts and drives that give way add; "
+            f"worst case missed by at most {100 * search:.2g} % "
+            f"(directions), too large by at most {100 * excess:.2g} % (lean of the journals, "
+            f"second order), {second}; {at_rest}"
+        )
+
+    def data(self, names: Sequence[str] = ()) -> Table:
+        """A row for each pose: tool, errors, parts of each joint.
+
+        Args:
+            names: of the poses, (n,); without, they are numbered.
+
+        Where the machine rests stands only at poses for which it has been found: ask for `rest`
+        and `rest_interval` before, and it stands everywhere.
+        """
+        columns = [Column("pose", names or range(len(self.worst)))]
+        columns += [Column(f"tool {x}", self.positions[:, k], "m") for k, x in enumerate("xyz")]
+        columns += [
+            Column("worst", self.worst, "m"),
+            Column("worst turn", self.worst_turn, "rad"),
+            Column("rms", self.rms, "m"),
+            Column("second order", self.second_order, "m"),
+        ]
+        whole = self.axis_worst.sum(axis=1)
+        columns += [
+            Column(f"worst {axis}", whole[:, k], "m" if k < 3 else "rad")
+            for k, axis in enumerate(AXES)
+        ]
+        for what, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
+            for k, name in enumerate(self.joints):
+                key = f"{what.replace(' ', '_')}_{name}_m"
+                columns.append(Column(f"{what} {name}", values[:, k], "m", key))
+        rests = [self._rests(i) for i in range(len(self.worst))]
+        ways = ("x", "y", "z", "distance")
+        ends = [f"rest {way} {end}" for way in ways for end in ("least", "largest")]
+        for k, head in enumerate([*(f"rest {way}" for way in ways), *ends]):
+            columns.append(Column(head, [row[k] for row in rests], "m"))
+        return Table(columns)
+
+    def _rests(self, pose: int) -> Sequence[float | None]:
+        """Where the machine rests, and between what, if that has been found; (12,) [m]."""
+        if not self.rest_positions.is_known(pose):
+            return [None] * 12
+        whole, ends = self.rest_positions.at(pose).whole[:3], self.rest_positions.interval(pose)
+        return [*whole, float(np.linalg.norm(whole)), *ends.ravel()]
+
+
+@dataclass(frozen=True)
+class ErrorBudget(Budget):
+    """Error of the tool by several causes, each with its variance."""
+
+    given: tuple[str, ...]
+    """What was given besides the mechanism, lines of text."""
+    assumed: tuple[str, ...]
+    """What was assumed, lines of text."""
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The tool's displacement that loads and heat bring in any case, (n, 3) [m]."""
+        return np.asarray(self.model.means.sum(axis=0))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the rest, (n, 3, 3) [m^2]."""
+        return np.asarray(self.model.covariances.sum(axis=0))
+
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square distance, (n,) [m]."""
+        return self.model.rms
+
+    @cached_property
+    def _at_worst(self) -> ErrorModel:
+        return self.model.subset(poses=[self.worst_pose])
+
+    def halved(self, *indices: int) -> tuple[float, float]:
+        """By how much `worst` and `rms` fall at the worst pose by half of contributions [m]."""
+        at, scale = self.worst_pose, self.model.scale.copy()
+        scale[list(indices)] *= 0.5
+        other = self._at_worst.scaled(scale)
+        left = other.farthest(start=self.direction[at : at + 1]).size[0]
+        return float(self.worst[at] - left), float(self.rms[at] - other.rms[0])
+
+    def data(self) -> Table:
+        """A row for each contribution at the worst pose."""
+        every = self.model.contributions
+        one = self._at_worst
+        return Table(
+            (
+                Column("joint", [own.joint for own in every]),
+                Column("cause", [own.cause for own in every]),
+                Column("worst", self.worst_parts[self.worst_pose], "m"),
+                Column("rms", [one.subset([k]).rms[0] for k in range(len(every))], "m"),
+                *(Column(f"mean {x}", one.means[:, 0, k], "m") for k, x in enumerate("xyz")),
+                Column("origin", [own.origin for own in every]),
             )
         )
 
     def by(self, what: str) -> dict[str, tuple[float, float]]:
         """Parts of worst case and variance at the worst pose by ``"joint"`` or ``"cause"``."""
-        at, found = self.worst_pose, dict[str, tuple[float, float]]()
-        whole = float(np.trace(self.covariance[at])) or 1.0
-        for i, one in enumerate(self.contributions):
-            key = getattr(one, what)
-            worst, share = found.get(key, (0.0, 0.0))
-            own = float(np.trace(one.variance()[at])) / whole
-            found[key] = worst + float(self.parts[i, at]), share + own
+        found = dict[str, tuple[float, float]]()
+        parts, variances = self.worst_parts[self.worst_pose], self.variances
+        whole = float(variances.sum()) or 1.0
+        for own, part, variance in zip(self.model.contributions, parts, variances, strict=True):
+            worst, share = found.get(getattr(own, what), (0.0, 0.0))
+            found[getattr(own, what)] = worst + float(part), share + float(variance) / whole
         return found
 
-    @staticmethod
-    def sphere() -> np.ndarray:
-        """Directions among which the worst one is searched first, (m, 3)."""
-        half = half_sphere(_DIRECTIONS)
-        return np.vstack([half, -half])
-
-    def farthest(
-        self, contributions: Sequence[Contribution], start: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Worst distances (n,) [m] and their directions (n, 3), found from `start` on.
-
-        Without a start the whole sphere is searched.
-        """
-        n = len(self.q) if start is None else len(start)
-        if start is None:
-            sphere = self.sphere()
-            every = np.broadcast_to(sphere, (n, *sphere.shape))
-            values = sum(one.along(every)[0] for one in contributions)
-            start = sphere[np.asarray(values).argmax(axis=1)]
-        d = start
-        for _ in range(_CLIMBS):
-            total = sum(one.along(d[:, None])[1][:, 0] for one in contributions)
-            size = np.linalg.norm(total, axis=1, keepdims=True)
-            d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
-        return np.asarray(sum(one.along(d[:, None])[0][:, 0] for one in contributions)), d
+    @property
+    def variances(self) -> np.ndarray:
+        """Of the tool's distance at the worst pose, by contribution, (k,) [m^2]."""
+        return np.asarray(np.trace(self._at_worst.covariances[:, 0], axis1=1, axis2=2))
 
     def sample(self, count: int, seed: int = 0) -> np.ndarray:
         """Errors of the tool at the worst pose by the exact kinematics, at random, (count, 3) [m].
 
         Sets are drawn as their variances suppose.
         """
-        random, at = np.random.default_rng(seed), self.worst_pose
-        return self._displaced([one.at([at]).draw(random, count) for one in self.contributions])
+        return self._displaced(self._at_worst.draw(np.random.default_rng(seed), count))
 
-    @property
+    @cached_property
     def reached(self) -> float:
-        """Distance by the exact kinematics where all twists are those of `worst` [m]."""
-        at = self.worst_pose
-        twists = [one.at([at]).twist(self.direction[at]) for one in self.contributions]
-        return float(np.linalg.norm(self._displaced(twists)[0]))
+        """Distance by the exact kinematics where all displacements are those of `worst` [m]."""
+        direction = self.direction[self.worst_pose]
+        points = self._at_worst.along(direction[None, None]).point[:, 0, 0]
+        return float(np.linalg.norm(self._displaced(points[None])[0]))
 
-    def _displaced(self, twists: Sequence[np.ndarray]) -> np.ndarray:
-        """Errors of the tool at the worst pose by twists of all contributions, each (m, 6)."""
-        by_joint: dict[str, np.ndarray] = {}
-        for one, twist in zip(self.contributions, twists, strict=True):
-            by_joint[one.joint] = by_joint.get(one.joint, 0.0) + twist
-        count, q = len(twists[0]), self.q[self.worst_pose]
+    def _displaced(self, points: np.ndarray) -> np.ndarray:
+        """Errors of the tool at the worst pose by displacements (m, k, 6) of contributions."""
+        q = self.q[self.worst_pose]
         model, data = self.mechanism.model, self.mechanism.data
-        tool = tool_place(self.mechanism, q)
+        tool = tool_place(self.mechanism, q).translation
         pin.computeJointJacobians(model, data, q)
-        frame = model.frames[self.mechanism.tool_frame]
-        supports = [int(i) for i in model.supports[frame.parentJoint] if i > 0]
-        turn = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
-        shift = np.zeros((count, 3))
-        order = {name: place(self.mechanism, name) for name in by_joint}
-        for index in supports:
-            for name, (own, axes) in order.items():
-                if own != index:
-                    continue
-                rows = axes.rotation
-                centre = axes.translation
-                own_turn = _rotations(by_joint[name][:, 3:] @ rows.T)
-                moved = by_joint[name][:, :3] @ rows.T
-                # x -> centre + R (x - centre) + moved, within what has been displaced before.
-                shift = shift + np.einsum(
-                    "nij,nj->ni", turn, centre + moved - np.einsum("nij,j->ni", own_turn, centre)
-                )
-                turn = np.einsum("nij,njk->nik", turn, own_turn)
-        place_now = np.einsum("nij,j->ni", turn, tool.translation) + shift
-        return np.asarray(place_now - tool.translation)
+        carrying = model.supports[model.frames[self.mechanism.tool_frame].parentJoint]
+        at = dict[str, list[int]]()
+        for k, one in enumerate(self.model.contributions):
+            at.setdefault(one.joint, []).append(k)
+        places = {name: place(self.mechanism, name) for name in at}
+        chain = [name for i in carrying for name, (index, _) in places.items() if index == i]
+        errors = np.zeros((len(points), 3))
+        for row, point in zip(errors, points, strict=True):
+            moved = pin.SE3.Identity()
+            for name in chain:
+                axes, xi = places[name][1], point[at[name]].sum(axis=0)
+                moved = moved * axes * pin.SE3(pin.exp3(xi[3:]), xi[:3]) * axes.inverse()
+            row[:] = moved.act(tool) - tool
+        return errors
 
-    @property
     def table(self) -> Table:
         """At the worst pose: each joint and cause, shares, and what halving buys."""
-        at = self.worst_pose
+        at, one = self.worst_pose, self._at_worst
         same: dict[tuple[str, str], list[int]] = {}
-        for i, one in enumerate(self.contributions):
-            same.setdefault((one.joint, one.cause), []).append(i)
+        for i, own in enumerate(self.model.contributions):
+            same.setdefault((own.joint, own.cause), []).append(i)
+        parts = {key: float(self.worst_parts[at, indices].sum()) for key, indices in same.items()}
         rows: list[tuple] = []
-        small = []
-        for (joint, cause), indices in sorted(
-            same.items(), key=lambda item: -self.parts[item[1], at].sum()
-        ):
-            part = float(self.parts[indices, at].sum())
-            if part <= _LISTED * self.worst[at]:
-                small.append(part)
-                continue
-            ones = [self.contributions[i] for i in indices]
-            mean, variance = (
-                np.sum([getattr(one, name)()[at] for one in ones], axis=0)
-                for name in ("mean", "variance")
-            )
-            gain, less = self.halved(*indices)
-            rms = float(_rms(mean[None], variance[None])[0])
-            rows.append((joint, cause, part, part / self.worst[at], rms, -gain, -less))
+        small = [part for part in parts.values() if part <= _LISTED * self.worst[at]]
+        for key in sorted(same, key=lambda key: -parts[key]):
+            if parts[key] > _LISTED * self.worst[at]:
+                gain, less = self.halved(*same[key])
+                rms = float(one.subset(same[key]).rms[0])
+                rows.append((*key, parts[key], parts[key] / self.worst[at], rms, -gain, -less))
         heads = [("joint", ""), ("cause", ""), ("worst case", "m"), ("share", "1"), ("rms", "m")]
         heads += [("halved: worst", "m"), ("halved: rms", "m")]
         totals: list[tuple] = []
@@ -400,7 +543,7 @@ class ErrorBudget:
         )
         mean = ", ".join(f"{1e3 * x:.4f}" for x in self.mean[at])
         off = self.reached / self.worst[at] - 1.0
-        fits = "" if abs(off) < _FITS else ": too far for levers; is the class right?"
+        fits = "" if abs(off) < _LINEAR else ": too far for Jacobians; is the class right?"
         return [
             f"by cause: {shares}",
             f"loads and heat displace the tool by {mean} mm along x, y, z in any case",
@@ -411,324 +554,235 @@ class ErrorBudget:
         ]
 
 
-def _rms(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    square = (mean**2).sum(axis=1) + np.trace(covariance, axis1=1, axis2=2)
-    return np.asarray(np.sqrt(square))
-
-
-def _rotations(vectors: np.ndarray) -> np.ndarray:
-    """Rotation matrices of rotation vectors, (n, 3) to (n, 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
-
-
-def error_budget(
+@overload
+def budget(
     mechanism: Mechanism,
     poses: np.ndarray | Mapping[str, float],
     *,
+    causes: None = None,
+    force: Sequence[float] = ...,
+    second_order: bool = ...,
+    driven: Sequence[str] | None = ...,
+    friction: float | None = ...,
+    drive: Drive = ...,
+    relative_to: str | None = ...,
+) -> PlayBudget: ...
+
+
+@overload
+def budget(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    causes: Collection[str | Cause],
+    force: Sequence[float] = ...,
+    errors: RobotErrors | None = ...,
+    kind: str | None = ...,
+    remaining: Mapping[tuple[str, str], float] | None = ...,
+) -> ErrorBudget: ...
+
+
+def budget(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    causes: Collection[str | Cause] | None = None,
     force: Sequence[float] = (0.0, 0.0, 0.0),
     errors: RobotErrors | None = None,
     kind: str | None = None,
-    causes: Collection[str] = CAUSES,
     remaining: Mapping[tuple[str, str], float] | None = None,
-) -> ErrorBudget:
-    """The whole error of the tool, by joint and by cause.
+    second_order: bool = True,
+    driven: Sequence[str] | None = None,
+    friction: float | None = None,
+    drive: Drive = FOLLOW,
+    relative_to: str | None = None,
+) -> Budget:
+    """How far off the tool can be, without dynamics: by play alone, or by several causes.
+
+    In closed loops the driven joints stand and the others follow, to the first order; joints
+    outside the loops stand.
 
     Args:
-        mechanism: a tree, with or without play.
-        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq).
-        force: on the tool, besides gravity, world axes [N].
-        errors: what is known of the robot and of its joints.
-        kind: class of robots from which all else is taken, of `ERROR_CLASSES`; None: that of
-            `errors`, or ``industrial``.
-        causes: those that count, of `CAUSES`.
-        remaining: parts of single causes that remain, by joint and cause: clearances, plays of
-            gears, deflections, amplitudes and tolerances are so many times as large; of a joint
-            with a rolling bearing and a gear, the gear's play.
+        mechanism: with play; of several causes a tree, with or without.
+        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
+            that are open there are closed by the joints that are not driven.
+        causes: those that count, such as `CAUSES`, by name or as a `Cause` of one's own. None: play
+            alone, by joints and gears, with where the machine rests.
+        force: on the tool, besides gravity, in world axes, shape (3,) [N].
+        errors: of several causes: what is known of the robot and of its joints.
+        kind: of several causes: class of robots from which all else is taken, of `ERROR_CLASSES`;
+            None: that of `errors`, or ``industrial``.
+        remaining: of several causes: parts of single ones that remain, by joint and cause:
+            clearances, plays of gears, deflections, amplitudes and tolerances are so many times as
+            large; of a joint with a rolling bearing and a gear, the gear's play.
+        second_order: of play alone, like all below: widen the sets so that they contain all poses
+            without penetration; without, all errors are proportional to the clearances.
+        driven: joints of loops that stand; None: the first that determine the others.
+        friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
+            None: the largest that the law of each joint has.
+        drive: of all joints that stand, as in a run: where they rest, drives of finite stiffness
+            give way a little, unless a force acts on the tool. `Prescribed` does not.
+        relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
+            errors, directions and positions are those seen from it, in its axes. The base stays
+            held, for loads. None: the world.
+
+    Returns:
+        A `PlayBudget`, or an `ErrorBudget` of causes.
 
     Raises:
-        JointplayError: loops; a force that is no vector; springs of another kind of joint; a part
-            that is not positive, or of the play of a rolling bearing, which is not proportional
-            to its clearance.
-        MissingName: no such joint, class or cause.
+        JointplayError: a friction coefficient that is negative or not finite; nothing has play; a
+            pose of the wrong shape; a force that is no vector; an axis without limit that the tool
+            feels; loops that cannot be closed, or near a singular position, where the first order
+            does not hold. Of several causes: loops; springs of another kind of joint; a part that
+            is not positive, or of the play of a rolling bearing, which is not proportional to its
+            clearance.
+        MissingName: no such joint, body, class or cause.
     """
     require_a("mechanism", mechanism, "Mechanism")
+    if causes is not None:
+        if relative_to is not None or driven is not None or friction is not None:
+            raise JointplayError(
+                "relative_to, driven and friction are for play alone: leave them or causes out"
+            )
+        return _of_causes(mechanism, poses, causes, force, errors, kind, remaining or {})
+    if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
+        raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
+    if not drive.follows:
+        raise JointplayError(
+            f"a {drive.kind} drive holds no position: the budget's drives must follow a motion, "
+            "such as ComputedTorque() or Prescribed()"
+        )
+    if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
+        exact = {name: gear.without_error() for name, gear in mechanism.gears.items()}
+        mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
+    q = configurations(mechanism, poses, driven)
+    model = play_model(
+        mechanism,
+        q,
+        force=force,
+        second_order=second_order,
+        driven=driven,
+        loops=True,
+        relative_to=relative_to,
+    )
+    half = half_sphere()
+    states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
+    found = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
+    # The states that a load of random direction brings about are those just found.
+    errors_of = states.error[..., :3]
+    total = errors_of.sum(axis=0)
+    rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
+    share = np.einsum("jnmk,nmk->nj", errors_of, total) / total.shape[1]
+    rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
+    if mechanism.loops:
+        more = _second_order_of_loops(mechanism, q, model, found.direction, driven)
+    else:
+        more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
+    push = force_on_tool(force)
+    rest = RestPositions(mechanism, q, model, push, driven, friction, drive, more, relative_to)
+    return PlayBudget(
+        mechanism,
+        q,
+        model,
+        push,
+        _positions(mechanism, q, relative_to),
+        found,
+        rest,
+        rms,
+        rms_parts,
+    )
+
+
+def _of_causes(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    causes: Collection[str | Cause],
+    force: Sequence[float],
+    errors: RobotErrors | None,
+    kind: str | None,
+    remaining: Mapping[tuple[str, str], float],
+) -> ErrorBudget:
+    """The budget of several causes."""
     if mechanism.loops:
         raise JointplayError(
-            f"loop {next(iter(mechanism.loops))!r}: a whole error budget is for robots without "
+            f"loop {next(iter(mechanism.loops))!r}: a budget of all causes is for robots without "
             "closed loops; budget() has the play of those with loops"
         )
-    for cause in causes:
-        if cause not in CAUSES:
-            raise MissingName("cause of errors", cause, CAUSES)
     given = RobotErrors() if errors is None else errors
     kind = kind or given.assumed or "industrial"
-    if kind not in ERROR_CLASSES:
-        raise MissingName("class of errors", kind, CLASSES)
-    refuse_misfit(given, mechanism)
-    parts = _checked_parts(mechanism, remaining or {})
-    smaller = {
-        name: mechanism.clearance[name].scaled(own["play"])
-        for name, own in parts.items()
-        if "play" in own and is_proportional(mechanism, name)
-    }
-    if smaller:
-        mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
-    q = configurations(mechanism, poses)
-    push = np.array([require_finite("force on the tool", one, "N") for one in force])
-    if push.shape != (3,):
-        raise JointplayError(f"the force on the tool must have three components, got {force!r}")
-    moves, loads, arms = _levers(mechanism, q, push)
-    found: list[Contribution] = []
-    for name in mechanism.joints:
-        if not moves[name].any():
-            continue
-        at = moves[name], loads[name], arms[name]
-        found += _of_joint(mechanism, name, _Sizes(given, kind), parts.get(name, {}), *at)
-    for name in mechanism.mounts:
-        if moves[name].any():
-            shift = mechanism.clearance[name].springs.displacements(loads[name])
-            sizes = _Sizes(given, kind)
-            spread, origin = sizes.of(name, "stiffness_spread")
-            words = sizes.words({f"either way {100 * spread:g} %": origin}, ["its springs"])
-            factor = parts.get(name, {}).get("elasticity", 1.0)
-            found.append(
-                Contribution(name, "elasticity", None, shift, spread, np.zeros((6, 6)), moves[name],
-                             words, factor)
-            )  # fmt: skip
-    kept = tuple(one for one in found if one.cause in causes)
-    if not kept:
-        raise JointplayError("nothing moves the tool, or no cause is counted")
-    assumed, stated = dict[str, None](), dict[str, list[str]]()
-    for one in kept:
-        head, mark, told = one.origin.partition("given: ")
-        if mark:
-            line = f"{one.cause}: {told.partition(';')[0]}"
-            stated.setdefault(line, []).append(one.joint)
-        if head.startswith("class"):
-            told = head.partition(";")[0].partition("assumed: ")[2]
-            assumed[f"{one.cause}: {told} (class {kind!r})"] = None
-    moved = len({one.joint for one in kept})
-    lines = (
-        f"{line} ({'all joints' if len(names) == moved else ', '.join(names)})"
-        for line, names in stated.items()
+    push, q = force_on_tool(force), configurations(mechanism, poses)
+    mechanism, model = cause_model(mechanism, q, push, named(causes), given, kind, remaining)
+    told = told_apart(model, kind)
+    return ErrorBudget(mechanism, q, model, push, _positions(mechanism, q), model.farthest(), *told)
+
+
+def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> np.ndarray:
+    """Of the tool at configurations (n, nq), (n, 3) [m]."""
+    return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
+
+
+def _carries(mechanism: Mechanism, body: str) -> bool:
+    """Whether a body is on the way from the base to the tool, so that all lead from it outwards."""
+    model = mechanism.model
+    at, tool = (
+        {*model.supports[model.frames[index].parentJoint]}
+        for index in (frame_index(model, body), mechanism.tool_frame)
     )
-    return ErrorBudget(kept, q, mechanism, push, tuple(assumed), tuple(lines))
+    return at <= tool
 
 
-def is_proportional(mechanism: Mechanism, joint: str) -> bool:
-    """Whether a joint has a clearance to which its play is proportional, in the first order.
+def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
+    """What products of small rotations can add to the tool's displacement, at most, (n,) [m].
 
-    The play of a rolling bearing along its axis and in tilt grows with the root of its clearance.
+    A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part; one
+    nearer to the base turns what the others have displaced. Unless the sources come from the base
+    `outwards`, any may turn what any other has displaced.
     """
-    own = mechanism.clearance.get(joint)
-    return own is not None and bool(own.clearances) and own.resultant is None
+    whole = 0.0 if outwards else sum(play.reach[1] for play in model.plays)
+    total = np.zeros(model.poses)
+    turned = np.zeros_like(total)
+    for play, move in zip(model.plays, model.jacobian, strict=True):
+        aside, angle = play.reach
+        arms = np.linalg.norm(move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
+        felt = np.abs(move).max(axis=(1, 2)) > 0.0
+        moved = np.where(felt, aside + angle * arms, 0.0)
+        total += np.where(felt, 0.5 * angle**2 * arms, 0.0)
+        total += turned * moved if outwards else (whole - angle) * moved
+        turned += np.where(felt, angle, 0.0)
+    return total
 
 
-def _checked_parts(
-    mechanism: Mechanism, remaining: Mapping[tuple[str, str], float]
-) -> dict[str, dict[str, float]]:
-    """What remains of causes, by joint."""
-    parts: dict[str, dict[str, float]] = {}
-    for (name, cause), part in remaining.items():
-        if name not in (*mechanism.joints, *mechanism.mounts):
-            raise MissingName("joint", name, [*mechanism.joints, *mechanism.mounts])
-        if cause not in CAUSES:
-            raise MissingName("cause of errors", cause, CAUSES)
-        part = require_positive(f"part of {cause} of {name!r} that remains", part, "")
-        if cause == "play" and not is_proportional(mechanism, name):
-            own = mechanism.clearance.get(name)
-            if own is not None and max(own.play().reach) > 0.0 and name not in mechanism.gears:
-                raise JointplayError(
-                    f"the play of joint {name!r} ({own.kind}) is not proportional to its "
-                    "clearance; give the joint another class of bearing"
-                )
-        parts.setdefault(name, {})[cause] = part
-    return parts
-
-
-def _levers(
-    mechanism: Mechanism, q: np.ndarray, push: np.ndarray
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Levers (n, 6, 6), loads (n, 6) and ways to the next joint or the tool (n, 3), by joint."""
-    names, n = (*mechanism.joints, *mechanism.mounts), len(q)
-    moves = {name: np.zeros((n, 6, 6)) for name in names}
-    loads = {name: np.zeros((n, 6)) for name in names}
-    arms = {name: np.zeros((n, 3)) for name in names}
-    for i, row in enumerate(q):
-        pin.computeJointJacobians(mechanism.model, mechanism.data, row)
-        tool = tool_place(mechanism, row)
-        pin.centerOfMass(mechanism.model, mechanism.data, row, True)
-        centres = {}
-        for name in names:
-            moves[name][i], loads[name][i] = lever(mechanism, name, tool.translation, push)
-            centres[name] = place(mechanism, name)
-        chain = [name for name in names if moves[name][i].any()]
-        chain.sort(key=lambda name: centres[name][0])
-        for name, after in zip(chain, [*chain[1:], None], strict=True):
-            to = tool.translation if after is None else centres[after][1].translation
-            axes = centres[name][1]
-            arms[name][i] = axes.rotation.T @ (to - axes.translation)
-    return moves, loads, arms
-
-
-def _of_joint(
+def _second_order_of_loops(
     mechanism: Mechanism,
-    name: str,
-    sizes: _Sizes,
-    remaining: Mapping[str, float],
-    move: np.ndarray,
-    load: np.ndarray,
-    arm: np.ndarray,
-) -> list[Contribution]:
-    """All contributions of a joint; of each cause `remaining` remains."""
-    n = len(move)
-    slides = mechanism.description.joints[name].slides
-    about = 2 if slides else 5
-    unit = "m" if slides else "rad"
-    none, nothing = np.zeros((n, 6)), np.zeros((6, 6))
+    q: np.ndarray,
+    model: ErrorModel,
+    direction: np.ndarray,
+    driven: Sequence[str] | None,
+) -> np.ndarray:
+    """Distance of the tool from its first order, journals farthest along directions, (n,) [m].
 
-    def along(size: float) -> tuple[float, ...]:
-        return tuple(size if k == about else 0.0 for k in range(6))
-
-    def variance(halves: Sequence[float]) -> np.ndarray:
-        return np.diag(np.array(halves) ** 2)
-
-    found = []
-    joint, gear = mechanism.clearance.get(name), mechanism.gears.get(name)
-    random = np.random.default_rng(0)
-    for play, words in (
-        (None if joint is None else joint.play(), "the joint's clearance"),
-        (None if gear is None else TurnPlay(gear.unloaded_range / 2.0), f"its{GEAR}"),
-    ):
-        if play is not None and max(play.reach) > 0.0:
-            states = _pushed(play, random, DRAWS)
-            spread = states.T @ states / DRAWS
-            # A clearance has been made smaller already.
-            turns = isinstance(play, TurnPlay)
-            factor = remaining.get("play", 1.0) if turns else 1.0
-            chosen = turns or is_proportional(mechanism, name)
-            found.append(
-                Contribution(name, "play", play, none, 0.0, spread, move, words, factor, chosen)
+    Raises:
+        JointplayError: near a singular position the loops go elsewhere, or cannot be closed.
+    """
+    closing = ClosedLoops(mechanism, q[0], driven)
+    states = model.along(direction[:, None])
+    largest = max(play.reach[0] for play in model.plays)
+    away = np.zeros(len(q))
+    for i, row in enumerate(q):
+        linear = states.error[:, i, 0, :3].sum(axis=0)
+        here = tool_place(mechanism, row).translation
+        aside = dict(zip(model.names, states.point[:, i, 0], strict=True))
+        exact = displaced(closing, row, aside)
+        if exact is not None:
+            away[i] = float(np.linalg.norm(exact.translation - here - linear))
+        if exact is None or away[i] > _TRUE * max(float(np.linalg.norm(linear)), largest):
+            what = (
+                "the loops cannot be closed with the journals aside"
+                if exact is None
+                else f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
             )
-    shift, words, spread = _elastic(mechanism, name, sizes, load, about)
-    found.append(Contribution(name, "elasticity", None, shift, spread, nothing, move, words))
-    for key, part, word in (("encoder", 0.5, "resolution"), ("zero_offset", 1.0, "zero offset")):
-        size, origin = sizes.of(name, key, slides)
-        box, cov = BoxPlay(along(part * size)), variance(along(part * size)) / 3.0
-        words = sizes.words({f"{word} {size:.4g} {unit}": origin})
-        found.append(Contribution(name, "encoder", box, none, 0.0, cov, move, words))
-    size, origin = sizes.of(name, "gear_error", slides)
-    words = sizes.words({f"amplitude {size:.4g} {unit}": origin})
-    own = sizes.given.joints.get(name)
-    if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
-        size, words = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms), "its gear"
-    wave = SinePlay(along(size))
-    found.append(
-        Contribution(name, "gear error", wave, none, 0.0, variance(wave.amplitude) / 2.0, move,
-                     words)
-    )  # fmt: skip
-    offset, offset_from = sizes.of(name, "axis_offset")
-    tilt, tilt_from = sizes.of(name, "axis_tilt")
-    words = sizes.words({f"offset {offset:.4g} m": offset_from, f"tilt {tilt:.4g} rad": tilt_from})
-    halves = (offset, offset, offset, tilt, tilt, 0.0)
-    found.append(
-        Contribution(name, "geometry", BoxPlay(halves), none, 0.0, variance(halves) / 3.0, move,
-                     words)
-    )  # fmt: skip
-    heating, heating_from = sizes.of(name, "heating")
-    expansion, expansion_from = sizes.of(name, "expansion")
-    grown = np.concatenate([0.5 * heating * expansion * arm, np.zeros((n, 3))], axis=1)
-    words = sizes.words({
-        f"up to {heating:g} K": heating_from, f"{1e6 * expansion:.3g} um/(m K)": expansion_from,
-    })  # fmt: skip
-    found.append(Contribution(name, "heat", None, grown, 1.0, nothing, move, words))
-    return [
-        one if one.cause == "play" else replace(one, factor=remaining.get(one.cause, 1.0))
-        for one in found
-        if one.set is not None or one.shift.any()
-    ]
-
-
-_TURNING = ("encoder", "zero_offset", "gear_error")
-"""What robots and their classes have of joints that turn."""
-_PINION = 0.01
-"""Radius of the pinion by which a slider has what a class has of joints that turn [m]."""
-
-
-@dataclass(frozen=True)
-class _Sizes:
-    """What is given of a robot, and what a class has where nothing is."""
-
-    given: RobotErrors
-    kind: str
-
-    def of(self, joint: str, key: str, slides: bool = False) -> tuple[float, str]:
-        """A number of a joint, and whether it is ``given`` or ``assumed``."""
-        own = getattr(self.given.joints.get(joint), key, None)
-        turns = slides and key in _TURNING
-        if own is None and not turns:
-            own = getattr(self.given, key)
-        if own is not None:
-            return float(own), "given"
-        return getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0), "assumed"
-
-    def words(self, parts: Mapping[str, str], others: Sequence[str] = ()) -> str:
-        """Where numbers come from, by their texts, those that are assumed first."""
-        found = []
-        for origin, head in (("assumed", f"class {self.kind!r}, assumed"), ("given", "given")):
-            if any(own == origin for own in parts.values()):
-                texts = [text for text, own in parts.items() if own == origin]
-                found.append(f"{head}: {', '.join(texts)}")
-        return "; ".join([*found, *others])
-
-
-def _elastic(
-    mechanism: Mechanism, name: str, sizes: _Sizes, load: np.ndarray, about: int
-) -> tuple[np.ndarray, str, float]:
-    """How a joint gives way under its loads (n, 6), by which stiffness, and its spread."""
-    shift, words = np.zeros((len(load), 6)), []
-    parts: dict[str, str] = {}
-    joint, gear = mechanism.clearance.get(name), mechanism.gears.get(name)
-    own = sizes.given.joints.get(name, JointErrors())
-    carried = load.copy()
-    carried[:, about] = 0.0
-    if joint is not None and joint.springs is not None:
-        shift += joint.springs.displacements(carried)
-        words.append("its springs")
-    elif isinstance(joint, RollingBearing):
-        play = joint.play(second_order=False)
-        for i, one in enumerate(carried):
-            point = play.support(one[None]).point[0]
-            shift[i] += joint.deflection(one[:3], one[3:]) - point
-        words.append("its bearing")
-    elif joint is not None:
-        play = joint.play(second_order=False)
-        point = play.support(carried).point
-        pressed = play.pressed(carried, point)
-        if pressed is not None:
-            shift += compliance_shift(joint, pressed)
-            words.append("its contacts")
-    if own.elasticity is not None:
-        shift += own.elasticity.displacements(carried)
-        parts[own.elasticity.words] = "given"
-    elif joint is None:
-        stiffness, origin = sizes.of(name, "tilt_stiffness")
-        shift[:, 3:5] += carried[:, 3:5] / stiffness
-        parts[f"{stiffness:g} N m/rad in tilt"] = origin
-    if own.torsional_stiffness is not None:
-        shift[:, about] += load[:, about] / own.torsional_stiffness
-        unit = "N m/rad in torsion" if about == 5 else "N/m along the axis"
-        parts[f"{own.torsional_stiffness:g} {unit}"] = "given"
-    elif gear is not None:
-        torque = load[:, about]
-        shift[:, about] += np.sign(torque) * gear.curve().depth(np.abs(torque))
-        words.append("its gear")
-    elif about == 5:
-        stiffness, origin = sizes.of(name, "torsional_stiffness")
-        shift[:, about] += load[:, about] / stiffness
-        parts[f"{stiffness:g} N m/rad in torsion"] = origin
-    spread, origin = sizes.of(name, "stiffness_spread")
-    parts[f"either way {100 * spread:g} %"] = origin
-    return shift, sizes.words(parts, words), spread
+            raise JointplayError(
+                f"near a singular position at {closing.stands(row, i, len(q))}: "
+                f"{what}; leave this pose out, or simulate (jointplay run)"
+            )
+    return away

@@ -18,9 +18,9 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_non_negative
-from jointplay.design.levers import LeanPlay, TurnPlay
+from jointplay.design.error_budget import PlayBudget, budget
+from jointplay.design.error_model import Line, Tilt
 from jointplay.design.reduction import Reduction
-from jointplay.design.static_budget import Budget, budget, farthest
 from jointplay.mechanism.elements import Element, document, moments, put, put_inertial, written
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import joint_limits
@@ -341,7 +341,7 @@ def reach(
     reductions: Iterable[Reduction],
     pose: Mapping[str, float],
     leaning: Iterable[str] = (),
-) -> tuple[float, Budget]:
+) -> tuple[float, PlayBudget]:
     """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
 
     Of both the worst case. Files have no travel of journals aside and along.
@@ -352,7 +352,10 @@ def reach(
     found = budget(mechanism, pose)
     bands = {one.joint: one.dead_band for one in reductions}
     tilts = {one.joint: one.tilt for one in reductions if one.joint in set(leaning)}
-    plays = [LeanPlay(tilts.get(name, 0.0)) for name in mechanism.clearance]
-    turns = [TurnPlay(0.5 * bands.get(name, 0.0)) for name in mechanism.gears]
-    written = replace(found.sources, plays=(*plays, *turns))
-    return float(farthest(written, turn=False)[0][0]), found
+    own = tuple(
+        replace(one, set=Line((0.0,) * 5 + (0.5 * bands.get(one.joint, 0.0),)))
+        if one.gear
+        else replace(one, set=Tilt(tilts.get(one.joint, 0.0)))
+        for one in found.model.contributions
+    )
+    return float(replace(found.model, contributions=own).farthest().size[0]), found

@@ -32,7 +32,8 @@ from jointplay.analysis.bearings import element_loads
 from jointplay.core.errors import JointplayError, MissingName, require_a, require_positive
 from jointplay.core.progress import ProgressBar
 from jointplay.core.schema import plain
-from jointplay.design.levers import place, sources
+from jointplay.design.error_model import play_model
+from jointplay.design.jacobians import place
 from jointplay.design.poses import moving
 from jointplay.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.loads.drive import JointFriction, Prescribed
@@ -78,7 +79,7 @@ def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | 
     for part in clearance.freedoms:
         if part not in clearance.ideal_freedoms:
             upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
-    plays = sources(mechanism, upright)
+    plays = play_model(mechanism, upright)
     moment = plays.load[plays.names.index(joint), :, 3:5]
     size = np.linalg.norm(moment, axis=1, keepdims=True)
     unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
@@ -505,7 +506,7 @@ def _across(
     if clearance is None or clearance.hinge is None:
         return {}
     hinge = clearance.hinge
-    load = sources(mechanism, pose).load[0, 0]
+    load = play_model(mechanism, pose).load[0, 0]
     if isinstance(clearance, RollingBearing):
         return _across_elements(clearance, load)
     _, tilt = clearance.play(second_order=False).reach

@@ -4,8 +4,8 @@ Without friction a journal slides to where the potential energy is lowest. To th
 is the point at which the support function of its play is attained (`joints.play`), but the axial
 torque of a load that leans the joint does work only through the product of two leans, as the
 drive's coupling has it, and so do the weights of all that leans with it: where the first order
-leaves the lean nearly open, the second decides. So `Standing.rest` asks `simulation.statics`, as a
-run with start="rest" does.
+leaves the lean nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as
+a run with start="rest" does.
 
 With Coulomb friction a journal rests wherever its contacts, each pushing within its cone of
 friction, can balance its load. For friction at given parts of the normal forces that is the state
@@ -26,7 +26,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.design import loop_play
-from jointplay.design.levers import GEAR, PlaySources, displaced_configuration, tool_place
+from jointplay.design.error_model import ErrorModel
+from jointplay.design.jacobians import GEAR, displaced_configuration, tool_place
 from jointplay.joints import RELATIVE, Clearance
 from jointplay.joints.play import Play, Pressed
 from jointplay.loads.drive import Drive, Prescribed, assign
@@ -39,7 +40,7 @@ from jointplay.simulation.loads import load_site
 from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, depths, weight_curvature
 
 AGREES_M = 1e-6
-"""Distance within which `Standing.rest` has the tool where a run with start="rest" begins [m]."""
+"""Distance within which `RestPositions` have the tool where a run with start="rest" begins [m]."""
 STATES = 1296
 """Friction states of each joint that are tried, half of them at random."""
 _INSTANT_S = 1e-3
@@ -65,8 +66,8 @@ class RestPlace(NamedTuple):
     """Where a machine rests without friction; NaN where no place of rest is found."""
 
     parts: np.ndarray
-    """The tool's error by source of play, by its lever, shape (j, 6) [m, rad]; NaN where plays hold
-    each other, for none moves the tool alone."""
+    """The tool's error by source of play, shape (j, 6) [m, rad]; NaN where plays hold each other,
+    for none moves the tool alone."""
     whole: np.ndarray
     """The tool's error of all, exactly, shape (6,) [m, rad]."""
     loads: np.ndarray
@@ -75,13 +76,14 @@ class RestPlace(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Standing:
+class RestPositions:
     """A machine with play that stands, at n poses."""
 
     mechanism: Mechanism
     q: np.ndarray
     """Configurations, journals centred and loops closed, shape (n, nq)."""
-    sources: PlaySources
+    model: ErrorModel
+    """The error by play."""
     force: np.ndarray
     """On the tool, world axes, shape (3,) [N]."""
     driven: Sequence[str] | None
@@ -91,7 +93,7 @@ class Standing:
     drive: Drive
     """Of all joints that stand."""
     second_order: np.ndarray
-    """By how much the tool may be elsewhere than the levers say, shape (n,) [m]."""
+    """By how much the tool may be elsewhere than the Jacobians say, shape (n,) [m]."""
     relative_to: str | None = None
     """Body from which the tool is seen; None: the world."""
 
@@ -116,8 +118,8 @@ class Standing:
         """
         return tuple(
             name
-            for name, play in zip(self.sources.names, self.sources.plays, strict=True)
-            if name not in self._gears and (self.sources.tied or type(play).pressed is Play.pressed)
+            for name, play in zip(self.model.names, self.model.plays, strict=True)
+            if name not in self._gears and (self.model.tied or type(play).pressed is Play.pressed)
         )
 
     def is_known(self, pose: int) -> bool:
@@ -141,12 +143,12 @@ class Standing:
         """
         mass = pin.computeTotalMass(self.mechanism.model)
         whole = mass * np.linalg.norm(self.mechanism.gravity) + np.linalg.norm(self.force)
-        loads = self.rest(pose).loads
-        arms = np.array([_arm(play) for play in self.sources.plays])
+        loads = self.at(pose).loads
+        arms = np.array([_arm(play) for play in self.model.plays])
         sizes = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / arms
         return np.asarray(sizes <= _NOTHING * whole)
 
-    def rest(self, pose: int) -> RestPlace:
+    def at(self, pose: int) -> RestPlace:
         """Where the machine rests without friction at a pose, as a run with start="rest" begins.
 
         Contacts, teeth and drives give way by their laws; not so the drives under a force on the
@@ -189,21 +191,21 @@ class Standing:
         if not found.solved:
             found = balance.settle()
         if not found.solved:
-            each = np.full((len(self.sources.names), 6), np.nan)
+            each = np.full((len(self.model.names), 6), np.nan)
             return RestPlace(each, np.full(6, np.nan), each)
         ideal, there = (tool_place(mechanism, one, self.relative_to) for one in (q, found.q))
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         whole = np.concatenate([there.translation - ideal.translation, turn])
-        points = np.array([self._displacement(name, pose, found.q) for name in self.sources.names])
-        parts = np.einsum("jik,jk->ji", self.sources.move[:, pose], points)
-        if self.sources.tied:
+        points = np.array([self._displacement(name, pose, found.q) for name in self.model.names])
+        parts = np.einsum("jik,jk->ji", self.model.jacobian[:, pose], points)
+        if self.model.tied:
             parts = np.full_like(parts, np.nan)
         borne = balance.wrenches(found.q)
         teeth = np.array([0.0] * 5 + [1.0])
         bearing = [
             teeth * own if name in self._gears else borne[name]
             for name, own in zip(
-                self.sources.names, self.sources.load[:, pose, 5].tolist(), strict=True
+                self.model.names, self.model.load[:, pose, 5].tolist(), strict=True
             )
         ]
         return RestPlace(parts, whole, np.array(bearing))
@@ -232,7 +234,7 @@ class Standing:
         widest = 2.2 / np.sqrt(_DIRECTIONS)
         nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
         ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
-        place = self.rest(pose).whole[:3]  # no friction is a friction within the cone
+        place = self.at(pose).whole[:3]  # no friction is a friction within the cone
         own = np.append(place, np.linalg.norm(place))
         ends[:, 0] = np.fmin(ends[:, 0], own)
         ends[:, 1] = np.fmax(ends[:, 1], own)
@@ -240,8 +242,8 @@ class Standing:
 
     def _near(self, pose: int) -> np.ndarray:
         """The configuration at rest by the first order, from where the search begins."""
-        points = self.sources.subset(poses=[pose]).at_rest().point[:, 0, 0]
-        aside = dict(zip(self.sources.names, points, strict=True))
+        points = self.model.subset(poses=[pose]).at_rest().point[:, 0, 0]
+        aside = dict(zip(self.model.names, points, strict=True))
         own = {name: xi for name, xi in aside.items() if name not in self._gears}
         return displaced_configuration(self.mechanism, self.q[pose], own)
 
@@ -250,7 +252,7 @@ class Standing:
         return {name + GEAR for name in self.mechanism.gears}
 
     def _displacement(self, name: str, pose: int, there: np.ndarray) -> np.ndarray:
-        """Displacement of a source of play from a pose to `there` (nq,), as its lever takes it."""
+        """Displacement of a source of play, as its set has it, from a pose to `there` (nq,)."""
         mechanism, q = self.mechanism, self.q[pose]
         xi = np.zeros(6)
         if name in self._gears:
@@ -270,8 +272,8 @@ class Standing:
 
     def _clouds(self, pose: int) -> list[np.ndarray]:
         """The tool's errors in states in which friction holds, of each source of play (m, 3)."""
-        plays = self.sources.subset(poses=[pose])
-        move = plays.move[:, 0, :3]
+        plays = self.model.subset(poses=[pose])
+        move = plays.jacobian[:, 0, :3]
         errors: dict[str, np.ndarray] = {}
         grip: dict[str, float] = {}
         if not plays.tied:
@@ -295,7 +297,7 @@ class Standing:
                 if len(found[j]):
                     errors[name] = (found[j] + compliance_shift(joint, contacts)) @ move[j].T
                 else:  # no friction, and one place of rest only
-                    own = self.rest(pose).parts[j : j + 1, :3]
+                    own = self.at(pose).parts[j : j + 1, :3]
                     if not np.isnan(own).any():
                         errors[name] = own
         for j, name in enumerate(plays.names):
@@ -363,20 +365,20 @@ def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
 
 
 def _held_states(
-    sources: PlaySources, friction: Sequence[float], bend: np.ndarray
+    plays: ErrorModel, friction: Sequence[float], bend: np.ndarray
 ) -> tuple[list[np.ndarray], list[Pressed | None]]:
     """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
 
     Args:
-        sources: journals at one pose, which do not hold each other.
+        plays: journals at one pose, which do not hold each other.
         friction: coefficient of friction of each.
         bend: how their loads fall with their displacements, shape (6 j, 6 j).
     """
     random = np.random.default_rng(0)
-    plays = [loop_play.ended(play) for play in sources.plays]
-    own = sources.load[:, 0]
+    sets = [loop_play.ended(play) for play in plays.plays]
+    own = plays.load[:, 0]
     given, points, contacts, tangents = [], [], [], []
-    for play, alone in zip(plays, own, strict=True):
+    for play, alone in zip(sets, own, strict=True):
         arm = _arm(play)
         size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
         noise = random.normal(size=(STATES, 6)) * np.array([1.0] * 3 + [arm] * 3)
@@ -395,7 +397,7 @@ def _held_states(
         if turn == 0:
             stays = falls
         falls = np.where(follows[:, None], falls, stays)
-        for j, play in enumerate(plays):
+        for j, play in enumerate(sets):
             now = contacts[j]
             if now is None:
                 continue
@@ -406,7 +408,7 @@ def _held_states(
             contacts[j] = play.pressed(loads[j], points[j])
     falls = np.concatenate(points, axis=1) @ bend
     found: list[Pressed | None] = []
-    for j, play in enumerate(plays):
+    for j, play in enumerate(sets):
         now = contacts[j]
         if now is not None:
             kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, friction[j], _arm(play))

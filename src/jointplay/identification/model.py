@@ -24,7 +24,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.compiler import njit
-from jointplay.design.levers import place, sources, tool_place
+from jointplay.design.error_model import play_model
+from jointplay.design.jacobians import place, tool_place
 from jointplay.design.poses import moving
 from jointplay.identification.machine import (
     TOOL,
@@ -47,7 +48,6 @@ from jointplay.joints.play import BallPlay, JournalPlay
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.model import z_to
 from jointplay.result.result import AXES
 
 _LATERAL = [0, 1, 3, 4]
@@ -191,7 +191,7 @@ class StaticModel:
         levers: how displacements of a joint move the tool, by its name, (n, 3, 6).
 
     Raises:
-        JointplayError: loops; see `levers.sources`.
+        JointplayError: loops; see `error_model.play_model`.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class StaticModel:
         self._lag = lru_cache(_REMEMBERED)(self._lag_of)
         mechanism = self.mechanism
         q = configurations(mechanism, visits.joints, visits.position)
-        sources(mechanism, q[:0], second_order=False)  # refuses what this model does not know
+        play_model(mechanism, q[:0], second_order=False)  # refuses what this model does not know
         slides = {name: mechanism.description.joints[name].slides for name in moving(mechanism)}
         names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *slides])
         own, inertia, self.levers, tool = _statics(mechanism, visits, q, names)
@@ -481,7 +481,7 @@ def _statics(
         pin.computeJointJacobians(model, data, row)
         tool = tool_place(mechanism, row)
         tools[i] = tool.rotation
-        joints = {name: _place(mechanism, name) for name in names}
+        joints = {name: place(mechanism, name) for name in names}
         for table in (still, loads):
             pin.rnea(model, data, row, v, a)
             for name, (index, axes) in joints.items():
@@ -496,18 +496,6 @@ def _statics(
                 levers[name][i, :, 3:] = np.cross(axes.rotation.T, arm).T
     inertia = {name: loads[name] - still[name] for name in names}
     return loads, inertia, levers, tools
-
-
-def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
-    """See `levers.place`; z along the motion of a joint that slides."""
-    entry = mechanism.description.joints.get(name)
-    if name in mechanism.clearance or entry is None or not entry.slides:
-        return place(mechanism, name)
-    data = mechanism.data
-    index = int(mechanism.model.getJointId(name))
-    column = pin.getJointJacobian(mechanism.model, data, index, pin.ReferenceFrame.WORLD)
-    axis = column.reshape(6, -1)[:3, mechanism.model.joints[index].idx_v]
-    return index, pin.SE3(z_to(axis), data.oMi[index].translation)
 
 
 def _bearing(

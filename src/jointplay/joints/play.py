@@ -27,6 +27,8 @@ _AT_ONCE = 2000
 """Loads of which as many are searched at once: more do not fit into a processor's cache."""
 _NOTHING = 1e-9
 """Part of a load that is rounding."""
+_DRAWS = 4000
+"""States by which the variance of a play is found."""
 _FAR = 100.0
 """Clearances that a journal without end walls is granted along its axis, in `Play.cones`."""
 
@@ -114,6 +116,22 @@ class Play(ABC):
         """
         return None
 
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Where loads of random direction push, shape (count, 6)."""
+        aside, angle = self.reach
+        if aside == 0.0 and angle == 0.0:
+            return np.zeros((count, 6))
+        arm = aside / angle if angle > 0.0 and aside > 0.0 else 1.0
+        loads = random.normal(size=(count, 6)) * ([1.0] * 3 + [arm] * 3)
+        loads[:, 5] = 0.0  # the drive bears what turns about the axis
+        return self.support(loads).point
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of `draw`, about zero, shape (6, 6)."""
+        states = self.draw(np.random.default_rng(0), _DRAWS)
+        return np.asarray(states.T @ states / _DRAWS)
+
 
 @dataclass(frozen=True)
 class JournalPlay(Play):
@@ -170,7 +188,7 @@ class JournalPlay(Play):
         return bore if self.rim == 0.0 else min(bore, self.along / self.rim)
 
     def support(self, loads: np.ndarray) -> Support:
-        """See `Play.support`.
+        """The best of four candidates.
 
         Raises:
             JointplayError: a load along an axis on which nothing limits the journal.
@@ -344,14 +362,14 @@ class BallPlay(Play):
         return Cones(self.radius * np.eye(6, 3), (Cone(np.eye(3), np.zeros(3), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
-        """See `Play.support`."""
+        """Along the force."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         point = np.zeros((len(loads), 6))
         point[:, :3] = self.radius * _unit(loads[:, :3])
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        """One contact, in the direction of the force; see `Play.pressed`."""
+        """One contact, in the direction of the force."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         out = _unit(loads[:, :3])
         some = np.eye(3)[np.abs(out).argmin(axis=1)]
@@ -416,7 +434,7 @@ class BlockPlay(Play):
         return math.hypot(x, y), math.hypot(lean, self._yaw)
 
     def support(self, loads: np.ndarray) -> Support:
-        """See `Play.support`; what is left of the room after yaw goes where it gains most."""
+        """What is left of the clearance after yaw goes where it gains most."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         best = Support(np.full(len(loads), -np.inf), np.zeros((len(loads), 6)))
         for yaw in sorted({0.0, self._yaw}):
@@ -439,7 +457,7 @@ class BlockPlay(Play):
         return best
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        """Corners on walls, their forces by least squares; see `Play.pressed`."""
+        """Corners on walls, their forces by least squares."""
         from scipy.optimize import nnls  # takes long to import
 
         loads = np.asarray(loads, float).reshape(-1, 6)

@@ -20,7 +20,7 @@ from jointplay.analysis.twins import COMPARED, clearance_outline, ideal_simulati
 from jointplay.core.errors import JointplayError
 from jointplay.core.units import readable
 from jointplay.design import poses
-from jointplay.design.static_budget import FOLLOW, Budget, budget
+from jointplay.design.error_budget import FOLLOW, PlayBudget, budget
 from jointplay.joints import Coordinate
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT
@@ -203,7 +203,7 @@ def quick_simulation(simulation: Simulation) -> Simulation | None:
         return None
 
 
-def budget_message(errors: Budget, whole: bool, moves: bool) -> dict[str, Any]:
+def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, Any]:
     """A budget as the page shows it [m, rad]."""
     at = errors.worst_pose
     total = float(errors.worst_parts[at].sum())

@@ -23,8 +23,8 @@ from jointplay.analysis.twins import ideal_simulation, is_twin
 from jointplay.contact import elastic, resultant
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.core.units import round_below
-from jointplay.design.levers import sources
-from jointplay.design.static_budget import ellipsoids
+from jointplay.design.ellipsoids import ellipsoids
+from jointplay.design.error_model import play_model
 from jointplay.geometry import touch
 from jointplay.joints import Clearance, Coordinate, RollingBearing
 from jointplay.kernel import Status
@@ -242,7 +242,7 @@ def static_error(
         and the worst and the RMS distance [m].
 
     Raises:
-        JointplayError: see `levers.sources`.
+        JointplayError: see `error_model.play_model`.
     """
     moments = np.linspace(time[0], time[-1], MOMENTS)
     poses = np.column_stack([np.interp(moments, time, column) for column in q.T])
@@ -252,7 +252,7 @@ def static_error(
         for part in joint.freedoms:
             if part not in joint.ideal_freedoms:
                 poses[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
-    found = ellipsoids(sources(mechanism, poses, driven=driven, loops=True))
+    found = ellipsoids(play_model(mechanism, poses, driven=driven, loops=True))
     rows = [found.root[:, i, k] for i, k in _PLACES] + [found.worst, found.rms]
     return {
         "time": packer.table(moments, 1e-7),

@@ -15,11 +15,9 @@ from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
 from jointplay.design.allocation import Allocation
-from jointplay.design.cause_allocation import CauseAllocation
-from jointplay.design.error_budget import ErrorBudget
-from jointplay.design.levers import GEAR
+from jointplay.design.error_budget import ErrorBudget, PlayBudget
+from jointplay.design.jacobians import GEAR
 from jointplay.design.reduction import Reduction
-from jointplay.design.static_budget import Budget
 from jointplay.identification import Calibration, Estimate, Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
@@ -41,10 +39,10 @@ def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Fig
 # Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
 
 
-def bars(budget: Budget, pose: int | None = None) -> Figure:
+def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
     """What each joint adds to the tool's error at a pose, by default the worst one."""
     at = budget.worst_pose if pose is None else pose
-    rests, whole, _ = budget.standing.rest(at)
+    rests, whole, _ = budget.rest_positions.at(at)
     groups = (
         ("worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
         ("RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
@@ -81,14 +79,15 @@ def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]
 def cause_bars(budget: ErrorBudget) -> Figure:
     """Each joint's part of the whole error at the worst pose, by cause."""
     at = budget.worst_pose
-    joints = list(dict.fromkeys(one.joint for one in budget.contributions))
+    joints = list(dict.fromkeys(one.joint for one in budget.model.contributions))
     causes = list(budget.by("cause"))
-    variance = float(np.trace(budget.covariance[at])) or 1.0
+    parts, variances = budget.worst_parts[at], budget.variances
+    whole = float(variances.sum()) or 1.0
     shown = np.zeros((2, len(causes), len(joints)))
-    for part, one in zip(budget.parts[:, at], budget.contributions, strict=True):
+    for part, variance, one in zip(parts, variances, budget.model.contributions, strict=True):
         cell = causes.index(one.cause), joints.index(one.joint)
         shown[0][cell] += part
-        shown[1][cell] += 100.0 * float(np.trace(one.variance()[at])) / variance
+        shown[1][cell] += 100.0 * variance / whole
     axes = (
         Axis(f"part of the worst case of {1e3 * budget.worst[at]:.3g} mm", "m"),
         Axis(f"part of the variance (RMS with the mean {1e3 * budget.rms[at]:.3g} mm)", "%"),
@@ -101,7 +100,7 @@ def cause_bars(budget: ErrorBudget) -> Figure:
     return _row(panels, size, note=note, key=len(causes), same_y=True)
 
 
-def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
+def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
     """The robot, each body coloured by its joint's share of the worst case at the worst pose."""
     share: dict[str, float] = {}
     gears = {name + GEAR: name for name in mechanism.gears}
@@ -130,17 +129,17 @@ def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
     return figure
 
 
-def reachable(budget: Budget, pose: int | None = None) -> Figure:
+def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
     """All places that the tool can take at a pose, seen along x, y and z; and where it rests.
 
     The box holds all places in which friction can hold it.
     """
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
-    rest = budget.standing.rest(at).whole
-    ends = budget.standing.interval(at)
-    held = f"{budget.standing.words} may hold it"
-    if budget.standing.unsearched:
+    rest = budget.rest_positions.at(at).whole
+    ends = budget.rest_positions.interval(at)
+    held = f"{budget.rest_positions.words} may hold it"
+    if budget.rest_positions.unsearched:
         held = "entire play: friction not searched"
     panels = []
     for i, j in ((0, 1), (0, 2), (1, 2)):
@@ -148,7 +147,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
         directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
         edge = np.zeros((len(angle), 3))
         marks = []
-        for error in budget.sources.along(directions).error[:, at]:
+        for error in budget.model.along(directions).error[:, at]:
             edge = edge + error[:, :3]
             marks.append(Curve(edge[:, i], edge[:, j], colour="#bfbfbf", width=0.6))
         (left, right), (low, high) = ends[i], ends[j]
@@ -164,7 +163,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     return _row(panels, (8.5, 3.4), note=note, key=4)
 
 
-def course(budget: Budget, time: np.ndarray | None = None) -> Figure:
+def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
     """Error along a motion: worst case by joint, stacked; and at rest, and RMS.
 
     Args:
@@ -191,7 +190,7 @@ def course(budget: Budget, time: np.ndarray | None = None) -> Figure:
     return _row([panel], (7.0, 3.6), note=budget.accuracy, key=1, key_at=at)
 
 
-def workspace_map(budget: Budget) -> Figure:
+def workspace_map(budget: PlayBudget) -> Figure:
     """Where in the workspace the worst case is large: from the side and from above."""
     x, y, z = budget.positions.T
     scale = Axis(f"worst-case error of {budget.tool!r}", "m")
@@ -216,8 +215,12 @@ def allocation(allotment: Allocation) -> Figure:
     """Clearances, what they add to the error, and what another micrometre of each would save."""
     shown = (
         (allotment.clearance, Axis("clearance", "m", "fine"), COLOURS[1]),
-        (allotment.gain * allotment.clearance, Axis("adds to the error", "m", "fine"), COLOURS[0]),
-        (allotment.price, Axis(f"saved by one µm more\n[cost, {allotment.cost}]"), COLOURS[3]),
+        (allotment.each("after"), Axis("adds to the error", "m", "fine"), COLOURS[0]),
+        (
+            allotment.each("saved"),
+            Axis(f"saved by one µm more\n[cost, {allotment.cost}]"),
+            COLOURS[3],
+        ),
     )
     panels = [
         Panel(axis, Axis(rows=allotment.joints), [Bars(values, colour=colour)])
@@ -229,16 +232,16 @@ def allocation(allotment: Allocation) -> Figure:
     return _row(panels, (9.0, 1.6 + 0.35 * len(allotment.joints)), title=title, same_y=True)
 
 
-def cause_allocation(allotment: CauseAllocation) -> Figure:
+def cause_allocation(allotment: Allocation) -> Figure:
     """Each joint's causes as they are and in the end, and what each costs."""
     joints = list(dict.fromkeys(allotment.joints))
-    causes = list(dict.fromkeys(allotment.causes))
+    causes = list(dict.fromkeys(one.cause for one in allotment.choices))
     shown = np.zeros((3, len(causes), len(joints)))
-    values = (allotment.before, allotment.after, allotment.price)
-    for k, (joint, cause) in enumerate(zip(allotment.joints, allotment.causes, strict=True)):
-        shown[:, causes.index(cause), joints.index(joint)] += [one[k] for one in values]
+    for one in allotment.choices:
+        cell = shown[:, causes.index(one.cause), joints.index(one.joint)]
+        cell += [one.before, one.after, one.price]
     part = (
-        f"part of the {allotment.words}, pale as it is ({1e3 * allotment.before.sum():.4g} mm),\n"
+        f"part of the {allotment.kind}, pale as it is ({1e3 * allotment.was:.4g} mm),\n"
         f"full in the end ({1e3 * allotment.error:.4g} mm)"
     )
     nameless = [""] * len(causes)

@@ -19,8 +19,8 @@ from scipy import optimize
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, require_a, require_finite, require_positive
 from jointplay.core.tables import Column, Table
+from jointplay.design.error_budget import budget
 from jointplay.design.poses import along_motion, start_of
-from jointplay.design.static_budget import budget
 from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.wear import (

@@ -36,7 +36,7 @@ from jointplay.core.errors import (
     require_whole,
 )
 from jointplay.core.tables import Column, Table
-from jointplay.design.levers import GEAR
+from jointplay.design.jacobians import GEAR
 from jointplay.joints import RollingBearing
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.axes import points
