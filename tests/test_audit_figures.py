@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointplay.kernel.layout import FRICTION, POWERS
+from jointplay.kernel.layout import FRICTION, POWERS, Quantity
 from jointplay.mechanism.gear import Gear
 from jointplay.result import audit
 from jointplay.result import audit as audit_module
@@ -85,14 +85,13 @@ def workspace():
 RECORDS = Records(
     np.hstack([TIME[:, None], Q, np.zeros((3, 3)), NORMAL_PEAKS, FORCE_PEAKS, FORCES]),
     {
-        "time": slice(0, 1),
-        "q": slice(1, 4),
-        "v": slice(4, 7),
-        "normal_peak": slice(7, 11),
-        "force_peak": slice(11, 17),
-        "force": slice(17, 23),
+        "time": Quantity(slice(0, 1), ()),
+        "q": Quantity(slice(1, 4), (3,)),
+        "v": Quantity(slice(4, 7), (3,)),
+        "normal_peak": Quantity(slice(7, 11), (2, 2)),
+        "force_peak": Quantity(slice(11, 17), (2, 3)),
+        "force": Quantity(slice(17, 23), (2, 3)),
     },
-    width=2,
 )
 
 
@@ -182,7 +181,7 @@ def resting(force, peak, impulse, size=1000):
     rows = np.zeros((size, 23))
     rows[:, 0] = 0.1 * np.arange(size)
     rows[:, 12], rows[:, 18] = peak, force
-    return Records(rows, RECORDS.fields, RECORDS.width), np.array([[0, impulse, 0], [0, 0, 0]])
+    return Records(rows, RECORDS.fields), np.array([[0, impulse, 0], [0, 0, 0]])
 
 
 def miss(mechanism, workspace, records, impulses):
@@ -263,7 +262,7 @@ def test_what_came_before_is_told_apart(audited):
 def test_small_forces_are_no_less_than_they_are(audited):
     small = RECORDS.rows_of.copy()
     small[:, 7:] *= 0.01
-    records = Records(small, RECORDS.fields, RECORDS.width)
+    records = Records(small, RECORDS.fields)
     found, asked = audited(judgement=Judgement(judged_from=0.2), records=records)
     assert (found.peak_force, found.peak_force_before) == pytest.approx((0.07, 0.1))
     assert [force for *_, force in asked] == pytest.approx([0.9, 0.3])

@@ -41,9 +41,9 @@ def run_jointplay(
     if status != 0:
         raise RuntimeError(run.message(status))
     recorded = run.workspace.recorded
-    force = np.linalg.norm(recorded("force"), axis=1)
+    force = np.linalg.norm(recorded("force"), axis=(1, 2))
     return Trace(
-        recorded("time")[:, 0].copy(),
+        recorded("time").copy(),
         recorded("q").copy(),
         recorded("v").copy(),
         force,

@@ -128,7 +128,7 @@ def _phases(run: Run, simulation: Simulation) -> list[Phase]:
     """The run's phases by rows of the records that were made, more than the regular ones."""
     moments = (t for load in simulation.payloads for t in (load.pick, load.release))
     at = sorted(round(t / simulation.step) for t in moments if t is not None)
-    taken = np.rint(run.workspace.recorded("time")[:, 0] / simulation.step).astype(int)
+    taken = np.rint(run.workspace.recorded("time") / simulation.step).astype(int)
     first, *others = run.phases
     rows = np.searchsorted(taken, at[: len(others)])
     return [

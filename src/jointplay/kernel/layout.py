@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -351,7 +351,7 @@ LOAD = _record(
 """One load whose law is called by address; see `load`."""
 
 ROW: dict[str, tuple[Size, ...]] = {
-    "time": (1,),
+    "time": (),
     "q": ("nv",),
     "v": ("nv",),
     "drive": ("nv",),
@@ -369,6 +369,18 @@ ROW: dict[str, tuple[Size, ...]] = {
     "load_work": ("nl",),
 }
 """Quantities of a record, in their order, and their shapes in terms of the run's sizes."""
+
+
+class Quantity(NamedTuple):
+    """Where a quantity stands in the records of a run."""
+
+    columns: slice
+    shape: tuple[int, ...]
+
+    def of(self, rows: np.ndarray) -> np.ndarray:
+        """Its values in records (n, columns), shape (n, *shape)."""
+        return rows[:, self.columns].reshape(len(rows), *self.shape)
+
 
 (
     TIME, Q, V, DRIVE_EFFORT, WORK, FORCE, FORCE_PEAK, FILM_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE,

@@ -66,7 +66,7 @@ class Workspace:
         drives, servos, frictions, gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
-        fields: columns of a record by quantity.
+        fields: where quantities stand in a record, by name.
         middle: q and v in the middle of the macro step that is planned, shape (nv,).
         inverse_mass: Pinocchio's, its upper triangle, shape (nv, nv).
     """
@@ -147,14 +147,13 @@ class Workspace:
         for name, value in fields.items():
             self.run[name] = value
 
-    def _place_columns(self) -> dict[str, slice]:
+    def _place_columns(self) -> dict[str, layout.Quantity]:
         """Tell the kernels where the quantities of a record are; returns that by name."""
         fields, at = {}, 0
-        for place, (name, shape) in enumerate(layout.ROW.items()):
-            size = math.prod(layout.extents(shape, self.run[0]))
-            self.run["columns"][0, place] = at
-            fields[name] = slice(at, at + size)
-            at += size
+        for place, (name, sizes) in enumerate(layout.ROW.items()):
+            self.run["columns"][0, place], shape = at, layout.extents(sizes, self.run[0])
+            fields[name] = layout.Quantity(slice(at, at + math.prod(shape)), shape)
+            at += math.prod(shape)
         self._set(record_columns=at)
         return fields
 
@@ -547,8 +546,8 @@ class Workspace:
         return joint, contact
 
     def recorded(self, name: str) -> np.ndarray:
-        """Columns `name` of the records in memory, shape (rows, width)."""
-        return self.record[: self.rows - self.kept_elsewhere, self.fields[name]]
+        """A quantity of `layout.ROW` in the records in memory, shape (rows, ...)."""
+        return self.fields[name].of(self.record[: self.rows - self.kept_elsewhere])
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
         """Per joint and contact, (nj, width): see `record.contact_statistics`."""

@@ -423,7 +423,7 @@ class Auditor:
             twist = self._mechanism.gears[name].twist(q[:, motor], q[:, link])
             self._twists[name] = _larger(self._twists[name], np.abs(twist))
         if self._simulation["limits"] != "ignore":
-            time, v = records.recorded("time")[:, 0], records.recorded("v")
+            time, v = records.recorded("time"), records.recorded("v")
             rows = worst(self._mechanism, q, v, effort)
             self._worst.append((time[rows], q[rows], v[rows], effort[rows]))
             if len(self._worst) > MOST_WORST:  # memory must not grow with the length of a run
@@ -439,19 +439,19 @@ class Auditor:
         """Take the largest forces of the joints, and their impulses."""
         if not len(self._peaks):
             return
-        peaks = records.recorded("normal_peak").reshape(records.rows, -1, records.width)
+        peaks = records.recorded("normal_peak")
         self._peaks = np.maximum(self._peaks, peaks.max(axis=(0, 2)))
-        vectors = records.recorded("force_peak").reshape(records.rows, -1, 3)
+        vectors = records.recorded("force_peak")
         sizes = np.linalg.norm(vectors, axis=2).max(axis=1)
-        late = records.recorded("time")[:, 0] >= self._judged_from
+        late = records.recorded("time") >= self._judged_from
         self._peak = _larger(self._peak, sizes[late])
         self._peak_before = _larger(self._peak_before, sizes[~late])
         self._impulses(records, vectors)
 
     def _impulses(self, records: Records, peaks: np.ndarray) -> None:
         """Add the impulses of the recorded forces, by the trapezium rule, and how sure they are."""
-        time = records.recorded("time")[:, 0]
-        force = records.recorded("force").reshape(records.rows, -1, 3)
+        time = records.recorded("time")
+        force = records.recorded("force")
         if self._before is not None:
             time = np.concatenate([self._before[0], time])
             force = np.concatenate([self._before[1], force])

@@ -168,7 +168,7 @@ class HistoryBuilder:
         mechanism = self._mechanism
         units = [unit_of(mechanism, name) for name in mechanism.coordinates]
         coordinates: dict[str, Any] = {
-            "time": ("time", records.recorded("time")[:, 0], {"units": "s"}),
+            "time": ("time", records.recorded("time"), {"units": "s"}),
             "coordinate": list(mechanism.coordinates),
             "coordinate_unit": ("coordinate", units),
             "axis": list(AXES),
@@ -274,8 +274,7 @@ def histories(
 def records_of(workspace: Workspace) -> Records:
     """The records in a workspace."""
     count = workspace.rows - workspace.kept_elsewhere
-    width = workspace.contacts.shape[1]
-    return Records(workspace.record[:count], workspace.fields, width, workspace.kept_elsewhere)
+    return Records(workspace.record[:count], workspace.fields, workspace.kept_elsewhere)
 
 
 def _dataset(variables: Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:

@@ -13,6 +13,7 @@ from jointplay.contact import elastic, resultant
 from jointplay.geometry import Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.kernel import POWERS
+from jointplay.kernel.layout import Quantity
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
@@ -69,10 +70,8 @@ class Records:
 
     rows_of: np.ndarray
     """A record each, shape (n, columns)."""
-    fields: Mapping[str, slice]
-    """Columns by name."""
-    width: int
-    """Places for contacts of each joint."""
+    fields: Mapping[str, Quantity]
+    """Where quantities stand, by name."""
     first: int = 0
     """Records of the run that come before."""
 
@@ -82,12 +81,12 @@ class Records:
         return len(self.rows_of)
 
     def recorded(self, name: str) -> np.ndarray:
-        """Columns `name`, shape (n, width of it)."""
-        return self.rows_of[:, self.fields[name]]
+        """A quantity of `layout.ROW`, shape (n, ...)."""
+        return self.fields[name].of(self.rows_of)
 
     def part(self, begin: int, end: int) -> Records:
         """Those from `begin` to `end`, counted from the first one here."""
-        return Records(self.rows_of[begin:end], self.fields, self.width, self.first + begin)
+        return Records(self.rows_of[begin:end], self.fields, self.first + begin)
 
     def parts(self, size: int) -> Iterator[Records]:
         """All of them, `size` at a time; at least one part."""
@@ -258,8 +257,7 @@ def gear_variables(
 ) -> tuple[Variables, dict[str, Any], np.ndarray]:
     """Histories of the gears, their coordinates, and the energy stored in all of them (n,) [J]."""
     names = list(mechanism.gears)
-    recorded = records.recorded("gear").reshape(len(q), len(names), 2)
-    torque, hysteresis = np.moveaxis(recorded, 2, 0)
+    torque, hysteresis = np.moveaxis(records.recorded("gear"), 2, 0)
     energy = np.zeros(len(q))
     for index, (name, gear) in enumerate(mechanism.gears.items()):
         twist = gear.twist(q[:, mechanism.motor(name)], q[:, mechanism.coordinate(name)])
@@ -321,16 +319,16 @@ def contact_variables(
     mechanism: Mechanism, records: Records, body: dict[str, Any]
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Variables of the joints with clearance, and the energy stored in their contacts."""
-    n, nj, width = records.rows, len(mechanism.clearance), records.width
+    n, nj = records.rows, len(mechanism.clearance)
     names = contact_names(mechanism)
     centre, tilt = np.empty((n, nj, 3)), np.empty((n, nj))
     mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
-    force = records.recorded("force").reshape(n, nj, 3).copy()
-    peak = records.recorded("force_peak").reshape(n, nj, 3).copy()
-    film = records.recorded("film_force").reshape(n, nj, 3).copy()
+    force = records.recorded("force").copy()
+    peak = records.recorded("force_peak").copy()
+    film = records.recorded("film_force").copy()
     gap = np.full((n, nj, len(names)), np.nan)
     by_contact = {
-        name: (records.recorded(name).reshape(n, nj, width), np.full_like(gap, np.nan))
+        name: (records.recorded(name), np.full_like(gap, np.nan))
         for name in ("gap_min", "normal", "normal_peak", "tangential")
     }
     stored = np.zeros(n)
@@ -414,7 +412,7 @@ def applied_effort(
     Friction of gears is left out: it acts on motors, which have no mass to be moved.
     """
     effort = records.recorded("drive") + pushes.efforts
-    hysteresis = records.recorded("gear")[:, 1::2]
+    hysteresis = records.recorded("gear")[:, :, 1]
     for index, (name, gear) in enumerate(mechanism.gears.items()):
         motor, link = mechanism.motor(name), mechanism.coordinate(name)
         lever = 1.0 + gear.kinematic_error(q[:, motor])[1]

@@ -143,7 +143,7 @@ def _save_from_disk(
     made = HistoryBuilder(
         run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
     )
-    portions = on_disk.portions(w.fields, w.contacts.shape[1])
+    portions = on_disk.portions(w.fields)
     bar = Writing(on_disk.rows, progress)
     with closing(bar), files.writing(path, overwrite=overwrite) as file:
         whole, records = made.totals(w), next(portions)

@@ -17,6 +17,7 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
+from jointplay.kernel.layout import Quantity
 from jointplay.kernel.workspace import Workspace
 from jointplay.result.audit import PORTION
 from jointplay.result.variables import Records
@@ -96,18 +97,18 @@ class Spool:
         with suppress(OSError):
             os.fsync(self._file.fileno())
 
-    def portions(self, fields: Mapping[str, slice], width: int) -> Iterator[Records]:
+    def portions(self, fields: Mapping[str, Quantity]) -> Iterator[Records]:
         """All records in order, a portion in memory at a time.
 
         Args:
-            fields, width: see `Records`.
+            fields: see `Records`.
         """
         rows = max(PORTION_BYTES // (8 * self._columns) // PORTION, 1) * PORTION
         self._file.seek(len(self._head))
         for first in range(0, self.rows, rows):
             count = min(rows, self.rows - first)
             numbers = np.fromfile(self._file, np.float64, count * self._columns)
-            yield Records(numbers.reshape(count, self._columns), fields, width, first)
+            yield Records(numbers.reshape(count, self._columns), fields, first)
 
     def close(self) -> None:
         """Let go of the file."""
@@ -247,7 +248,7 @@ class PassedRecords(Overflow):
     def _pass(self, count: int) -> None:
         if count:
             w = self._workspace
-            given = Records(self._left[:count], w.fields, w.contacts.shape[1], self._passed)
+            given = Records(self._left[:count], w.fields, self._passed)
             self._left, self._passed = self._left[count:], self._passed + count
             self._taker(given)
 
