@@ -1,5 +1,6 @@
 """Scenario files: what they mean, and what they refuse."""
 
+import json
 import math
 import re
 import runpy
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
+from jointplay.cli import main
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, CustomBristle, Dahl, LuGre
 from jointplay.joints import JOINT_WORDS
 from jointplay.kernel import Status
@@ -509,6 +511,11 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
         {"integration": {"integrator": "rk5"}},
     ):
         assert list(validator.iter_errors({**base, **wrong})), wrong
+
+
+def test_the_command_prints_the_schema(capsys):
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(schema()))
 
 
 def test_schema_has_units_and_explanations():

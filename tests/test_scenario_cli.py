@@ -1,6 +1,5 @@
 """Commands on scenario files, through the real entry point."""
 
-import json
 import re
 import signal
 import subprocess
@@ -110,12 +109,6 @@ def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
     assert picture.read_bytes() == b"mine"
 
 
-@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "scara_ab", "scara"])
-def test_shipped_scenarios_check(name, tmp_path):
-    done = jointplay("check", f"jointplay:{name}.toml", "--no-picture", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-
-
 JOBS = pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.nightly), 2])
 
 
@@ -142,24 +135,6 @@ def test_run_draws_figures_of_chosen_cases(short, tmp_path):
     names = {path.name for path in out.iterdir()}
     assert {"ideal.nc", "0.2_mm.nc", "fig12.png", "fig12.pdf"} <= names
     assert "0.5_mm.nc" not in names
-
-
-BAD = {
-    "missing file": (["run", "none.toml", "--out", "o"], "none.toml"),
-    "no such case": (["run", "study.toml", "--out", "o", "--case", "x"], "ideal, 0.2 mm, 0.5 mm"),
-    "jobs": (["run", "study.toml", "--out", "o", "--jobs", "0"], "got 0"),
-    "case without scenario": (["run", "--case", "x", "--out", "o"], "--case needs a scenario"),
-    "check": (["check", "none.toml"], "none.toml"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "word"), BAD.values(), ids=BAD)
-def test_bad_input_is_refused_in_one_line(arguments, word, short):
-    done = jointplay(*arguments, cwd=short.parent)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert word in done.stderr
-    assert not (short.parent / "o").exists()
 
 
 def test_a_mistake_is_found_before_anything_runs(short):
@@ -201,11 +176,6 @@ def test_ctrl_c_keeps_what_was_computed(short, jobs, tmp_path):
         assert 0.0 < result.time[-1] < 100.0
 
 
-def test_schema_is_json_and_names_the_tables():
-    made = json.loads(jointplay("schema").stdout)
-    assert {"robot", "joints", "cases", "motion"} <= set(made["properties"])
-
-
 def test_files_of_cases_differ():
     assert file_names(["a/b", "a b", "A B", ".."]) == ["a_b.nc", "a_b_2.nc", "A_B_3.nc", "case.nc"]
 
@@ -219,11 +189,6 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_shipped_files_include_scenarios():
-    for name in ("scara.toml", "slider_crank.toml", "four_bar.toml", "four_bar.urdf"):
-        assert shipped(name).is_file()
 
 
 GEARED = """

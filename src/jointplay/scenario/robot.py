@@ -120,7 +120,10 @@ def _of_robot(
     if not (joints or ideal or still or {"joints", "gears"} & set(given)):
         if not scara:
             choices = ", ".join(description.revolute) or "none"
-            raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
+            raise JointplayError(
+                "no joint has clearance: name one with --joint, or by --set "
+                f"joints.NAME.radial_clearance=LENGTH; revolute joints of {path}: {choices}"
+            )
         joints = (SCARA_JOINT,)
     for name in joints:
         if name not in description.joints and name not in given.get("loops", {}):

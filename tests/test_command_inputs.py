@@ -1,0 +1,105 @@
+"""A scenario or a robot, said in the same words to every command."""
+
+import argparse
+
+import pytest
+
+from jointplay.cli import main, parser
+from jointplay.commands.inputs import FLAGS, explanation, scenario_of
+from jointplay.core.schema import fields_at
+from jointplay.scenario.model import Model
+
+SCARA = "jointplay:scara.toml"
+CALLS = {
+    "run": ["--out", "o"],
+    "check": ["--no-picture"],
+    "live": ["--no-browser"],
+    "shares": [],
+    "iso9283": [],
+    "wear": ["--joint", "joint_b", "--growth", "1 um"],
+    "maintenance": ["--target", "1 mm"],
+    "dynamics": ["turns", "--out", "o"],
+    "budget": [],
+    "allocate": ["--target", "1 mm"],
+    "reduce": ["--joint", "joint_b", "--out", "o"],
+    "identify": ["--plan"],
+    "calibrate": ["poses.csv"],
+    "urdf": ["--out", "o.urdf"],
+}
+"""Of each command that looks at a scenario or a robot, what else it needs."""
+
+
+def read(*words):
+    return scenario_of(parser().parse_args([*words]), still=words[0] == "budget")
+
+
+def test_each_command_that_looks_at_a_robot_takes_a_scenario_or_a_robot():
+    made = next(one for one in parser()._actions if isinstance(one, argparse._SubParsersAction))
+    of_inputs = {
+        name for name, one in made.choices.items() if any(a.dest == "place" for a in one._actions)
+    }
+    assert of_inputs == set(CALLS)
+
+
+@pytest.mark.parametrize("command", CALLS)
+def test_a_wrong_key_is_answered_alike_by_each_command(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    play = ["--set", "joints.joint_b.radial_clearance=0.1 mm"]
+    for place in (SCARA, "jointplay:scara.urdf"):
+        assert main([command, place, *CALLS[command], *play, "--set", "integration.stp=1"]) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert '--set integration.stp: unknown key "stp"; did you mean "step"?' in said
+    assert main([command, "scaara", *CALLS[command]]) == 2
+    assert "is neither a file nor a robot" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("flag", FLAGS, ids=lambda flag: flag.name)
+def test_an_option_is_what_the_scenario_says_of_its_key(flag):
+    for key in flag.keys:
+        assert [*fields_at(Model, key)], key
+    text, _ = explanation(flag)
+    field, said = next(fields_at(Model, flag.keys[0]))
+    assert text.endswith(".".join(flag.keys[0]))
+    assert " ".join(said.replace("`", "").split()).rstrip(".").replace("%", "%%") in text
+    for unit in field.units:
+        assert unit.replace("*", " ") in text
+
+
+def test_a_clearance_has_the_name_that_the_kind_of_joint_has_for_it():
+    words = ["--joint", "joint_b", "--joint", "stroke=0.3 mm", "--clearance", "0.1 mm"]
+    for command in (["run", "jointplay:scara.urdf", "--out", "o"], ["budget", SCARA]):
+        more = ["--case", "0.2 mm"] if command[-1] == SCARA else []
+        scenario = read(*command, *words, "--bearing-radius", "12 mm", *more)
+        joints = scenario.mechanism(*more[1:]).clearance
+        assert joints["joint_b"].radial_clearance == 1e-4
+        assert joints["joint_b"].bearing_radius == 12e-3
+        assert joints["stroke"].clearance == 3e-4
+
+
+def test_options_are_for_all_joints_of_a_file_where_none_is_named():
+    joints = read("run", "jointplay:scara_ab.toml", "--out", "o", "--restitution", "0.6")
+    for case in joints.cases:
+        for joint in joints.mechanism(case).clearance.values():
+            assert joint.restitution == 0.6
+
+
+def test_a_gear_needs_its_numbers_where_it_moves_and_only_its_play_where_it_stands(capsys):
+    words = ["jointplay:scara.urdf", "--gear", "joint_a=1 mrad"]
+    assert main(["run", *words, "--joint", "joint_b", "--out", "o"]) == 2
+    assert "the key rotor_inertia is missing" in capsys.readouterr().err
+    assert read("budget", *words).mechanism().gears["joint_a"].play == 1e-3
+    own = ["--gear-stiffness", "2e4", "--rotor-inertia", "0.5 kg*m^2"]
+    gear = read("run", *words, *own, "--out", "o").mechanism().gears["joint_a"]
+    assert (gear.stiffness, gear.rotor_inertia) == (2e4, 0.5)
+
+
+def test_a_file_counts_more_than_a_preset_and_options_more_than_both():
+    plain = read("budget", SCARA, "--case", "0.2 mm").mechanism("0.2 mm").clearance["joint_b"]
+    preset = ["budget", SCARA, "--case", "0.2 mm", "--preset", "ur-like"]
+    found = read(*preset).mechanism("0.2 mm")
+    assert found.clearance["joint_b"] == plain
+    assert "joint_a" in {*found.clearance, *found.gears}
+    changed = read(*preset, "--joint", "joint_b=0.4 mm").mechanism("0.2 mm")
+    assert changed.clearance["joint_b"].radial_clearance == 4e-4
