@@ -29,7 +29,6 @@ from jointplay.cli import main
 from jointplay.contact import Ambrosio
 from jointplay.identification import Measurement, columns, plan_measurement
 from jointplay.identification.identification import reason
-from jointplay.identification.least_squares import information
 from jointplay.identification.measurement import resolution, scatter, turns
 from jointplay.identification.unknowns import Unknown
 from jointplay.identification.verification import verify
@@ -386,15 +385,6 @@ def test_the_scatter_of_records_is_that_of_their_noise():
     assert scatter(np.sin(t) + 1e-3 * random.standard_normal(2000)) == pytest.approx(1e-3, rel=0.1)
     assert resolution(np.round(np.sin(t), 2)) == pytest.approx(0.01)
     assert resolution(np.sin(t)) == 0.0
-
-
-def test_information_tells_directions_from_what_is_dark():
-    effect = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
-    covariance, blind, rank = information(effect)
-    assert rank == 2
-    assert covariance[2, 2] == pytest.approx(1.0 / 9.0)
-    assert blind[0, 0] == pytest.approx(0.5)
-    assert blind[2, 2] == pytest.approx(0.0)
 
 
 def test_a_plan_pushes_where_passing_tells_the_product_only(arm):

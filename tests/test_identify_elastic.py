@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import body, joint, tip
 from scipy.optimize import minimize
+from test_identify import about
 from truth import elastic
 
 from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identify
@@ -92,11 +93,6 @@ def honest(found, label, truth):
     """Whether an unknown is not told, or its interval holds the truth."""
     one = found[label]
     return bool(one.reason) or one.low <= truth <= one.high
-
-
-def about(one):
-    """Value and half width of an estimate."""
-    return one.value, one.half_width
 
 
 CASES = {

@@ -30,28 +30,21 @@ def message(kind, time, frame="", **fields):
     header = types["std_msgs/msg/Header"](stamp, frame)
     vector, point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
     turn, zero = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0), vector(0.0, 0.0, 0.0)
-    at = fields.get("at")
     if kind == "sensor_msgs/msg/JointState":
-        empty = np.zeros(0)
-        numbers = [
-            np.array(fields.get(k, empty), float) for k in ("position", "velocity", "effort")
-        ]
-        return types[kind](header, fields["name"], *numbers)
-    if kind == "geometry_msgs/msg/PoseStamped":
-        return types[kind](header, types["geometry_msgs/msg/Pose"](point(*at), turn))
-    if kind == "geometry_msgs/msg/PointStamped":
-        return types[kind](header, point(*at))
-    if kind == "geometry_msgs/msg/TransformStamped":
-        moved = types["geometry_msgs/msg/Transform"](vector(*at), turn)
-        return types[kind](header, "tool", moved)
-    if kind == "geometry_msgs/msg/WrenchStamped":
-        return types[kind](header, types["geometry_msgs/msg/Wrench"](vector(*at), zero))
-    if kind == "geometry_msgs/msg/Vector3Stamped":
-        return types[kind](header, vector(*at))
-    if kind == "geometry_msgs/msg/AccelStamped":
-        return types[kind](header, types["geometry_msgs/msg/Accel"](vector(*at), zero))
-    none = np.zeros(9)
-    return types["sensor_msgs/msg/Imu"](header, turn, none, zero, none, vector(*at), none)
+        parts = [fields.get(k, []) for k in ("position", "velocity", "effort")]
+        return types[kind](header, fields["name"], *(np.array(part, float) for part in parts))
+    at, none, one = fields["at"], np.zeros(9), kind.rpartition("/")[2]
+    moved = types["geometry_msgs/msg/Transform"]
+    parts = {
+        "PoseStamped": lambda: [types["geometry_msgs/msg/Pose"](point(*at), turn)],
+        "PointStamped": lambda: [point(*at)],
+        "TransformStamped": lambda: ["tool", moved(vector(*at), turn)],
+        "WrenchStamped": lambda: [types["geometry_msgs/msg/Wrench"](vector(*at), zero)],
+        "Vector3Stamped": lambda: [vector(*at)],
+        "AccelStamped": lambda: [types["geometry_msgs/msg/Accel"](vector(*at), zero)],
+        "Imu": lambda: [turn, none, zero, none, vector(*at), none],
+    }
+    return types[kind](header, *parts[one]())
 
 
 def bag(folder, topics):
@@ -199,15 +192,13 @@ def test_signals_keep_the_times_of_their_records(recorded):
     ],
 )
 def test_vectors_are_read_from_the_messages_that_have_them(tmp_path, kind, signal):
-    time = 0.01 * np.arange(30)
-    rows = np.column_stack([time, 2.0 + time, 3.0 - time])
-    path = bag(tmp_path / "b", {"/v": vectors(kind, time, rows)})
-    read = Recording(path, {signal: "/v"}).measurement(JOINTS)
-    assert read.time == pytest.approx(time, abs=1e-9)
+    rows = np.column_stack([TIME, 2.0 + TIME, 3.0 - TIME])
+    found = read(tmp_path, {"/v": vectors(kind, TIME, rows)}, {signal: "/v"})
+    assert found.time == pytest.approx(TIME, abs=1e-9)
     if signal == "j reaction":
-        assert read.signals["reaction", "j"] == pytest.approx(np.linalg.norm(rows, axis=1))
+        assert found.signals["reaction", "j"] == pytest.approx(np.linalg.norm(rows, axis=1))
     else:
-        assert np.array_equal(table(read, signal), rows)
+        assert np.array_equal(table(found, signal), rows)
 
 
 @pytest.mark.parametrize("apart", [0.0, 3e-4])
@@ -222,61 +213,51 @@ def test_a_stop_is_found_whether_records_come_in_pairs_or_not(apart):
     assert time[stands].max() == pytest.approx(1.5, abs=0.02)
 
 
+def read(tmp_path, topics, sources, names=None):
+    return Recording(bag(tmp_path / "b", topics), sources, names or {}).measurement(JOINTS)
+
+
+TIME = 0.01 * np.arange(30)
+
+
 def test_joints_are_renamed_turned_and_shifted(tmp_path):
-    time = 0.01 * np.arange(30)
-    path = bag(
-        tmp_path / "b",
-        {"/s": states(time, motor_1=0.1 * time, motor_2=time, torques=1.0 + time)},
-    )
+    topics = {"/s": states(TIME, motor_1=0.1 * TIME, motor_2=TIME, torques=1.0 + TIME)}
     names = {"j": "-2*motor_1 + 90 deg", "rail": "motor_2 - 5 mm"}
-    read = Recording(path, {"motor": "/s", "torque": "/s"}, names).measurement(JOINTS)
-    assert read.signals["motor", "j"] == pytest.approx(np.pi / 2 - 0.2 * time)
-    assert read.signals["motor", "rail"] == pytest.approx(time - 5e-3)
-    assert read.signals["torque", "j"] == pytest.approx(-0.5 * (1.0 + time))  # the same power
-    assert read.signals["torque", "rail"] == pytest.approx(1.0 + time)
-    assert read.sliding == {"rail"}
+    found = read(tmp_path, topics, {"motor": "/s", "torque": "/s"}, names)
+    assert found.signals["motor", "j"] == pytest.approx(np.pi / 2 - 0.2 * TIME)
+    assert found.signals["motor", "rail"] == pytest.approx(TIME - 5e-3)
+    assert found.signals["torque", "j"] == pytest.approx(-0.5 * (1.0 + TIME))  # the same power
+    assert found.signals["torque", "rail"] == pytest.approx(1.0 + TIME)
+    assert found.sliding == {"rail"}
 
 
 def test_one_joint_may_have_a_topic_of_its_own(tmp_path):
-    time = 0.01 * np.arange(30)
-    path = bag(tmp_path / "b", {"/m": states(time, j=time), "/l": states(time, encoder=2.0 * time)})
-    sources = {"motor": "/m", "j link": "/l"}
-    read = Recording(path, sources, {"j": "encoder"}).measurement(JOINTS)
-    assert read.signals["motor", "j"] == pytest.approx(time)
-    assert read.signals["link", "j"] == pytest.approx(2.0 * time)
+    topics = {"/m": states(TIME, j=TIME), "/l": states(TIME, encoder=2.0 * TIME)}
+    found = read(tmp_path, topics, {"motor": "/m", "j link": "/l"}, {"j": "encoder"})
+    assert found.signals["motor", "j"] == pytest.approx(TIME)
+    assert found.signals["link", "j"] == pytest.approx(2.0 * TIME)
 
 
 def test_a_signal_that_begins_too_late_does_not_hide_the_others(tmp_path):
-    time = 0.01 * np.arange(30)
-    path = bag(
-        tmp_path / "b",
-        {
-            "/s": states(time, j=time),
-            "/t": vectors(POSE, time, np.ones((30, 3))),
-            "/a": vectors("sensor_msgs/msg/Imu", time + 9.0, np.ones((30, 3))),
-        },
-    )
-    sources = {"motor": "/s", "tool": "/t", "acceleration": "/a"}
-    read = Recording(path, sources).measurement(JOINTS)
-    assert np.isfinite(read.signals["tool", "x"]).all()
-    assert np.isnan(read.signals["acceleration", "x"]).all()
+    topics = {"/s": states(TIME, j=TIME), "/t": vectors(POSE, TIME, np.ones((30, 3)))}
+    topics["/a"] = vectors("sensor_msgs/msg/Imu", TIME + 9.0, np.ones((30, 3)))
+    found = read(tmp_path, topics, {"motor": "/s", "tool": "/t", "acceleration": "/a"})
+    assert np.isfinite(found.signals["tool", "x"]).all()
+    assert np.isnan(found.signals["acceleration", "x"]).all()
 
 
 def test_messages_without_stamps_have_the_times_of_their_recording(tmp_path):
-    time = 0.01 * np.arange(30)
-    rows = [(kind, t, fields | {"unstamped": True}) for kind, t, fields in states(time, j=time)]
-    read = Recording(bag(tmp_path / "b", {"/s": rows}), {"motor": "/s"}).measurement(JOINTS)
-    assert read.time == pytest.approx(time, abs=1e-9)
-    assert "those of their recording" in read.notes[0]
+    rows = [(kind, t, fields | {"unstamped": True}) for kind, t, fields in states(TIME, j=TIME)]
+    found = read(tmp_path, {"/s": rows}, {"motor": "/s"})
+    assert found.time == pytest.approx(TIME, abs=1e-9)
+    assert "those of their recording" in found.notes[0]
 
 
 def test_messages_at_the_same_time_count_once_and_order_does_not_matter(tmp_path):
-    time = 0.01 * np.arange(30)
-    rows = states(time, j=time)
-    path = bag(tmp_path / "b", {"/s": [*rows[::-1], *rows[:3]]})
-    read = Recording(path, {"motor": "/s"}).measurement(JOINTS)
-    assert read.signals["motor", "j"] == pytest.approx(time)
-    assert "3 of 33 messages" in read.notes[0]
+    rows = states(TIME, j=TIME)
+    found = read(tmp_path, {"/s": [*rows[::-1], *rows[:3]]}, {"motor": "/s"})
+    assert found.signals["motor", "j"] == pytest.approx(TIME)
+    assert "3 of 33 messages" in found.notes[0]
 
 
 def dataset(folder, version="v2.1", episodes=2, names="list", unit=np.degrees, **more):
@@ -311,20 +292,15 @@ def dataset(folder, version="v2.1", episodes=2, names="list", unit=np.degrees, *
     for episode in range(episodes):
         real = episode == episodes - 1
         rows = range(len(time) if real else 40)
-        last = [float(real)] * len(rows)
-        tables.append(
-            pa.table(
-                {
-                    "observation.state": [[angle[i] * last[0], 50.0] for i in rows],
-                    "observation.tool": [list(tool[i]) for i in rows],
-                    "observation.force": [list(force[i]) for i in rows],
-                    "action": [[0.0, 0.0] for _ in rows],
-                    "timestamp": [i / 100.0 for i in rows],
-                    "frame_index": list(rows),
-                    "episode_index": [episode] * len(rows),
-                }
-            )
-        )
+        columns = {
+            "observation.state": [[angle[i] * real, 50.0] for i in rows],
+            "observation.tool": [list(tool[i]) for i in rows],
+            "observation.force": [list(force[i]) for i in rows],
+            "action": [[0.0, 0.0] for _ in rows],
+            "timestamp": [i / 100.0 for i in rows],
+            "episode_index": [episode] * len(rows),
+        }
+        tables.append(pa.table(columns))
     (folder / "data/chunk-000").mkdir(parents=True)
     if version.startswith("v2"):
         for episode, one in enumerate(tables):
@@ -332,14 +308,9 @@ def dataset(folder, version="v2.1", episodes=2, names="list", unit=np.degrees, *
     else:
         parquet.write_table(pa.concat_tables(tables), folder / "data/chunk-000/file-000.parquet")
         (folder / "meta/episodes/chunk-000").mkdir(parents=True)
-        index = pa.table(
-            {
-                "episode_index": list(range(episodes)),
-                "data/chunk_index": [0] * episodes,
-                "data/file_index": [0] * episodes,
-            }
-        )
-        parquet.write_table(index, folder / "meta/episodes/chunk-000/file-000.parquet")
+        index = {"episode_index": list(range(episodes))}
+        index |= dict.fromkeys(["data/chunk_index", "data/file_index"], [0] * episodes)
+        parquet.write_table(pa.table(index), folder / "meta/episodes/chunk-000/file-000.parquet")
     return folder
 
 
