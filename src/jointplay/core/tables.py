@@ -141,6 +141,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
+Head = tuple[str, str] | tuple[str, str, bool]
+"""Name and unit of a column, and whether its lengths are clearances."""
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows with names, units and values: shown as text, Markdown and HTML, written as data.
@@ -155,11 +159,15 @@ class Table:
     """Lines that are shown below it."""
 
     @classmethod
-    def of(cls, heads: Iterable[tuple[str, str]], rows: Sequence[Sequence[Any]]) -> Self:
-        """The table of rows whose columns have these names and units."""
+    def of(
+        cls,
+        heads: Sequence[Head],
+        rows: Sequence[Sequence[Any]],
+    ) -> Self:
+        """The table of rows whose columns have these names and units, and are fine or not."""
         values = list(zip(*rows, strict=True)) or [() for _ in heads]
         names = zip(heads, values, strict=True)
-        return cls([Column(head, column, unit) for (head, unit), column in names])
+        return cls([Column(head, own, unit, fine=any(fine)) for (head, unit, *fine), own in names])
 
     @classmethod
     def of_texts(cls, rows: Sequence[Sequence[str]]) -> Self:

@@ -296,6 +296,8 @@ _FINE = {
     "m/s": (1e3, "mm/s"),
     "rad/s": (1e3, "mrad/s"),
     "s": (1e3, "ms"),
+    "J": (1e3, "mJ"),
+    "W": (1e3, "mW"),
 }
 """The same of what is as small as a clearance, or what goes with it."""
 

@@ -10,13 +10,13 @@ import json
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay.analysis.tool_error import deviation
-from jointplay.analysis.twins import COMPARED, clearance_outline, ideal_simulation
+from jointplay.analysis.twins import COMPARED, ideal_simulation
 from jointplay.core.errors import JointplayError
 from jointplay.core.units import readable
 from jointplay.design import poses
@@ -28,6 +28,8 @@ from jointplay.live.state import State
 from jointplay.loads.drive import Drive
 from jointplay.mechanism.tree import BodyMotion, Tree
 from jointplay.player import scene
+from jointplay.plots.chart import Axis, Curve, Panel
+from jointplay.plots.result import TIME
 from jointplay.result.result import Result
 from jointplay.result.variables import TERMS
 from jointplay.simulation.run import Run
@@ -231,17 +233,42 @@ def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, An
     }
 
 
-@dataclass
-class Columns:
-    """Curves in one block of bytes, 32-bit floats, found by name."""
+class Curves:
+    """Charts in one block of bytes: 32-bit floats, the same ones once."""
 
-    block: bytearray
-    places: dict[str, dict[str, int]]
+    def __init__(self) -> None:
+        """Begin empty."""
+        self.block = bytearray()
+        self._places: dict[bytes, dict[str, int]] = {}
 
-    def put(self, name: str, values: np.ndarray) -> None:
-        """Append a curve."""
-        self.places[name] = {"at": len(self.block), "count": int(values.size)}
-        self.block += np.ascontiguousarray(values, "<f4").tobytes()
+    def _put(self, values: Any) -> dict[str, int]:
+        data = np.ascontiguousarray(values, "<f4").tobytes()
+        if data not in self._places:
+            self._places[data] = {"at": len(self.block), "count": len(data) // 4}
+            self.block += data
+        return self._places[data]
+
+    def chart(self, panel: Panel) -> dict[str, Any]:
+        """A chart as `chart.js` draws it, in SI: it chooses the units that it shows."""
+        return {
+            "x": {"label": panel.x.name, "unit": panel.x.unit},
+            "y": {"label": panel.y.name, "unit": panel.y.unit},
+            "equal": bool(panel.equal),
+            "marks": [
+                {"name": one.name, "frame": one.frame, "x": self._put(one.x), "y": self._put(one.y)}
+                for one in panel.marks
+                if isinstance(one, Curve)
+            ],
+        }
+
+
+def _energy(result: Result) -> Panel:
+    """Energies since the start: stored, and those terms that are not nothing."""
+    stored = result["kinetic_energy"].values + result["potential_energy"].values
+    terms = [(term.label, result[term.variable].values) for term in TERMS]
+    shown = [("stored", stored - stored[0]), *((name, one) for name, one in terms if np.any(one))]
+    marks = [Curve(result.time, values, name) for name, values in shown]
+    return Panel(TIME, Axis("energy", "J"), marks)
 
 
 def cycle_message(
@@ -261,8 +288,8 @@ def cycle_message(
         full_turn = np.linalg.norm(deviation(result, twin, "tool_orientation").values, axis=1)
     few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
     kept = np.searchsorted(result.time, few.time)
-    columns = Columns(bytearray(), {})
-    columns.put("time", few.time)
+    curves, error = Curves(), None
+    joints: dict[str, Any] = {}
     figures: list[dict[str, Any]] = []
 
     def figure(name: str, value: float, unit: str) -> None:
@@ -271,23 +298,16 @@ def cycle_message(
     since = result.time >= result.judge_from
     if full_error is not None and full_turn is not None:
         begin = np.append(0, kept[:-1] + 1)
-        columns.put(
-            "tool error", np.maximum.reduceat(full_error, np.minimum(begin, len(full_error) - 1))
-        )
+        largest = np.maximum.reduceat(full_error, np.minimum(begin, len(full_error) - 1))
+        error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
         for what, sizes, unit in (("error", full_error, "m"), ("turn", full_turn, "rad")):
             judged = sizes[since[: len(sizes)]]
             figure(f"largest tool {what}", judged.max(initial=0.0), unit)
             rms = np.sqrt(np.mean(judged**2)) if len(judged) else 0.0
             figure(f"RMS tool {what}", rms, unit)
     for j, name in enumerate(result.joints):
-        centre = few["journal_centre"].values[:, j]
-        columns.put(f"x {name}", centre[:, 0])
-        columns.put(f"y {name}", centre[:, 1])
-        outline = clearance_outline(result, name)
-        if outline is not None:
-            columns.put(f"outline x {name}", outline[0])
-            columns.put(f"outline y {name}", outline[1])
-        columns.put(f"force {name}", np.linalg.norm(few["joint_force_peak"].values[:, j], axis=1))
+        shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
+        joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
         forces = np.linalg.norm(result["joint_force_peak"].values[since, j], axis=1)
         figure(f"peak force, {name}", forces.max(initial=0.0), "N")
     sunk = {
@@ -295,20 +315,13 @@ def cycle_message(
         for name, joint in result.simulation.mechanism.clearance.items()
     }
     drives = _given_way(result, twin) if twin is not None else None
-    stored = few["kinetic_energy"].values + few["potential_energy"].values
-    columns.put("energy stored", stored - stored[0])
-    energies = ["energy stored"]
-    for term in TERMS:
-        values = few[term.variable].values
-        if np.any(values):
-            columns.put(f"energy {term.label}", values)
-            energies.append(f"energy {term.label}")
+    charts = {"error": error, "energy": curves.chart(_energy(few)), "joints": joints}
     lost = sum(float(result[term.variable].values[-1]) for term in TERMS if term.lost)
     figure("energy lost", lost, "J")
     packed, picture = b"", None
     if twin is not None and len(few.time) > 1:
-        shown = scene.motion("", few, twin, moments)
-        picture, packed = shown.contents, shown.block
+        moving = scene.motion("", few, twin, moments)
+        picture, packed = moving.contents, moving.block
     head = {
         "kind": "cycle",
         "quick": bool(steps),
@@ -320,13 +333,12 @@ def cycle_message(
         "joints": list(result.joints),
         "sunk": sunk,
         "drives": None if drives is None else float(drives[since].max(initial=0.0)),
-        "energies": energies,
         "figures": figures,
-        "columns": columns.places,
-        "curves": len(columns.block),
+        "charts": charts,
+        "curves": len(curves.block),
         "picture": picture,
     }
-    return head, bytes(columns.block) + packed
+    return head, bytes(curves.block) + packed
 
 
 def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> float | None:

@@ -7,17 +7,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import wraps
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.units import round_below
 from jointplay.geometry import Form, Mode
 from jointplay.plots.chart import Axis, Curve, Panel, Rule, Spans, outline
-from jointplay.plots.draw import draw_panel
 from jointplay.plots.names import MODE_TERMS, MODES
 from jointplay.plots.palette import (
     AXIS_COLOURS,
@@ -26,9 +24,11 @@ from jointplay.plots.palette import (
     MODE_COLOURS,
     contact_look,
 )
-from jointplay.plots.style import figure_of, literal, new_figure, style
 from jointplay.result.result import AXES, Result
 from jointplay.result.variables import TERMS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COMPONENTS = (*AXES, "total")
 
@@ -132,6 +132,9 @@ class Plots:
     def _draw(
         self, panel: Panel, size: tuple[float, float], ax: Any, look: str, options: dict[str, Any]
     ) -> Figure:
+        from jointplay.plots.draw import draw_panel  # pages need no matplotlib
+        from jointplay.plots.style import figure_of, literal, new_figure, style
+
         if ax is not None:
             draw_panel(panel, ax, **options)
             literal(ax)

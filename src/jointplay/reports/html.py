@@ -19,11 +19,16 @@ from markupsafe import escape
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import check_new
+from jointplay.core.tables import Column, Table
+from jointplay.core.units import typeset
 from jointplay.player.pages import as_script, policy
 
 _MINUS = "\N{MINUS SIGN}"
 
 Cell = str | float | int | None
+
+Quantity = tuple[Cell, str] | tuple[Cell, str, bool]
+"""A value in SI, its unit, and whether it is as small as a clearance."""
 
 
 @cache
@@ -122,19 +127,62 @@ def number(value: float, digits: int = 3) -> Html:
 
 
 def table(
-    head: Sequence[Cell],
-    rows: Sequence[Sequence[Cell]],
-    caption: str = "",
-    left: int = 1,
-    name: str = "",
+    made: Table, caption: str = "", name: str = "", *, across: bool = False, left: int | None = None
 ) -> Html:
-    """A table whose first `left` columns are text, the others numbers."""
+    """A table; what is no number may be `Html`.
+
+    Args:
+        made: names, units and values of its columns.
+        caption: above it.
+        name: by which style sheets and scripts know it.
+        across: whether its columns are shown as rows, below what the first one has; those without
+            any value are left out.
+        left: how many columns are flush left; None: those that come first and have no numbers.
+    """
+    columns = [(_title(one), [_scaled(value, one) for value in one.values]) for one in made.columns]
+    if across:
+        (first, heads), *others = columns
+        head = [first, *heads]
+        rows = [[title, *values] for title, values in others if set(values) != {None}]
+        texts = 1
+    else:
+        head = [title for title, _ in columns]
+        rows = [list(row) for row in zip(*(values for _, values in columns), strict=True)]
+        texts = [*(any(map(_is_number, values)) for _, values in columns), True].index(True)
+    left = texts if left is None else left
     return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
 
 
-def table_of(rows: Sequence[Mapping[str, Cell]], **options: Any) -> Html:
-    """A table of rows that have the same columns; `options` as of `table`."""
-    return table(list(rows[0]), [list(row.values()) for row in rows], **options)
+def by_case(
+    head: str, cases: Sequence[Html], figures: Sequence[Mapping[str, Quantity]], **options: Any
+) -> Html:
+    """A table with a row for each figure and a column for each case; `options` as of `table`."""
+    longest = sorted(figures, key=len, reverse=True)  # gives the order
+    names = {name: one for figure in longest for name, one in figure.items()}
+    columns = [
+        Column(
+            name,
+            [figure[name][0] if name in figure else None for figure in figures],
+            unit,
+            fine=any(fine),
+        )
+        for name, (_, unit, *fine) in names.items()
+    ]
+    return table(Table([Column(head, cases), *columns]), across=True, **options)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _title(column: Column) -> str:
+    unit = typeset(column.shown[1])
+    return f"{column.head} [{unit}]" if unit else column.head
+
+
+def _scaled(value: Any, column: Column) -> Any:
+    factor = column.shown[0]
+    return factor * value if factor != 1.0 and _is_number(value) else value
 
 
 def paragraph(content: str) -> Html:

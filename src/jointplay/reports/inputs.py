@@ -11,13 +11,15 @@ import numpy as np
 
 from jointplay import analysis
 from jointplay.core.errors import JointplayError
+from jointplay.core.tables import Head, Table
+from jointplay.core.units import displayed, readable, typeset
 from jointplay.joints import RollingBearing
 from jointplay.mechanism.free_base import FREE
 from jointplay.mechanism.gear import Gearing
 from jointplay.mechanism.urdf import parse
 from jointplay.motion.reference import Motion
 from jointplay.reports.cases import Case, dark
-from jointplay.reports.html import Cell, Html, details, joined, markup, table
+from jointplay.reports.html import Cell, Html, Quantity, by_case, details, joined, markup, table
 from jointplay.result.result import Result
 
 # The text of users' own laws, as results bring it: it is shown, and never run.
@@ -39,52 +41,51 @@ def own_laws(cases: Sequence[Case]) -> Html:
     )
 
 
-_JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
-    "clearance": ("clearance across x, each side", "mm", 1e3),
-    "clearance_y": ("clearance across y, each side", "mm", 1e3),
-    "length": ("length of the slider", "mm", 1e3),
-    "width": ("width", "mm", 1e3),
-    "height": ("height of the slider, along y", "mm", 1e3),
-    "corner_radius": ("rounding of the corners", "mm", 1e3),
-    "radial_clearance": ("radial clearance C_r", "mm", 1e3),
-    "axial_clearance": ("axial clearance C_a, each side", "mm", 1e3),
-    "bearing_radius": ("bearing radius R_i", "mm", 1e3),
-    "bearing_length": ("bearing length L_i", "mm", 1e3),
-    "journal_radius": ("journal radius R_j", "mm", 1e3),
-    "journal_length": ("journal length L_j", "mm", 1e3),
-    "restitution": ("restitution c_e", "", 1.0),
-    "stiffness": ("stiffness k", "N/m^1.5", 1.0),
-    "axial_stiffness": ("stiffness k, axial", "N/m^1.5", 1.0),
-    "bore": ("bore", "mm", 1e3),
-    "outside_diameter": ("outside diameter", "mm", 1e3),
-    "element_diameter": ("diameter of elements", "mm", 1e3),
-    "pitch_diameter": ("pitch diameter", "mm", 1e3),
-    "roller_length": ("length of rollers", "mm", 1e3),
-    "spacing": ("distance of the rows", "mm", 1e3),
-    "shaft_interference": ("interference of the shaft", "µm", 1e6),
-    "housing_interference": ("interference of the housing", "µm", 1e6),
-    "temperature_difference": ("inner ring warmer by", "K", 1.0),
-    "damping_time": ("damping over stiffness", "s", 1.0),
-    "cage_angle": ("azimuth of the first element", "rad", 1.0),
-    "contact_angle": ("contact angle", "rad", 1.0),
-    "preload": ("preload", "N", 1.0),
-    "dynamic_rating": ("basic dynamic load rating C", "N", 1.0),
-    "static_rating": ("basic static load rating C0", "N", 1.0),
-    "drag_torque": ("friction torque without load", "N m", 1.0),
-    "rolling_friction": ("friction over load and half the bore", "", 1.0),
-    "inner_groove": ("radius of the inner groove over D", "", 1.0),
-    "outer_groove": ("radius of the outer groove over D", "", 1.0),
+_JOINT_FIELDS: dict[str, Head] = {
+    "clearance": ("clearance across x, each side", "m"),
+    "clearance_y": ("clearance across y, each side", "m"),
+    "length": ("length of the slider", "m"),
+    "width": ("width", "m"),
+    "height": ("height of the slider, along y", "m"),
+    "corner_radius": ("rounding of the corners", "m"),
+    "radial_clearance": ("radial clearance C_r", "m"),
+    "axial_clearance": ("axial clearance C_a, each side", "m"),
+    "bearing_radius": ("bearing radius R_i", "m"),
+    "bearing_length": ("bearing length L_i", "m"),
+    "journal_radius": ("journal radius R_j", "m"),
+    "journal_length": ("journal length L_j", "m"),
+    "restitution": ("restitution c_e", ""),
+    "stiffness": ("stiffness k", "N/m^1.5"),
+    "axial_stiffness": ("stiffness k, axial", "N/m^1.5"),
+    "bore": ("bore", "m"),
+    "outside_diameter": ("outside diameter", "m"),
+    "element_diameter": ("diameter of elements", "m"),
+    "pitch_diameter": ("pitch diameter", "m"),
+    "roller_length": ("length of rollers", "m"),
+    "spacing": ("distance of the rows", "m"),
+    "shaft_interference": ("interference of the shaft", "m", True),
+    "housing_interference": ("interference of the housing", "m", True),
+    "temperature_difference": ("inner ring warmer by", "K"),
+    "damping_time": ("damping over stiffness", "s"),
+    "cage_angle": ("azimuth of the first element", "rad"),
+    "contact_angle": ("contact angle", "rad"),
+    "preload": ("preload", "N"),
+    "dynamic_rating": ("basic dynamic load rating C", "N"),
+    "static_rating": ("basic static load rating C0", "N"),
+    "drag_torque": ("friction torque without load", "N*m"),
+    "rolling_friction": ("friction over load and half the bore", ""),
+    "inner_groove": ("radius of the inner groove over D", ""),
+    "outer_groove": ("radius of the outer groove over D", ""),
 }
 
 
 def parameters(cases: Sequence[Case]) -> Html:
     """Every input, a column for each case, then motion and robot in full."""
     columns = [_parameters(case.result) for case in cases]
-    names = dict.fromkeys(
-        name for column in columns for name, value in column.items() if value is not None
-    )
-    rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
-    overview = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
+    named: list[dict[str, Quantity]] = [
+        {_symbol(name): (one, "") for name, one in column.items()} for column in columns
+    ]
+    overview = by_case("parameter", [*map(dark, cases)], named, left=1 + len(cases))
     return joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
 
 
@@ -131,7 +132,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
         cells[f"drive of {name}"] = _drive(drive)
     if inputs.get("joint_friction") is not None:
         cells["joint friction"] = _plain(inputs["joint_friction"])
-    cells["time step [µs]"] = 1e6 * float(inputs["step"])
+    cells["time step"] = readable(float(inputs["step"]), "s")
     cells["integrator"] = inputs["integrator"]
     cells["simulated [s]"] = float(result.time[-1])
     cells["steps between records"] = int(inputs["record_every"])
@@ -145,8 +146,9 @@ def _parameters(result: Result) -> dict[str, Cell]:
             stiffness = markup("{} (eq. 11)", derived[joint])
         not_given = {"stiffness": stiffness, "axial_stiffness": "as radial"}
         for name, value in fields.items():
-            label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
-            label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
+            label, unit, *fine = _JOINT_FIELDS.get(name, (name.replace("_", " "), ""))
+            scale, shown = displayed(unit, any(fine))
+            label = f"{joint}: {label}{f' [{typeset(shown)}]' if unit else ''}"
             if value is None:
                 cells[label] = not_given.get(name)
             elif isinstance(value, bool):
@@ -156,7 +158,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
             else:
                 cells[label] = _law(value) if isinstance(value, dict) else value
         for name, text in estimates.get(joint, {}).items():
-            label = _JOINT_FIELDS.get(name, (name.replace("_", " "),))[0]
+            label = _JOINT_FIELDS.get(name, (name.replace("_", " "), ""))[0]
             cells[f"{joint}: {label} (estimated)"] = text
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
     cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
@@ -217,11 +219,12 @@ def _motions(cases: Sequence[Case]) -> Html:
         if text == "null":
             continue
         motion = Motion.from_description(json.loads(text))
-        rows = np.column_stack(motion.waypoints).tolist()
+        rows = np.column_stack(motion.waypoints).tolist()[:500]
         of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
         units = _units(those[0].result)
-        names = (f"{name} [{units.get(name, 'rad or m')}]" for name in motion.joints)
-        parts.append(details(f"Waypoints{of}", table(["time [s]", *names], rows[:500], left=0)))
+        heads = [f"{name} [{units.get(name, 'rad or m')}]" for name in ("time", *motion.joints)]
+        made = Table.of([(head, "") for head in heads], rows)
+        parts.append(details(f"Waypoints{of}", table(made, left=0)))
     return joined(parts)
 
 
@@ -229,7 +232,8 @@ def _units(result: Result) -> dict[str, str]:
     """Units of the joints' positions, whether or not the mechanism's laws can be imported."""
     robot = analysis.inputs(result)["mechanism"]
     joints = parse(robot["urdf_text"], Path(robot["urdf"]), robot["allow_unphysical"]).joints
-    return {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
+    units = {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
+    return {"time": "s", **units}
 
 
 def _robots(cases: Sequence[Case]) -> Html:

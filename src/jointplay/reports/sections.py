@@ -21,14 +21,27 @@ from jointplay import analysis
 from jointplay.analysis.claims import measure
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import read_text
+from jointplay.core.tables import Head, Table
+from jointplay.core.units import readable
 from jointplay.geometry import Form
 from jointplay.joints import JOINT_KINDS
 from jointplay.mechanism.gear import Gear
 from jointplay.plots.figures import is_paper
 from jointplay.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
 from jointplay.reports.cases import Case, dark, place_of, since
-from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table, table_of
+from jointplay.reports.html import (
+    Cell,
+    Html,
+    Quantity,
+    bullets,
+    by_case,
+    joined,
+    markup,
+    paragraph,
+    table,
+)
 from jointplay.result.certificate import MARKED, CertifiedFigure
+from jointplay.result.result import AXES
 from jointplay.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
@@ -80,25 +93,25 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
     lines = claim_rows(source)
     if source is not None and lines:
         verdicts = {"yes": "good", "no": "bad"}
-        rows: list[list[Cell]] = [
+        rows = [
             [a, b, c, markup('<span class="{}">{}</span>', verdicts.get(d, "open"), d), e]
             for a, b, c, d, e in lines[1:]
         ]
-        parts.append(table(lines[0], rows, f"Ensembles of perturbed runs ({source.name})", 5))
-    columns = {}
+        caption = f"Ensembles of perturbed runs ({source.name})"
+        parts.append(table(Table.of_texts([lines[0], *rows]), caption))
+    names: list[Html] = []
+    found: list[dict[str, Quantity]] = []
     for case in cases:
         if case.error is None or case.ideal is None or len(case.joints) != 1:
             continue
         same = np.array_equal(case.result.time, case.ideal.time)
         if same and case.duration > 2.0 * START_UP:
-            columns[case.label] = (dark(case), measure(case.result, case.ideal))
-    if columns:
-        rows = [
-            [label, *(float(column[key]) for _, column in columns.values())]
-            for key, label in _MEASURES.items()
-        ]
-        head = ["measure", *(name for name, _ in columns.values())]
-        parts.append(table(head, rows, "What the claims are about, in these single runs"))
+            values = measure(case.result, case.ideal)
+            names.append(dark(case))
+            found.append({label: (float(values[key]), "") for key, label in _MEASURES.items()})
+    if found:
+        caption = "What the claims are about, in these single runs"
+        parts.append(by_case("measure", names, found, caption=caption))
         parts.append(
             paragraph(
                 "No claim is decided on single runs: impacts magnify small differences. Ensembles "
@@ -131,41 +144,39 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     if not pairs:
         return Html("")
     names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
-    shares = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
-    keys = list(shares[0])
-    rows: list[list[Cell]] = [
-        [name, *(100.0 * share[key] for share in shares)]
-        for name, key in zip(MODES, keys, strict=True)
+    mode_shares: list[dict[str, Quantity]] = []
+    form_shares: list[dict[str, Quantity]] = []
+    every_form = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
+    occurred = [
+        form for form in Form if any(one and one[form.name.lower()] > 0.0 for one in every_form)
     ]
-    forms = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
-    forms = [share or dict.fromkeys((f.name.lower() for f in Form), math.nan) for share in forms]
-    form_rows: list[list[Cell]] = [
-        [
-            f"{form.letter}: {form.name.lower().replace('_', ' ')}" if form else "no contact",
-            *(100.0 * share[form.name.lower()] for share in forms),
-        ]
-        for form in Form
-        if any(share[form.name.lower()] > 0.0 for share in forms)
-    ]
+    for (case, joint), forms in zip(pairs, every_form, strict=True):
+        shares = analysis.shares(case.result, joint, "mode", start).values()
+        mode_shares.append({name: (one, "1") for name, one in zip(MODES, shares, strict=True)})
+        form_shares.append({})
+        for one in occurred:
+            words = one.name.lower()
+            name = f"{one.letter}: {words.replace('_', ' ')}" if one else "no contact"
+            form_shares[-1][name] = forms[words] if forms else None, "1"
     paper = is_paper({case.label: case.result for case in cases})
     mode, form = ("mode (Table 1)", "form (Figure 2)") if paper else ("mode", "form")
     explained = (
         f"{name} (in the paper: {term}): {meaning}"
         for name, term, meaning in zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
     )
+    of = "Share of the records in each"
     parts = [
-        table([mode, *names], rows, f"Share of the records in each mode [%]{since(start)}"),
+        by_case(mode, names, mode_shares, caption=f"{of} mode{since(start)}"),
         paragraph("; ".join(explained) + "."),
     ]
-    if form_rows:
-        caption = f"Share of the records in each form [%]{since(start)}"
-        parts.append(table([form, *names], form_rows, caption))
+    if occurred:
+        parts.append(by_case(form, names, form_shares, caption=f"{of} form{since(start)}"))
     return joined(parts)
 
 
 def impacts(cases: Sequence[Case], start: float) -> Html:
     """Statistics of contacts by joint and place."""
-    rows: list[dict[str, Cell]] = []
+    rows: list[list[Cell]] = []
     for case in cases:
         for place in analysis.contacts(case.result, start):
             onsets = impulse = shortest = None
@@ -174,21 +185,26 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
                 onsets, impulse = int(one["onsets"]), float(one["impulse"])
                 steps = float(one["shortest_steps"])
                 shortest = int(steps) if math.isfinite(steps) else None
-            row: dict[str, Cell] = {
-                "case, place": place_of(case, place.joint, place.contact),
-                "contacts begun": onsets,
-                "rate [1/s]": None if onsets is None else onsets / case.duration,
-                "normal impulse [N s]": impulse,
-                "shortest [steps]": shortest,
-                "in contact [% of time]": 100.0 * place.share,
-            }
-            for word, percent in (("median", 50), ("95 %", 95)):
-                row[f"duration, {word} [ms]"] = _percentile(1e3 * place.duration, percent)
-            for word, percent in (("median", 50), ("95 %", 95), ("largest", 100)):
-                row[f"peak force, {word} [N]"] = _percentile(place.peak, percent)
-            rows.append(row)
+            rows.append(
+                [
+                    place_of(case, place.joint, place.contact),
+                    onsets,
+                    None if onsets is None else onsets / case.duration,
+                    impulse,
+                    shortest,
+                    place.share,
+                    *(_percentile(place.duration, percent) for percent in (50, 95)),
+                    *(_percentile(place.peak, percent) for percent in (50, 95, 100)),
+                ]
+            )
     if not rows:
         return paragraph("No case has clearance.")
+    heads: list[Head] = [
+        *(("case, place", ""), ("contacts begun", ""), ("rate", "1/s")),
+        *(("normal impulse", "N*s"), ("shortest", "steps"), ("time in contact", "1")),
+        *(("duration, median", "s", True), ("duration, 95 %", "s", True)),
+        *((f"peak force, {word}", "N") for word in ("median", "95 %", "largest")),
+    ]
     intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
     spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
     note = (
@@ -197,12 +213,12 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
         f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
         "forces are held between records and exact."
     )
-    return table_of(rows) + paragraph(note)
+    return table(Table.of(heads, rows)) + paragraph(note)
 
 
 def bearings(cases: Sequence[Case], start: float) -> Html:
     """Loads, life and friction of rolling bearings; nothing without any."""
-    rows: list[dict[str, Cell]] = []
+    rows: list[list[Cell]] = []
     swings = False
     for case in cases:
         late = case.result.time >= start
@@ -213,20 +229,13 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
             loaded = case.result["loaded_elements"].sel(joint=joint).values[late]
             swings = swings or life.oscillates
             rows.append(
-                {
-                    "case, joint": markup("{}, {}", dark(case), joint),
-                    "bearing": bearing.designation or bearing.kind.replace("-", " "),
-                    "largest element load [N]": life.largest_load,
-                    "the same, at C0 [N]": life.rated_load,
-                    "elements loaded, least": int(loaded.min()),
-                    "mean": float(loaded.mean()),
-                    "most": life.most_loaded,
-                    "of": life.elements,
-                    "turned [rev]": life.turned,
-                    "life L10": life.lasting,
-                    "friction torque, mean [N mm]": 1e3 * life.mean_torque,
-                    "friction power, mean [mW]": 1e3 * life.friction_power,
-                }
+                [
+                    markup("{}, {}", dark(case), joint),
+                    bearing.designation or bearing.kind.replace("-", " "),
+                    *(life.largest_load, life.rated_load),
+                    *(int(loaded.min()), float(loaded.mean()), life.most_loaded, life.elements),
+                    *(life.turned, life.lasting, life.mean_torque, life.friction_power),
+                ]
             )
     if not rows:
         return Html("")
@@ -242,7 +251,14 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
             "them, other damage (false brinelling) may come first."
         )
     heading = Html("<h3>Rolling bearings</h3>")
-    return joined([heading, table_of(rows, left=2, name="bearings"), paragraph(note)])
+    heads: tuple[Head, ...] = (
+        *(("case, joint", ""), ("bearing", "")),
+        *(("largest element load", "N"), ("the same, at C0", "N")),
+        *(("elements loaded, least", ""), ("mean", ""), ("most", ""), ("of", "")),
+        *(("turned", "rev"), ("life L10", "")),
+        *(("friction torque, mean", "N*m"), ("friction power, mean", "W", True)),
+    )
+    return joined([heading, table(Table.of(heads, rows), name="bearings"), paragraph(note)])
 
 
 def _percentile(values: np.ndarray, percent: float) -> float | None:
@@ -252,7 +268,7 @@ def _percentile(values: np.ndarray, percent: float) -> float | None:
 
 def singles(cases: Sequence[Case]) -> Html:
     """The largest impacts, step by step, each with a button that zooms into it."""
-    rows: list[dict[str, Cell]] = []
+    rows: list[list[Cell]] = []
     for case in cases:
         windows = case.replay.windows if case.replay is not None else ()
         for impact, window in zip(case.impacts, windows, strict=True):
@@ -260,20 +276,25 @@ def singles(cases: Sequence[Case]) -> Html:
             force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
             zoom = f"{float(time[0])!r},{float(time[-1])!r}"
             rows.append(
-                {
-                    "case, place": place_of(case, impact.joint, impact.contact),
-                    "time [s]": f"{float(time[int(force.values.argmax())]):.5f}",
-                    "peak normal force [N]": impact.peak_force,
-                    "penetration [µm]": 1e6 * impact.penetration,
-                    "steps in contact": impact.steps if impact.complete else f"> {impact.steps}",
-                    "approach speed [mm/s]": 1e3 * impact.approach_speed,
-                    "separation speed [mm/s]": 1e3 * impact.separation_speed,
-                    "": markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
-                }
+                [
+                    place_of(case, impact.joint, impact.contact),
+                    f"{float(time[int(force.values.argmax())]):.5f}",
+                    impact.peak_force,
+                    impact.penetration,
+                    impact.steps if impact.complete else f"> {impact.steps}",
+                    impact.approach_speed,
+                    impact.separation_speed,
+                    markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
+                ]
             )
     if not rows:
         return paragraph("No impact was followed step by step.")
-    return table_of(rows, name="single-impacts")
+    heads: tuple[Head, ...] = (
+        *(("case, place", ""), ("time [s]", ""), ("peak normal force", "N")),
+        *(("penetration", "m", True), ("steps in contact", "")),
+        *(("approach speed", "m/s", True), ("separation speed", "m/s", True), ("", "")),
+    )
+    return table(Table.of(heads, rows), name="single-impacts", left=1)
 
 
 # The runs' judgement of themselves, and their numerical errors.
@@ -282,11 +303,6 @@ def singles(cases: Sequence[Case]) -> Html:
 def audits(cases: Sequence[Case]) -> Html:
     """Audits of the runs."""
     given = [_judged(case) for case in cases]
-    rows: list[list[Cell]] = [
-        [name, *(one[name] for one in given)]
-        for name in given[0]
-        if any(one[name] is not None for one in given)
-    ]
     warnings = [
         markup('{} <strong class="warn">Warning:</strong> {}.', dark(case), warning)
         for case in cases
@@ -294,37 +310,37 @@ def audits(cases: Sequence[Case]) -> Html:
     ]
     return joined(
         [
-            table(["of the run", *map(dark, cases)], rows, name="audit-table"),
+            by_case("of the run", [*map(dark, cases)], given, name="audit-table"),
             bullets(warnings) or paragraph("No run has warnings."),
         ]
     )
 
 
-def _judged(case: Case) -> dict[str, Cell]:
+def _judged(case: Case) -> dict[str, Quantity]:
     """Audit figures of a run by name; None where a figure does not apply."""
     audit, result = case.result.audit, case.result
     limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
-    contact: dict[str, Cell] = {
-        "contacts begun": audit.impacts,
-        "shortest contact [steps]": audit.shortest_contact_steps or None,
-        "contacts under 10 steps": audit.under_resolved,
-        "normal impulse [N s]": audit.normal_impulse,
-        "largest penetration [µm]": 1e6 * audit.largest_penetration,
-        "penetration [% of the clearance]": 100.0 * audit.penetration_over_clearance,
-        "step that friction needs [µs]": 1e6 * limit if math.isfinite(limit) else None,
+    needed = readable(float(f"{limit:.3g}"), "s") if math.isfinite(limit) else None
+    contact: dict[str, Quantity] = {
+        "contacts begun": (audit.impacts, ""),
+        "shortest contact": (audit.shortest_contact_steps or None, "steps"),
+        "contacts under 10 steps": (audit.under_resolved, ""),
+        "normal impulse": (audit.normal_impulse, "N*s"),
+        "largest penetration": (audit.largest_penetration, "m", True),
+        "the same, of the clearance": (audit.penetration_over_clearance, "1"),
+        "step that friction needs": (needed, ""),
     }
+    drift = audit.loop_drift if "loop_drift" in result.dataset else None
     return {
-        "ended": result.message,
-        "energy residual [J]": audit.energy_residual,
-        "energy exchanged [J]": audit.energy_exchanged,
-        "residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
-        **(contact if case.joints else dict.fromkeys(contact)),
-        "step [µs]": 1e6 * audit.step,
-        "error by the step [µm]": None if audit.step_error is None else 1e6 * audit.step_error,
-        "drift of ideal loops [µm]": 1e6 * audit.loop_drift
-        if "loop_drift" in result.dataset
-        else None,
-        "computed in [s]": None if wall is None else float(wall),
+        "ended": (result.message, ""),
+        "energy residual": (audit.energy_residual, "J"),
+        "energy exchanged": (audit.energy_exchanged, "J"),
+        "residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+        **(contact if case.joints else {}),
+        "step": (readable(audit.step, "s"), ""),
+        "error by the step": (audit.step_error, "m", True),
+        "drift of ideal loops": (drift, "m", True),
+        "computed in": (None if wall is None else float(wall), "s"),
     }
 
 
@@ -335,13 +351,10 @@ def certificates(cases: Sequence[Case]) -> Html:
     if not given:
         return Html("")
     names = dict.fromkeys(figure.name for _, one in given for figure in one.headline)
-    rows: list[list[Cell]] = []
-    for name in names:
-        found = [
-            next((figure for figure in one.figures if figure.name == name), None)
-            for _, one in given
-        ]
-        rows.append([name, *(None if figure is None else _certified(figure) for figure in found)])
+    found: list[dict[str, Quantity]] = [
+        {name: (_certified(known[name]) if name in known else None, "") for name in names}
+        for known in ({figure.name: figure for figure in one.figures} for _, one in given)
+    ]
     points: list[str] = []
     for case, one in given:
         others = [figure for figure in one.marked if figure not in one.headline]
@@ -359,11 +372,10 @@ def certificates(cases: Sequence[Case]) -> Html:
         "chosen by their error: estimated from two further runs, certified by three. Those with "
         "errors above 5 % are marked."
     )
-    head = ["figure", *(dark(case) for case, _ in given)]
+    labels = [dark(case) for case, _ in given]
+    made = by_case("figure", labels, found, name="certificates")
     heading = Html("<h3>Numerical errors</h3>")
-    return joined(
-        [heading, paragraph(note), table(head, rows, name="certificates"), bullets(points)]
-    )
+    return joined([heading, paragraph(note), made, bullets(points)])
 
 
 def _certified(figure: CertifiedFigure) -> Cell:
@@ -388,19 +400,18 @@ def stops(case: Case) -> tuple[list[analysis.Stop], str]:
 
 def accuracies(cases: Sequence[Case], start: float) -> Html:
     """Tool error per axis over the run, and at the stops of the reference motion."""
-    rows: list[dict[str, Cell]] = []
-    at_stops: list[dict[str, Cell]] = []
+    rows: list[list[Cell]] = []
+    at_stops: list[list[Cell]] = []
     unknown: list[Html] = []
     for case in cases:
         if case.error is None:
             continue
         accuracy = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
         for k, axis in enumerate(analysis.COMPONENTS):
-            row: dict[str, Cell] = {"case": dark(case), "axis": axis}
-            row["mean [mm]"] = 1e3 * float(accuracy.mean[k])
+            row: list[Cell] = [dark(case), axis, float(accuracy.mean[k])]
             for how, values in (("RMS", accuracy.rms), ("peak", accuracy.peak)):
                 name = f"{how} tool error" if axis == "total" else ""
-                row[f"{how} [mm]"] = _glance_cell(case, start, 1e3 * float(values[k]), name)
+                row.append(_glance_cell(case, start, float(values[k]), name))
             rows.append(row)
         reached, reason = stops(case)
         if reason:
@@ -408,45 +419,38 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
         for stop in reached:
             at_stops.append(_at_stop(case, stop, "arrival", stop.start))
             if stop.kind == "dwell":
-                row = _at_stop(case, stop, "end of dwell", stop.end)
-                strong = {key: markup("<strong>{}</strong>", cell) for key, cell in row.items()}
-                at_stops.append(strong | {"case": row["case"]})
+                label, *cells = _at_stop(case, stop, "end of dwell", stop.end)
+                at_stops.append([label, *(markup("<strong>{}</strong>", one) for one in cells)])
     if not rows:
         return paragraph("No case has a tool error: none has play, or none has a reference.")
     caption = (
         "Tool position less the ideal mechanism's at the same time, world axes; total: the distance"
         f"{since(start)}"
     )
-    parts = [table_of(rows, caption=caption, left=2), *unknown]
+    heads = (("case", ""), ("axis", ""), ("mean", "m"), ("RMS", "m"), ("peak", "m"))
+    parts = [table(Table.of(heads, rows), caption, left=2), *unknown]
     if at_stops:
         caption = (
             "Tool error at the waypoints of the reference motion. The tool picks and places "
             "while the reference dwells: the end of a dwell (bold) is what matters to the "
             "process"
         )
-        parts.append(table_of(at_stops, caption=caption, left=3, name="stops"))
+        axes = ((f"{axis} [mm]", "") for axis in analysis.COMPONENTS)
+        at = (("case", ""), ("reference", ""), ("moment", ""), ("time [s]", ""), *axes)
+        parts.append(table(Table.of(at, at_stops), caption, "stops", left=3))
     return joined(parts)
 
 
-def _at_stop(case: Case, stop: analysis.Stop, what: str, moment: float) -> dict[str, Cell]:
-    """The tool's error at a moment of a stop."""
+def _at_stop(case: Case, stop: analysis.Stop, what: str, moment: float) -> list[Cell]:
+    """The tool's error at a moment of a stop [mm]."""
     assert case.error is not None
-    error = 1e3 * analysis.error_at(case.error, moment)
-    components = {
-        f"{axis} [mm]": float(value) for axis, value in zip(analysis.COMPONENTS, error, strict=True)
-    }
-    return {
-        "case": dark(case),
-        "reference": stop.kind,
-        "moment": what,
-        "time [s]": f"{moment:.4g}",
-        **components,
-    }
+    error = map(float, 1e3 * analysis.error_at(case.error, moment))
+    return [dark(case), stop.kind, what, f"{moment:.4g}", *error]
 
 
 def spectra(cases: Sequence[Case], start: float) -> Html:
     """How the spectra were made, and what they sum up to."""
-    rows: list[dict[str, Cell]] = []
+    rows: list[list[Cell]] = []
     missing: list[str] = []
     for case in cases:
         try:
@@ -458,36 +462,34 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
         width = float(frequency[1] - frequency[0])
         rms = np.sqrt(values[1:].sum(axis=0) * width)
         above = frequency >= 20.0
-        row: dict[str, Cell] = {"case": dark(case)}
-        for k, axis in enumerate(analysis.COMPONENTS):
-            row[f"RMS {axis} [m/s²]"] = float(rms[k])
-        for k, axis in enumerate("xyz"):
-            strongest = float(frequency[above][values[above, k].argmax()]) if above.any() else None
-            row[f"strongest above 20 Hz, {axis} [Hz]"] = strongest
-        row["sampled at [kHz]"] = density.attrs["sampling_frequency_hz"] / 1e3
-        row["window [s]"] = density.attrs["window_s"]
-        row["windows"] = density.attrs["windows"]
-        rows.append(row)
+        strongest = [
+            float(frequency[above][values[above, k].argmax()]) if above.any() else None
+            for k in range(len(AXES))
+        ]
+        made = density.attrs
+        how = (made["sampling_frequency_hz"], made["window_s"], made["windows"])
+        rows.append([dark(case), *map(float, rms), *strongest, *how])
+    heads: tuple[Head, ...] = (
+        ("case", ""),
+        *((f"RMS {axis}", "m/s^2") for axis in analysis.COMPONENTS),
+        *((f"strongest above 20 Hz, {axis}", "Hz") for axis in AXES),
+        *(("sampled at", "Hz"), ("window", "s"), ("windows", "")),
+    )
     note = (
         "Power spectral density of the tool's acceleration, world axes, by Welch's method: "
         "one-sided, Hann windows that overlap by half, each less its mean. The acceleration is the "
         "mean one of each record interval (difference of recorded velocities), which lowers the "
         "density towards the Nyquist frequency, by 59 % there."
     )
-    parts = [table_of(rows)] if rows else []
+    parts = [table(Table.of(heads, rows))] if rows else []
     return joined([*parts, paragraph(note), bullets(missing)])
 
 
 def glance(cases: Sequence[Case], start: float) -> Html:
     """The figures that matter most, a column for each case, with their numerical errors."""
-    columns = [_glanced(case, start) for case in cases]
-    rows: list[list[Cell]] = [
-        [name, *(column.get(name) for column in columns)]
-        for name in max(columns, key=len)
-        if any(column.get(name) is not None for column in columns)
-    ]
+    found = [_glanced(case, start) for case in cases]
     caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
-    made = table(["", *map(dark, cases)], rows, caption=caption, name="glance")
+    made = by_case("", [*map(dark, cases)], found, caption=caption, name="glance")
     beside = markup('<div class="first">{}{}</div>', made, _robot(cases))
     return beside + bullets(_what_errors_mean(cases, start))
 
@@ -526,47 +528,51 @@ def _play_of(cases: Sequence[Case], joint: str) -> str:
     return f"{joint}\nplay {next(iter(words))}" if len(words) == 1 else f"{joint}: play"
 
 
-def _glanced(case: Case, start: float) -> dict[str, Cell]:
+def _glanced(case: Case, start: float) -> dict[str, Quantity]:
     """The figures of a case by name; None where one does not apply."""
     audit = case.result.audit
     rms = peak = turn = turned = at_stops = number = force = penetration = None
     strongest = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
         accuracy = analysis.accuracy(case.error, start)
-        rms, peak = 1e3 * accuracy.rms[3], 1e3 * accuracy.peak[3]
+        rms, peak = accuracy.rms[3], accuracy.peak[3]
         ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
-        errors = [1e3 * float(analysis.error_at(case.error, end)[3]) for end in ends]
+        errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         at_stops = max(errors, default=None)
     if case.turn is not None and float(case.turn["time"][-1]) >= start:
         rotation = analysis.accuracy(case.turn, start)
-        turned, turn = 1e3 * rotation.rms[3], 1e3 * rotation.peak[3]
+        turned, turn = rotation.rms[3], rotation.peak[3]
     if case.joints:
         late = case.result.time >= start
         peaks = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max(axis=0)
         force, strongest = float(peaks.max()), case.joints[int(peaks.argmax())]
-        penetration = 1e6 * audit.largest_penetration
+        penetration = audit.largest_penetration
         number = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
-    noise: dict[str, Cell] = {}
+    noise: dict[str, Quantity] = {}
     if case.joints and start == case.result.judge_from:
         with suppress(JointplayError):  # too few records
             found = analysis.rattle(case.result, case.ideal)
-            noise["energy lost per impact [mJ]"] = 1e3 * found.energy
+            noise["energy lost per impact"] = found.energy, "J", True
             for band in found.bands:
-                noise[f"tool acceleration, {band.range}, RMS [m/s²]"] = band.rms
+                noise[f"tool acceleration, {band.range}, RMS"] = band.rms, "m/s^2"
     at = f", {strongest}" if len(case.joints) > 1 else ""
+
+    def known(value: float | None, name: str) -> Cell:
+        return _glance_cell(case, start, value, name)
+
     return {
-        "ended": case.result.status.name.lower().replace("_", " "),
-        "tool error, peak [mm]": _glance_cell(case, start, peak, "peak tool error"),
-        "tool error, RMS [mm]": _glance_cell(case, start, rms, "RMS tool error"),
-        "turn of the tool, peak [mrad]": _glance_cell(case, start, turn, "peak tool turn"),
-        "turn of the tool, RMS [mrad]": _glance_cell(case, start, turned, "RMS tool turn"),
-        "tool error at stops, largest [mm]": at_stops,
-        "force at the joint, peak [N]": _glance_cell(case, start, force, f"peak joint force{at}"),
-        "impacts": _glance_cell(case, start, number, "impacts"),
+        "ended": (case.result.status.name.lower().replace("_", " "), ""),
+        "tool error, peak": (known(peak, "peak tool error"), "m"),
+        "tool error, RMS": (known(rms, "RMS tool error"), "m"),
+        "turn of the tool, peak": (known(turn, "peak tool turn"), "rad"),
+        "turn of the tool, RMS": (known(turned, "RMS tool turn"), "rad"),
+        "tool error at stops, largest": (at_stops, "m"),
+        "force at the joint, peak": (known(force, f"peak joint force{at}"), "N"),
+        "impacts": (known(number, "impacts"), ""),
         **noise,
-        "penetration, largest [µm]": penetration,
-        "energy residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
-        "warnings": len(audit.warnings),
+        "penetration, largest": (penetration, "m", True),
+        "energy residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+        "warnings": (len(audit.warnings), ""),
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,23 @@ from matplotlib.figure import Figure
 from jointplay.analysis.uncertainty import estimate
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import write as write_file
+from jointplay.core.tables import Table
 from jointplay.plots import sweep as draw
 from jointplay.plots.style import style
 from jointplay.reports import html
 from jointplay.reports.cases import Say
-from jointplay.reports.html import Cell, Html, details, joined, markup, paragraph, table, targets
+from jointplay.reports.html import (
+    Cell,
+    Html,
+    Quantity,
+    by_case,
+    details,
+    joined,
+    markup,
+    paragraph,
+    table,
+    targets,
+)
 from jointplay.study import open_sweep
 from jointplay.study.journal import DONE, FAILED
 from jointplay.study.plan import REPEAT, SAMPLE
@@ -93,16 +105,16 @@ def page(
 def _glance(dataset: xr.Dataset) -> Html:
     state = dataset["state"].values
     cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
-    rows: list[list[Cell]] = [
-        ["cases", int(state.size)],
-        ["done", int((state == DONE).sum())],
-        ["failed", int((state == FAILED).sum())],
-        ["not run", int((state == 0).sum())],
-        ["processor time [s]", cost],
-    ]
+    figures: dict[str, Quantity] = {
+        "cases": (int(state.size), ""),
+        "done": (int((state == DONE).sum()), ""),
+        "failed": (int((state == FAILED).sum()), ""),
+        "not run": (int((state == 0).sum()), ""),
+        "processor time": (cost, "s"),
+    }
     if "warnings" in dataset:
-        rows.append(["runs with warnings", int((dataset["warnings"].values > 0).sum())])
-    return table(["", ""], rows)
+        figures["runs with warnings"] = int((dataset["warnings"].values > 0).sum()), ""
+    return by_case("", [Html("")], [figures])
 
 
 def _over(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
@@ -115,7 +127,7 @@ def _cases(dataset: xr.Dataset) -> Html:
     """Means with half the width of their confidence intervals, at each point of the grid."""
     dims, over = _over(dataset)
     columns = columns_of(dataset)
-    head: list[Cell] = [label(dataset, d) for d in dims]
+    head = [label(dataset, d) for d in dims]
     head += [f"{name.replace('_', ' ')}{f' [{unit}]' if unit else ''}" for name, unit, _ in columns]
     tables = {
         name: factor * measured(dataset, name).transpose(*dims, *over).values
@@ -133,9 +145,14 @@ def _cases(dataset: xr.Dataset) -> Html:
     if over:
         runs = int(np.prod([dataset.sizes[d] for d in over]))
         caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
-    made = table(head, rows, caption, left=len(dims))
+    made = table(_table(head, rows), caption, left=len(dims))
     left = int(np.prod(shape)) - len(rows) if shape else 0
     return made + (paragraph(f"{left} more points are in the store.") if left > 0 else Html(""))
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> Table:
+    """Rows whose heads have their units."""
+    return Table.of([(one, "") for one in head], rows)
 
 
 def _with_error(value: float, low: float, high: float) -> Cell:
@@ -234,8 +251,9 @@ def _failed(dataset: xr.Dataset) -> Html:
             factor = scale(dataset, name)[0]
             row.append(f"{factor * float(dataset[name].values[at[SAMPLE]]):.4g}")
         rows.append([*row, str(errors[tuple(place)])])
-    head: list[Cell] = [*(label(dataset, d) for d in (*dims, *drawn)), "error"]
-    made = table(head, rows, f"{len(places)} of {errors.size} cases", left=len(head))
+    head = [*(label(dataset, d) for d in (*dims, *drawn)), "error"]
+    caption = f"{len(places)} of {errors.size} cases"
+    made = table(_table(head, rows), caption, left=len(head))
     left = len(places) - len(rows)
     return made + (paragraph(f"{left} more are in the store.") if left > 0 else Html(""))
 
@@ -246,7 +264,7 @@ def _inputs(dataset: xr.Dataset) -> Html:
     sweep = {k: v for k, v in identity.items() if k.startswith("sweep.")}
     base = {k: v for k, v in identity.items() if k not in sweep}
     keys, scenario = (
-        table(["key", "value"], [[k, _plain(v)] for k, v in those.items()], left=2)
+        table(_table(["key", "value"], [[k, _plain(v)] for k, v in those.items()]), left=2)
         for those in (sweep, base)
     )
     return keys + details("The scenario that is changed", scenario)

@@ -268,12 +268,13 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
         )
     missing = f", {len(values) - known} without a value" if known < len(values) else ""
     unit, several = str(dataset[measure].attrs.get("units", "")), found.values()
+    fine = unit == "m"  # speeds and times are as they are
     statistics = Table(
         (
             Column(f"{known} samples{missing}", list(found)),
-            Column(measure, [one.value for one in several], unit, fine=True, digits=4),
-            Column("95 %: from", [one.low for one in several], unit, fine=True, digits=4),
-            Column("to", [one.high for one in several], unit, fine=True, digits=4),
+            Column(measure, [one.value for one in several], unit, fine=fine, digits=4),
+            Column("95 %: from", [one.low for one in several], unit, fine=fine, digits=4),
+            Column("to", [one.high for one in several], unit, fine=fine, digits=4),
         ),
         notes=notes,
     )

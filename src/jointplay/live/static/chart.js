@@ -45,9 +45,8 @@ function ticks(low, high, count) {
 }
 
 class Chart {
-    // `x` and `y`: what the axes show and in which unit; `equal`: both in the same scale.
-    constructor({title, x, y, equal = false}) {
-        Object.assign(this, {x, y, equal, series: [], title});
+    constructor(title) {
+        Object.assign(this, {title, series: []});
         this.svg = shape("svg", {role: "img", class: "chart"});
         this.key = element("p", {class: "key"});
         this.caption = element("figcaption", {}, title);
@@ -56,12 +55,14 @@ class Chart {
         new ResizeObserver(() => this.draw()).observe(this.svg);
     }
 
-    // Series: {name, x, y, colour, dash, plain}; plain ones are no data and not in the key.
-    show(series, title = this.title) {
+    // `x` and `y`: what the axes show and in which unit; `equal`: both in the same scale.
+    // Series: {name, x, y, colour, dash, frame}; frames are no data and not in the key.
+    show({x, y, equal}, series, title = this.title) {
+        Object.assign(this, {x, y, equal});
         this.series = series.filter(one => one.x && one.x.length);
         this.caption.textContent = title;
         this.svg.setAttribute("aria-label", `${title}. ${this.words()}`);
-        this.key.replaceChildren(...this.series.filter(one => !one.plain).map(one => {
+        this.key.replaceChildren(...this.series.filter(one => !one.frame).map(one => {
             const line = shape("svg", {width: 22, height: 8, "aria-hidden": "true"});
             line.append(shape("line", {x1: 0, x2: 22, y1: 4, y2: 4, "stroke-width": 2, stroke: one.colour, "stroke-dasharray": one.dash || "none"}));
             return element("span", {}, line, " ", one.name);
@@ -71,8 +72,8 @@ class Chart {
 
     // What one sees, in words.
     words() {
-        if (!this.series.some(one => !one.plain)) return "nothing to show yet";
-        return this.series.filter(one => !one.plain).map(one => {
+        if (!this.series.some(one => !one.frame)) return "nothing to show yet";
+        return this.series.filter(one => !one.frame).map(one => {
             let low = Infinity, high = -Infinity;
             for (const value of one.y) { if (value < low) low = value; if (value > high) high = value; }
             return `${one.name}: from ${inUnits(low, this.y.unit)} to ${inUnits(high, this.y.unit)}`;

@@ -224,12 +224,9 @@ class Live {
         this.budgetWhere = element("p", {class: "soft"});
         this.budgetBody = element("div", {}, this.budgetWords, this.budgetTable, this.budgetWhere);
         const budget = card("static error budget", element("h2", {}, "Static error budget"), this.budgetBody);
-        const time = {label: "time", unit: "s"};
         this.charts = {
-            orbit: new Chart({title: "Orbit of the journal", x: {label: "x", unit: "m"}, y: {label: "y", unit: "m"}, equal: true}),
-            error: new Chart({title: "Tool error", x: time, y: {label: "error", unit: "m"}}),
-            force: new Chart({title: "Contact force", x: time, y: {label: "force", unit: "N"}}),
-            energy: new Chart({title: "Energy", x: time, y: {label: "energy", unit: "J"}}),
+            orbit: new Chart("Orbit of the journal"), error: new Chart("Tool error"),
+            force: new Chart("Contact force"), energy: new Chart("Energy"),
         };
         const joints = element("select", {"aria-label": "joint whose orbit and force are shown"},
             ...this.contents.joints.map(name => element("option", {value: name}, name)));
@@ -274,19 +271,18 @@ class Live {
         this.joined = this.joined.then(async () => {
             let tracks = null;
             if (head.kind === "cycle") {
-                this.readColumns(head, block);
+                this.readCharts(head, block);
                 if (head.picture && this.view) tracks = await decompressed(block.subarray(head.curves));
             }
             if (number === this.number) this.show(head, tracks);
         }).catch(error => { console.error(error); this.say(`this answer cannot be shown: ${error.message}`, true); });
     }
 
-    readColumns(head, block) {
-        const bytes = block.slice(0, head.curves);
-        head.curve = name => {
-            const place = head.columns[name];
-            return place ? new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.count) : null;
-        };
+    readCharts(head, block) {
+        const bytes = block.slice(0, head.curves), {error, energy, joints} = head.charts;
+        const read = place => new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.count);
+        for (const chart of [error, energy, ...Object.values(joints).flatMap(Object.values)])
+            for (const mark of chart?.marks || []) Object.assign(mark, {x: read(mark.x), y: read(mark.y)});
     }
 
     show(head, tracks) {
@@ -424,24 +420,21 @@ class Live {
     }
 
     drawCharts() {
-        const show = (name, pick, title) => this.charts[name].show(this.cases().filter(one => one.cycle).flatMap(pick), title);
-        const look = one => ({colour: this.colour(one.k), dash: DASHES[one.k % DASHES.length]});
-        const {joint} = this;
-        const series = (one, x, y, name = one.label) => ({name, x: one.cycle.curve(x), y: one.cycle.curve(y), ...look(one)});
-        show("orbit", one => [
-            {...series(one, `outline x ${joint}`, `outline y ${joint}`), dash: "1 3", plain: true},
-            series(one, `x ${joint}`, `y ${joint}`)], `Orbit of the journal in ${joint}; dotted: its clearance`);
-        show("error", one => one.cycle.curve("tool error") ? [series(one, "time", "tool error")] : []);
-        show("force", one => [series(one, "time", `force ${joint}`)], `Contact force in ${joint}, peaks`);
-        const now = this.answer.cycle;
-        if (this.kept.length || !now) {
-            show("energy", one => one.cycle.energies.filter(name => name.startsWith("energy lost")).slice(0, 2).map((name, i) =>
-                ({...series(one, "time", name, `${one.label}: ${name.slice(7)}`), dash: i ? "2 3" : DASHES[one.k % DASHES.length]})), "Energy lost");
-        } else {
-            show("energy", one => one.cycle.energies.map((name, i) =>
-                ({...series(one, "time", name, name.slice(7)), colour: this.colour(i), dash: DASHES[i % DASHES.length]})),
-            "Energy since the start");
-        }
+        const {joint} = this, lost = this.kept.length || !this.answer.cycle;
+        const look = k => ({colour: this.colour(k), dash: DASHES[k % DASHES.length]});
+        const ofCase = (mark, one) => ({...mark, name: one.label, ...look(one.k), ...(mark.frame ? {dash: "1 3"} : {})});
+        const show = (name, pick, title, toSeries = (marks, one) => marks.map(mark => ofCase(mark, one))) => {
+            const found = this.cases().filter(one => one.cycle && pick(one.cycle.charts));
+            this.charts[name].show(found.length ? pick(found[0].cycle.charts) : {},
+                found.flatMap(one => toSeries(pick(one.cycle.charts).marks, one)), title);
+        };
+        show("orbit", charts => charts.joints[joint]?.orbit, `Orbit of the journal in ${joint}; dotted: its clearance, and what is not judged`);
+        show("error", charts => charts.error);
+        show("force", charts => charts.joints[joint]?.force, `Contact force in ${joint}, peaks`);
+        show("energy", charts => charts.energy, lost ? "Energy lost" : "Energy since the start", (marks, one) => lost
+            ? marks.filter(mark => mark.name.startsWith("lost")).slice(0, 2).map((mark, i) =>
+                ({...mark, ...look(one.k), name: `${one.label}: ${mark.name}`, ...(i ? {dash: "2 3"} : {})}))
+            : marks.map((mark, i) => ({...mark, ...look(i)})));
     }
 
     showTable() {
