@@ -6,20 +6,24 @@ import base64
 import html
 import io
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from jointplay.analysis.headline import peak_force
 from jointplay.analysis.vibration import rattle
 from jointplay.core.errors import JointplayError
 from jointplay.core.tables import few, html_table
 from jointplay.core.units import readable
-from jointplay.plots.style import new_figure, style
+from jointplay.plots.chart import Axis, Chart, Curve, Panel
+from jointplay.plots.draw import draw
+from jointplay.plots.palette import COLOURS
 from jointplay.result.result import Result
 
 _WIDTH, _HEIGHT = 6.6, 2.2
 """Of the picture [inches]."""
+_MOST = len(COLOURS)
+"""Joints or coordinates whose histories are drawn."""
 
 
 def page(result: Result) -> str:
@@ -67,29 +71,28 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
 def _image(result: Result) -> str:
     if len(result.time) < 2:
         return ""
-    with style():
-        figure = _figure(result)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=100)
+    buffer = io.BytesIO()
+    draw(_chart(result)).savefig(buffer, format="png", dpi=100)
     data = base64.b64encode(buffer.getvalue()).decode()
     text = "tool path and contact force" if result.joints else "tool path and drive efforts"
     return f'<img alt="{text}" src="data:image/png;base64,{data}"/>'
 
 
-def _figure(result: Result) -> Figure:
+def _chart(result: Result) -> Chart:
     """Tool over time; beside it the forces in the joints with clearance, or of the drives."""
-    figure = new_figure(_WIDTH, _HEIGHT)
-    left, right = figure.subplots(1, 2)
-    result.plot.displacement(ax=left)
-    left.set_ylabel("tool [m]")
+    tool = result.plot.panel("displacement")
+    tool = replace(tool, y=replace(tool.y, name="tool"), columns=0, legend="best")
+    title, up = "drive efforts", Axis("effort [N m, N]")
+    histories = dict(
+        zip(result["coordinate"].values.tolist(), result["drive"].values.T, strict=True)
+    )
     if result.joints:
-        for joint in result.joints[:6]:
-            result.plot.forces("total", joint, ax=right, label=joint, color=None)
-        right.set(title="joint force, peaks", ylabel="force [N]")
-    else:
-        efforts = result["drive"].values
-        for k, name in enumerate(result["coordinate"].values.tolist()[:6]):
-            right.plot(result.time, efforts[:, k], label=name)
-        right.set(title="drive efforts", ylabel="effort [N m, N]", xlabel="time [s]")
-    right.legend(fontsize=7)
-    return figure
+        title, up = "joint force, peaks", Axis("force", "N")
+        peaks = np.linalg.norm(result["joint_force_peak"].values, axis=2)
+        histories = dict(zip(result.joints, peaks.T, strict=True))
+    shown = list(histories.items())[:_MOST]
+    marks = [
+        Curve(result.time, values, name, colour)
+        for (name, values), colour in zip(shown, COLOURS, strict=False)
+    ]
+    return Chart([[tool, Panel(tool.x, up, marks, title, legend="best")]], (_WIDTH, _HEIGHT))

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_finite
 from jointplay.core.schema import explanations
-from jointplay.core.units import round_below
+from jointplay.core.units import COMMON, round_below
 from jointplay.joints import Clearance
 from jointplay.mechanism.robots import resolve
 from jointplay.mechanism.urdf import STANDARD_GRAVITY
@@ -39,9 +39,6 @@ _PARTS = {
     "restitution": ("coefficient of restitution", ""),
 }
 """Numbers of a joint with play that can be changed, by key: what they are called, and the unit."""
-
-_SCALES = {"mm": 1e-3}
-"""SI units in one of those that controls have, where that is not one."""
 
 _TIMES = 20.0
 """A clearance goes from its value divided by this to its value times this."""
@@ -258,10 +255,10 @@ def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
             continue
         if key == "axial_clearance" and getattr(joint, "lock_axial", False):
             continue
-        shown = float(f"{value / _SCALES.get(unit, 1.0):.12g}")
+        shown = float(f"{value / COMMON.get(unit, ('', 1.0))[1]:.12g}")
         low, high, logarithmic = 0.0, _LARGEST.get(key, 1.0), False
         if unit == "mm":
-            widest = _WIDEST * joint.outline.size[0] / _SCALES[unit]
+            widest = _WIDEST * joint.outline.size[0] / COMMON[unit][1]
             low, high, logarithmic = _clearances(shown, widest)
         elif key == "temperature_difference":
             low, high = min(-high, shown), max(high, shown)
