@@ -17,12 +17,12 @@ from jointplay.core.tables import few, html_table
 from jointplay.core.units import readable
 from jointplay.plots.chart import Axis, Chart, Curve, Panel
 from jointplay.plots.draw import draw
-from jointplay.plots.palette import COLOURS
+from jointplay.plots.palette import CONTACT_COLOURS
 from jointplay.result.result import Result
 
 _WIDTH, _HEIGHT = 6.6, 2.2
 """Of the picture [inches]."""
-_MOST = len(COLOURS)
+_MOST = len(CONTACT_COLOURS)
 """Joints or coordinates whose histories are drawn."""
 
 
@@ -93,6 +93,6 @@ def _chart(result: Result) -> Chart:
     shown = list(histories.items())[:_MOST]
     marks = [
         Curve(result.time, values, name, colour)
-        for (name, values), colour in zip(shown, COLOURS, strict=False)
+        for (name, values), colour in zip(shown, CONTACT_COLOURS, strict=False)
     ]
     return Chart([[tool, Panel(tool.x, up, marks, title, legend="best")]], (_WIDTH, _HEIGHT))
