@@ -363,7 +363,6 @@ WRITERS = {
 """Calls that can write, or delete, a file."""
 
 ELSEWHERE = {
-    "study/courses.py": {"np.savez_compressed(content, **vars(value))"},  # in memory
     "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
     "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
     "exports/table.py": {"table.iloc[block].to_csv("},  # in memory
@@ -501,23 +500,6 @@ def test_only_pictures_with_our_mark_are_replaced(kind, tmp_path):
         files.picture(path, figure, mark="another's")
     figure.savefig(path)  # as matplotlib's own, but whole
     assert len(list(tmp_path.iterdir())) == 1
-
-
-def test_a_table_that_cannot_grow_is_as_it_was(tmp_path):
-    path = tmp_path / "t.csv"
-    code = """
-import resource, signal, sys
-from pathlib import Path
-from types import SimpleNamespace
-from jointplay.core import files
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-files.append(Path(sys.argv[1]), "1,2\\n")
-resource.setrlimit(resource.RLIMIT_FSIZE, (6, 6))
-files.append(Path(sys.argv[1]), "3,4\\n")
-"""
-    done = subprocess.run([PYTHON, "-c", code, path], capture_output=True, check=False)
-    assert b"cannot write" in done.stderr
-    assert path.read_text() == "1,2\n"
 
 
 @pytest.fixture(scope="module")

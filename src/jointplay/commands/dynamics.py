@@ -47,7 +47,7 @@ def add(commands: Any) -> None:
             "Let a periodically driven mechanism settle over many turns, then analyse it: "
         )
         + "; ".join(f"{name}: {text}" for name, text in KINDS.items())
-        + ". Values run in parallel; finished ones are kept in a CSV file in the folder, and the "
+        + ". Values run in parallel; finished ones are kept in the folder, and the "
         "same command continues from it. docs/nonlinear.md explains the figures.",
         epilog="Example: jointplay dynamics jointplay:slider_crank.toml bifurcation "
         '--case "0.5 mm" --vary "motion.speeds.crank_pin=500:5000:400 rpm" --out speeds',

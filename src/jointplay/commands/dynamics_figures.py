@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from jointplay.core.errors import JointplayError
 from jointplay.nonlinear import lyapunov, poincare
 from jointplay.nonlinear.observables import label
-from jointplay.nonlinear.rows import Observation, Table, Varied
+from jointplay.nonlinear.rows import Observation, Rows, Varied
 from jointplay.nonlinear.steady_motion import room, turn
 from jointplay.plots import nonlinear as plots
 
@@ -35,8 +35,8 @@ class FigureJob:
     def rows(self, columns: list[str], work: Any, keys: list[tuple[float, ...]]) -> np.ndarray:
         """Numbers for each key, found or read; failures are said."""
         kind = self.options.kind
-        table = Table(self.out / f"{kind}.csv", {"kind": kind, **self.study.asked()}, columns)
-        done = table.fill(work, keys, self.options.jobs, not self.options.quiet)
+        table = Rows(self.out / f"{kind}.csv", {"kind": kind, **self.study.asked()}, columns)
+        rows, done = table.fill(work, keys, self.options.jobs, not self.options.quiet)
         print(f"{done} of {len(keys)} runs computed now, {len(keys) - done} earlier")
         failed = [key for key in keys if key in table.failures]
         for key in failed[:3]:
@@ -46,7 +46,7 @@ class FigureJob:
             print(f"... and {len(failed) - 3} more, see {table.path}")
         if len(failed) == len(keys):
             raise JointplayError(f"no run was completed: {table.failures[keys[0]]}")
-        return table.values(keys)
+        return rows
 
     @property
     def title(self) -> str:

@@ -160,23 +160,6 @@ def remove_own(path: Path, mark: bytes) -> None:
             path.unlink()
 
 
-def append(path: Path, text: str) -> None:
-    """Append to a table of ours at once, so that no kill leaves half a row.
-
-    Raises:
-        JointplayError: it cannot be written; the file is as it was.
-    """
-    with system_errors(f"cannot write {str(path)!r}"), path.open("ab", buffering=0) as file:
-        length = file.seek(0, os.SEEK_END)
-        content = text.encode()
-        try:
-            if file.write(content) != len(content):  # a disk that is full takes a part
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        except OSError:
-            file.truncate(length)
-            raise
-
-
 @contextmanager
 def writing(
     path: str | Path, *, overwrite: bool = False, announced: bool = True

@@ -1,13 +1,11 @@
-"""Studies of nonlinear dynamics as rows of numbers, kept in a CSV file once they are found."""
+"""Studies of nonlinear dynamics as rows of numbers, kept once they are found."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +16,7 @@ import numpy as np
 from jointplay.analysis import ideal_simulation
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
+from jointplay.core.tables import Column, Table
 from jointplay.nonlinear import lyapunov, steady_motion
 from jointplay.nonlinear.poincare import once_per_turn
 from jointplay.nonlinear.run_up import RunUp
@@ -25,7 +24,11 @@ from jointplay.nonlinear.steady_motion import Place
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, divided, parse, tree
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.lines import Lines
 from jointplay.study.study import Study
+
+Key = tuple[float, ...]
+"""Values that a row is of: of the key that varies, or where a journal starts."""
 
 PIECES = 20
 """Intervals in a turn after which neighbours are put back to each other."""
@@ -134,12 +137,12 @@ class Observation:
         turning = self.turning(simulation)
         return turning.kept(turning.run(place), self.names)[:-1]
 
-    def section(self, key: tuple[float, ...]) -> np.ndarray:
+    def section(self, key: Key) -> np.ndarray:
         """Quantities once a turn, turn by turn, shape (keep names,)."""
         kept = self._kept(self.simulation(*key))
         return once_per_turn(kept, self.records, self.phase).ravel()
 
-    def spectrum(self, key: tuple[float, ...]) -> np.ndarray:
+    def spectrum(self, key: Key) -> np.ndarray:
         """Amplitudes of the first quantity by order."""
         first = self._kept(self.simulation(*key))[:, 0]
         return steady_motion.orders(first, self.keep, self.highest)[1]
@@ -150,7 +153,7 @@ class Observation:
         slow, fast = (self.simulation(self.varied.values[k]) for k in (0, -1))
         return RunUp.of(slow, fast, self.settle, self.keep, self.records)
 
-    def rising(self, key: tuple[float, ...]) -> np.ndarray:
+    def rising(self, key: Key) -> np.ndarray:
         """Amplitudes of the first quantity in each window of a run-up, window by window."""
         assert self.varied is not None
         rising = self.run_up()
@@ -158,25 +161,25 @@ class Observation:
         number = len(self.varied.values)
         return rising.spectra(values, number, self.window, self.highest)[1].ravel()
 
-    def growth(self, key: tuple[float, ...]) -> np.ndarray:
+    def growth(self, key: Key) -> np.ndarray:
         """Mean growth of a small difference in each turn that is looked at [1/s], shape (keep,)."""
         turning = self.turning(self.simulation(*key))
         grown = lyapunov.stretching(turning.simulation, turning.turn / PIECES)
         per_turn = grown.reshape(self.settle + self.keep, PIECES).sum(axis=1)
         return per_turn[self.settle :] / turning.turn
 
-    def course(self, key: tuple[float, ...]) -> np.ndarray:
+    def course(self, key: Key) -> np.ndarray:
         """Quantities every so many records, record by record."""
         return self._kept(self.simulation(*key))[:: self.every].ravel()
 
-    def beside_ideal(self, key: tuple[float, ...]) -> np.ndarray:
+    def beside_ideal(self, key: Key) -> np.ndarray:
         """Quantities by record, then the same of the ideal mechanism."""
         turning = self.turning(self.simulation(*key))
         result = turning.run()
         ideal = ideal_simulation(result).run(check_step=False, estimate=False)
         return np.concatenate([turning.kept(r, self.names).ravel() for r in (result, ideal)])
 
-    def section_from(self, key: tuple[float, ...]) -> np.ndarray:
+    def section_from(self, key: Key) -> np.ndarray:
         """As `section`, the journal put to (x, y) [m] at the start."""
         centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
         kept = self._kept(centred, steady_motion.placing(self.joint, *key))
@@ -194,123 +197,67 @@ class Observation:
         return {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}
 
 
-_BEGIN = "# jointplay dynamics "
-
-
-class Table:
-    """Rows by value, in a file that a later process goes on with.
+@dataclass(frozen=True)
+class Rows:
+    """Rows of numbers by value, found in processes and kept in a file beside their table.
 
     Args:
-        path: CSV file; its first line says what was asked for.
+        path: of the table, a CSV file that is written once all is found; what has been found so
+            far is in the file of the same name that ends in ``.runs``.
         asked: all that rows depend on but for their values, as plain data.
         columns: names of the numbers of a row, units in them.
 
     Attributes:
-        rows: what is there, by value; a failed value has no numbers.
-        failures: messages of failed values.
-
-    Raises:
-        JointplayError: the file is there and was made for something else, or cannot be read.
+        failures: messages of failed values, which have no numbers.
     """
 
-    def __init__(self, path: Path, asked: Mapping[str, Any], columns: Sequence[str]) -> None:
-        """Read what is there, or begin the file."""
-        self.path = path
-        self.columns = list(columns)
-        self.rows: dict[tuple[float, ...], np.ndarray] = {}
-        self.failures: dict[tuple[float, ...], str] = {}
-        self.kept = f"finished values are in {str(path)!r}; the same command continues"
-        self._head = _BEGIN + json.dumps(dict(asked), sort_keys=True)
-        if path.exists():
-            self._read()
-        else:
-            files.write(path, f"{self._head}\nvalue,message,{','.join(columns)}\n")
-
-    def _read(self) -> None:
-        text = files.read_text(self.path, "table")
-        lines = text.split("\n")
-        if lines[0] != self._head:
-            raise JointplayError(
-                f"{str(self.path)!r} was made for something "
-                f"else{_difference(lines[0], self._head)}; choose another folder"
-            )
-        whole = lines[2:-1]  # after the last line end is nothing, or half a row
-        try:
-            for row in csv.reader(whole, strict=True):
-                key = tuple(float(part) for part in row[0].split())
-                numbers = np.array([float(x or "nan") for x in row[2:]])
-                if len(numbers) != len(self.columns):
-                    raise ValueError
-                self._take(key, row[1], numbers)
-        except (csv.Error, ValueError, IndexError):
-            raise JointplayError(f"{str(self.path)!r} is damaged; delete it") from None
-        if lines[-1]:
-            files.write(self.path, "\n".join(lines[:-1]) + "\n", overwrite=True)
-
-    def _take(self, key: tuple[float, ...], message: str, numbers: np.ndarray) -> None:
-        self.rows[key] = numbers
-        if message:
-            self.failures[key] = message
-
-    def add(self, key: tuple[float, ...], numbers: np.ndarray | None, message: str = "") -> None:
-        """Keep a row, in memory and on disk at once.
-
-        Raises:
-            JointplayError: the file cannot be written.
-        """
-        cells = [""] * len(self.columns) if numbers is None else [repr(float(x)) for x in numbers]
-        text = io.StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([" ".join(map(repr, key)), " ".join(message.split()), *cells])
-        files.append(self.path, text.getvalue())
-        self._take(key, message, np.array([float(x or "nan") for x in cells]))
-
-    def __contains__(self, key: object) -> bool:
-        """Whether there is a row of a value."""
-        return key in self.rows
-
-    def __getitem__(self, key: tuple[float, ...]) -> tuple[np.ndarray | None, str]:
-        """The row of a value, and why it failed."""
-        return self.rows[key], self.failures.get(key, "")
-
-    def keep(self, key: tuple[float, ...], value: tuple[np.ndarray | None, str]) -> None:
-        """See `add`."""
-        self.add(key, *value)
+    path: Path
+    asked: Mapping[str, Any]
+    columns: Sequence[str]
+    failures: dict[Key, str] = field(default_factory=dict)
 
     def fill(
         self,
-        work: Callable[[tuple[float, ...]], np.ndarray],
-        keys: Sequence[tuple[float, ...]],
+        work: Callable[[Key], np.ndarray],
+        keys: Sequence[Key],
         jobs: int | None = None,
         progress: bool = False,
-    ) -> int:
-        """Find the rows of `keys` that are missing, in processes; returns how many there were.
+    ) -> tuple[np.ndarray, int]:
+        """Find the rows of `keys` that are missing, and write the table.
 
         A value that fails with a `JointplayError` is kept with its message; the others go on.
+
+        Returns:
+            Numbers, not a number for values that failed, shape (keys, columns); and how many rows
+            were missing.
+
+        Raises:
+            JointplayError: the file is there and was made for something else, or cannot be read or
+                written.
         """
-        before = len(self.rows)
-        Study({key: key for key in keys}, partial(_found, work), self).run(jobs, progress)
-        return len(self.rows) - before
+        kept = self.path.with_suffix(".runs")
+        if self.path.exists() and not kept.exists():
+            raise JointplayError(f"{str(self.path)!r} is no table of these; choose another folder")
+        with closing(Lines(kept, self.asked)) as store:
+            before = len(store)
+            Study({key: key for key in keys}, partial(_found, work), store).run(jobs, progress)
+            missing = len(store) - before
+        nothing = np.full(len(self.columns), np.nan)
+        rows = np.array([store[key].get("row", nothing) for key in keys])
+        rows = rows.reshape(len(keys), len(self.columns))
+        self.failures.update(
+            {key: str(store[key]["message"]) for key in keys if "message" in store[key]}
+        )
+        values = Column("value", [" ".join(map(repr, key)) for key in keys])
+        messages = Column("message", [self.failures.get(key, "") for key in keys])
+        numbers = [Column(name, x, key=name) for name, x in zip(self.columns, rows.T, strict=True)]
+        table = Table((values, messages, *numbers))
+        files.write(self.path, table.csv(17), overwrite=True, announced=False)
+        return rows, missing
 
-    def values(self, keys: Sequence[tuple[float, ...]]) -> np.ndarray:
-        """Numbers of `keys`, not a number for those that failed, shape (keys, columns)."""
-        return np.array([self.rows[key] for key in keys]).reshape(len(keys), len(self.columns))
 
-
-def _found(
-    work: Callable[[tuple[float, ...]], np.ndarray], key: tuple[float, ...]
-) -> tuple[np.ndarray | None, str]:
+def _found(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:
     try:
-        return work(key), ""
+        return {"row": np.asarray(work(key), float)}
     except JointplayError as error:
-        return None, str(error)
-
-
-def _difference(there: str, asked: str) -> str:
-    """What two first lines differ in, in words."""
-    try:
-        one, other = (json.loads(line.removeprefix(_BEGIN)) for line in (there, asked))
-        names = [name for name in {**one, **other} if one.get(name) != other.get(name)]
-    except (ValueError, AttributeError):
-        return ""
-    return f" (another {', '.join(names)})" if names else ""
+        return {"message": np.array(" ".join(str(error).split()))}

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import json
-import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +15,6 @@ import numpy as np
 
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.contact.trust import files_of
-from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.core.processes import number_of
 from jointplay.mechanism.impact import fitting_step
@@ -27,6 +24,7 @@ from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.lines import Arrays, Lines
 from jointplay.study.study import Measure, Memory, Study
 
 
@@ -82,6 +80,9 @@ def loaded(simulation: Simulation, mass: float) -> Simulation:
     return dataclasses.replace(simulation, payloads=(*simulation.payloads, added))
 
 
+RUNS = "runs"
+"""Name of the file in which courses are kept."""
+
 MOST_RUNS = 1_000_000
 """Runs at a time, at most."""
 
@@ -105,8 +106,8 @@ def traces(
     Args:
         simulations: what is run; equal ones are run once.
         jobs: processes; None takes one for each core, 1 runs in this one.
-        keep: folder in which each run is kept as soon as it is done; runs that are there already
-            are not done again, if all their inputs and the version are the same.
+        keep: folder in whose file `RUNS` each run is kept as soon as it is done; runs that are
+            there already are not done again, if all their inputs and the version are the same.
         progress: show a bar on standard error.
         what: name of the runs at the bar.
 
@@ -116,50 +117,16 @@ def traces(
     check_numbers(max(len(simulations), 1), jobs)
     keys = [_key(one) for one in simulations]
     plan = dict(zip(keys, simulations, strict=True))
-    store = Memory[Trace]() if keep is None else Folder(keep, plan)
+    store = Memory[Arrays]() if keep is None else Lines(keep / RUNS, {})
     Study(plan, Measure(_course), store).run(jobs, progress, desc=what)
-    return [store[key] for key in keys]
+    return [Trace(**store[key]) for key in keys]
 
 
-class Folder(Memory[Trace]):
-    """Courses that are kept in a folder, a file each.
-
-    Args:
-        path: the folder, which is made.
-        keys: of courses that are read where they are there.
-
-    Raises:
-        JointplayError: it cannot be made.
-    """
-
-    def __init__(self, path: Path, keys: Iterable[str]) -> None:
-        """Read what is there."""
-        self.path = path
-        self.kept = f"the runs so far are in {str(path)!r}"
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise JointplayError(
-                f"cannot keep runs in {str(path)!r}: {error.strerror or error}"
-            ) from None
-        found = {key: _read(path / f"{key}.npz") for key in keys}
-        super().__init__({key: trace for key, trace in found.items() if trace is not None})
-
-    def keep(self, key: str, value: Trace) -> None:
-        """Keep a course, in memory and on disk at once."""
-        super().keep(key, value)
-        content = io.BytesIO()
-        np.savez_compressed(content, **vars(value))
-        files.write(self.path / f"{key}.npz", content.getvalue(), overwrite=True, announced=False)
-
-
-def _course(result: Result) -> Trace:
-    return Trace(
-        np.asarray(result.time),
-        result["tool_position"].values.copy(),
-        result["tool_velocity"].values.copy(),
-        result["tool_orientation"].values.copy(),
-    )
+def _course(result: Result) -> Arrays:
+    """The fields of a `Trace`."""
+    names = ("position", "velocity", "orientation")
+    courses = {name: result[f"tool_{name}"].values.copy() for name in names}
+    return {"time": np.asarray(result.time), **courses}
 
 
 def _key(simulation: Simulation) -> str:
@@ -175,18 +142,6 @@ def _own_files(simulation: Simulation) -> list[dict[str, str]]:
     for joint in simulation.mechanism.clearance.values():
         acting += [getattr(joint, field.name) for field in dataclasses.fields(joint)]
     return [files_of(getattr(one, "function", None)) for one in acting]
-
-
-def _read(path: Path) -> Trace | None:
-    """A run that was kept; None if there is none, or it is damaged, which is said."""
-    try:
-        return Trace(**files.arrays(path))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, TypeError) as error:  # TypeError: other arrays
-        text = f"the run kept in {str(path)!r} is damaged, and done again: {error}"
-        warnings.warn(text, RuntimeWarning, stacklevel=3)
-        return None
 
 
 # What a static error is worth: the tool's error in dynamic runs of the same mechanism.
