@@ -106,7 +106,7 @@ def messages(number):
     made = planned(SHORT_S, number)
     workers = workers_for(made, 1)
     try:
-        cases = ((case[0], case) for case in made.cases())
+        cases = made.cases.items()
         began = time.process_time()
         for _ in workers.run(cases):
             pass
@@ -122,11 +122,11 @@ def gain(number, rounds):
     times = {1: [], 2: []}
     try:
         for crew in crews.values():
-            list(crew.run((case[0], case) for case in islice(made.cases(), 4)))
+            list(crew.run(islice(made.cases.items(), 4)))
         for _ in range(rounds):
             for workers, crew in crews.items():
                 began = time.perf_counter()
-                for _, outcome in crew.run((case[0], case) for case in made.cases()):
+                for _, outcome in crew.run(made.cases.items()):
                     if outcome.state != 1:
                         raise SystemExit(outcome.error)
                 times[workers].append(time.perf_counter() - began)

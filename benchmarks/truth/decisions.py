@@ -234,4 +234,4 @@ def main() -> None:
         study = jp.Study(range(poses), one)
         for _, row in study.outcomes(options.jobs):
             print({key: float(f"{value:.4g}") for key, value in row.items()}, flush=True)
-            write_poses([study.store[key] for key in study.keys if key in study.store], out)
+            write_poses([study.store[k] for k in range(poses) if k in study.store], out)

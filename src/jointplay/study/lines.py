@@ -48,6 +48,7 @@ class Lines(Memory[Arrays]):
         except OSError as error:
             raise files.cannot_write(path, error) from None
         head = json.loads(json.dumps({"about": dict(about)}))
+        first: Any
         first, _ = next(entries(there, _OURS), (None, 0)) if there else (head, 0)
         if there and not _is_head(first):
             raise JointplayError(f"{str(path)!r} is damaged, or no runs of jointplay; delete it")

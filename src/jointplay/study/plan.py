@@ -158,9 +158,10 @@ class Plan:
         """All cases in order."""
         return iter(np.ndindex(*self.shape))
 
-    def cases(self) -> Iterator[tuple[Index, dict[str, Any]]]:
-        """All cases in order, and what is changed for each."""
-        return ((index, self.changes(index)) for index in self.indices())
+    @property
+    def cases(self) -> Cases:
+        """All cases by index, in order: index and what is changed."""
+        return Cases(self)
 
     def with_samples(self, samples: int) -> Plan:
         """The same sweep with more samples, of which the first stay what they are."""
@@ -274,6 +275,25 @@ class Plan:
             path = resolve(name, folder)
             texts[name] = read_text(path, "file")
         return texts
+
+
+@dataclass(frozen=True)
+class Cases(Mapping[Index, tuple[Index, dict[str, Any]]]):
+    """The cases of a plan, each made when it is asked for."""
+
+    plan: Plan
+
+    def __len__(self) -> int:
+        """Their number."""
+        return self.plan.count
+
+    def __iter__(self) -> Iterator[Index]:
+        """All indices in order."""
+        return self.plan.indices()
+
+    def __getitem__(self, index: Index) -> tuple[Index, dict[str, Any]]:
+        """A case, as `run_case` takes it."""
+        return index, self.plan.changes(index)
 
 
 def _named(value: Any) -> Iterator[tuple[str, str]]:

@@ -29,7 +29,7 @@ from jointplay.study.journal import FAILED, Index, Outcome
 from jointplay.study.measures import shipped
 from jointplay.study.plan import REPEAT, SAMPLE, Plan, plan_of
 from jointplay.study.store import Store, open_sweep, sizes_of
-from jointplay.study.study import Workers
+from jointplay.study.study import Study, Workers
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
@@ -258,15 +258,13 @@ def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress:
         total=made.count, initial=made.count - left, disable=not progress, bar_format=layout,
         mininterval=0.2, smoothing=0.05,
     )  # fmt: skip
-    cases = (case for case in made.cases() if store.state[case[0]] == 0)
+    study = Study(made.cases, partial(run_case, job(made)), store)
     with bar:
         bar.refresh()
-        for index, outcome in workers.run((case[0], case) for case in cases):
-            store.put(outcome)
+        for index, _ in study.outcomes(progress=bar, workers=workers):
             failed += int(store.state[index]) == FAILED
             if failed:
                 bar.set_postfix_str(f", {failed} failed", refresh=False)
-            bar.update()
 
 
 def _enough(store: Store) -> bool:

@@ -458,6 +458,16 @@ class Store:
                 )
             known += own[shared:]
 
+    kept = "--resume continues"
+
+    def __contains__(self, index: Any) -> bool:
+        """Whether a case has been run."""
+        return bool(self.state[index])
+
+    def keep(self, index: Any, outcome: Outcome) -> None:
+        """See `put`."""
+        self.put(outcome)
+
     def put(self, outcome: Outcome) -> None:
         """Keep a finished case: on return it survives this process.
 

@@ -26,7 +26,7 @@ Taken = TypeVar("Taken", contravariant=True)
 Given = TypeVar("Given", covariant=True)
 
 
-class Store(Protocol[Value]):
+class Store(Protocol[Taken]):
     """Keeps what was found, by the keys of cases."""
 
     @property
@@ -36,10 +36,7 @@ class Store(Protocol[Value]):
     def __contains__(self, key: Any) -> bool:
         """Whether a case has been run."""
 
-    def __getitem__(self, key: Any) -> Value:
-        """What was found of a case."""
-
-    def keep(self, key: Any, value: Value) -> None:
+    def keep(self, key: Any, value: Taken, /) -> None:
         """Keep what was found of a case."""
 
 
@@ -73,9 +70,6 @@ class Study(Generic[Item, Value]):
             travel pickled.
         store: keeps it; None: memory.
         name: of the cases, with which errors say of which they are.
-
-    Attributes:
-        keys: of the cases that the plan has given so far, in order.
     """
 
     def __init__(
@@ -87,11 +81,10 @@ class Study(Generic[Item, Value]):
         name: str = "",
     ) -> None:
         """Plan; nothing runs."""
-        self._cases = plan.items() if isinstance(plan, Mapping) else enumerate(plan)
+        self.plan, self._taken = plan, 0
         self.count = len(plan) if isinstance(plan, Sized) else None
         self.measure, self.name = measure, name
         self.store: Store[Value] = Memory() if store is None else store
-        self.keys: list[Any] = []
 
     def outcomes(
         self,
@@ -114,16 +107,14 @@ class Study(Generic[Item, Value]):
                 cannot be kept.
             BaseException: what the measure raised; what was finished is in the store.
         """
-        done: Sized = range(0)
-        if isinstance(self._cases, Sized):
-            done = [key for key, _ in self._cases if key in self.store]
+        done = sum(key in self.store for key in self.plan) if isinstance(self.plan, Mapping) else 0
         with ExitStack() as stack:
             if workers is None:
-                left = None if self.count is None else range(self.count - len(done))
+                left = None if self.count is None else range(self.count - done)
                 workers = stack.enter_context(closing(self._workers(number_of(jobs, left))))
             bar = progress if isinstance(progress, ProgressBar) else None
             if bar is None:
-                about = {"unit": "run", **shown, "total": self.count, "initial": len(done)}
+                about = {"unit": "run", **shown, "total": self.count, "initial": done}
                 bar = stack.enter_context(ProgressBar(disable=not progress, **about))
             for key, value in workers.run(self._left()):
                 self.store.keep(key, value)
@@ -137,17 +128,25 @@ class Study(Generic[Item, Value]):
 
         Args:
             jobs, progress, shown: see `outcomes`, which says as well what is raised.
+
+        Raises:
+            TypeError: the store is none that is in memory.
         """
+        if not isinstance(self.store, Memory):
+            raise TypeError("outcomes() runs a study whose store is not in memory")
         for _ in self.outcomes(jobs, progress, **shown):
             pass
-        return [self.store[key] for key in self.keys]
+        keys = self.plan if isinstance(self.plan, Mapping) else range(self._taken)
+        return [self.store[key] for key in keys]
 
     def _left(self) -> Iterator[tuple[Any, Item]]:
         """Cases that the store has not, by key, as they are taken."""
-        for key, item in self._cases:
-            self.keys.append(key)
-            if key not in self.store:
-                yield key, item
+        if isinstance(self.plan, Mapping):
+            yield from ((key, self.plan[key]) for key in self.plan if key not in self.store)
+            return
+        for place, item in enumerate(self.plan):
+            self._taken = place + 1
+            yield place, item
 
     def _workers(self, number: int) -> Workers[Item, Value]:
         """So many processes of this machine; one is this one."""
