@@ -462,6 +462,27 @@ def test_the_marginal_price_is_that_of_a_target_a_little_wider(arm, statistical)
     assert mid.relief == pytest.approx(saved, rel=1e-3)
 
 
+@both
+def test_bearings_are_chosen_with_the_causes_and_no_other_choice_is_cheaper(rolling, statistical):
+    causes, names = ("play", "geometry", "encoder"), ("elbow_joint", "wrist_1_joint")
+    options = {"causes": causes, "statistical": statistical, "prices": {"C2": 3.0}}
+    target = 0.5 * largest(budget(rolling, POSE, causes=causes), statistical)
+    found = allocate(rolling, POSE, target, offers=dict.fromkeys(names, ()), **options)
+    again = budget(found.mechanism, POSE, causes=causes, remaining=found.parts)
+    assert largest(again, statistical) == pytest.approx(target, rel=1e-6)
+    best = np.inf
+    for choice in product(*(offers_of(rolling.clearance[name], {"C2": 3.0}) for name in names)):
+        made = {name: one.joint for name, one in zip(names, choice, strict=True)}
+        other = rolling.with_clearance({**rolling.clearance, **made})
+        try:
+            sizes = allocate(other, POSE, target, **options)
+        except JointplayError:
+            continue
+        best = min(best, sizes.total + sum(one.price for one in choice))
+    assert found.total == pytest.approx(best, rel=1e-5)
+    assert {"class", "remains"} <= {one.head for one in found.table().columns}
+
+
 def test_several_poses_keep_the_target_at_all(arm):
     random = np.random.default_rng(1)
     poses = np.array([arm.configuration(dict(zip(arm.joints, random.uniform(-1.5, 1.5, 6),
