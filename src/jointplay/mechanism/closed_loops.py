@@ -258,15 +258,10 @@ def from_the_base(mechanism: Mechanism) -> list[str]:
         for name in mechanism.joints
         if name not in mechanism.given_joints or not mechanism.given_joints[name].compound()
     ]
-    parents = {entry.child: name for name, entry in mechanism.description.joints.items()}
-    moving = set(mechanism.joints)
+    described, moving = mechanism.description, set(mechanism.joints)
 
     def depth(name: str) -> int:
-        count, link = 0, mechanism.description.joints[name].parent
-        while (above := parents.get(link)) is not None:
-            count += above in moving
-            link = mechanism.description.joints[above].parent
-        return count
+        return sum(one.name in moving for one in described.above(described.joints[name].parent))
 
     return sorted(single, key=depth)
 

@@ -22,7 +22,7 @@ from jointplay.core.tables import few
 from jointplay.core.units import plain_number
 from jointplay.joints.base import Clearance
 from jointplay.joints.materials import material
-from jointplay.mechanism.urdf import Description, parse
+from jointplay.mechanism.urdf import Description, read_again
 
 if TYPE_CHECKING:
     from jointplay.mechanism.loop import Loop
@@ -207,11 +207,12 @@ def _growth(description: Description, heat: Heat) -> dict[str, float]:
             if link not in description.links:
                 raise MissingName("link", link, list(description.links))
             found[link] = material(one.material or heat.material).growth(one.warmer)
-    above = {joint.child: joint for joint in description.joints.values()}
     for link in description.links:  # what is fixed to a link is as warm as it is
         path = [link]
-        while path[-1] not in found and path[-1] in above and above[path[-1]].kind == "fixed":
-            path.append(above[path[-1]].parent)
+        for joint in description.above(link):
+            if path[-1] in found or joint.kind != "fixed":
+                break
+            path.append(joint.parent)
         if path[-1] in found:
             found.update(dict.fromkeys(path, found[path[-1]]))
     return {link: growth for link, growth in found.items() if growth}
@@ -232,10 +233,7 @@ def _lengthened(description: Description, growth: Mapping[str, float]) -> Descri
         inertia = inertial.find("inertia")
         for key, value in () if inertia is None else inertia.attrib.items():
             inertia.set(key, repr(float(value) * (1.0 + more) ** 2))  # type: ignore[union-attr]
-    text = ElementTree.tostring(root, encoding="unicode")
-    # Its inertias have been checked, and some allowed although no body has them.
-    made = parse(text, description.path, description.links)
-    return replace(made, stored=description.stored)
+    return read_again(description, root, "link")
 
 
 def _move(element: ElementTree.Element, growth: float) -> None:

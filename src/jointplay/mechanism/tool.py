@@ -42,32 +42,20 @@ def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[s
     children: dict[str, list[JointEntry]] = defaultdict(list)
     for joint in description.joints.values():
         children[joint.parent].append(joint)
-    heads = {joint.child for joint in description.joints.values()}
-    root = next(link for link in description.links if link not in heads)
     for fingers in (False, True):
-        link, last = _chain(root, children, frozenset(play), fingers)
+        link, last = _chain(description.root, children, frozenset(play), fingers)
         if last:
             break
     named = [frame for frame in _fixed(link, children) if _NAMED.search(frame)]
     named = [frame for frame in named if not _OTHER.search(frame)]
     end = f"the end of the chain of moving joints, after {last!r}" if last else "the base"
-    if last and (moving := _above(link, description).intersection(play)):
+    if last and (moving := {one.name for one in description.above(link)}.intersection(play)):
         names = [repr(name) for name in description.joints if name in moving]
         end += f", which {few(names)} {'moves' if len(names) == 1 else 'move'}"
     if named:
         best = min(named, key=lambda frame: (_rank(frame), named.index(frame)))
         return best, f"named like a tool, at {end}"
     return link, end
-
-
-def _above(link: str, description: Description) -> set[str]:
-    """Joints between the base and a link."""
-    holds = {joint.child: joint for joint in description.joints.values()}
-    names = set()
-    while link in holds:
-        names.add(holds[link].name)
-        link = holds[link].parent
-    return names
 
 
 def _chain(

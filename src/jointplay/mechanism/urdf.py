@@ -6,7 +6,7 @@ import csv
 import io
 import shlex
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -278,21 +278,25 @@ class Description:
     @cached_property
     def serial(self) -> bool:
         """Whether all joints that turn lie on one path from the base: an arm."""
-        above = {joint.child: joint for joint in self.joints.values()}
-        paths = []
-        for name in self.revolute:
-            path, link = {name}, self.joints[name].parent
-            while link in above:
-                path.add(above[link].name)
-                link = above[link].parent
-            paths.append(path)
+        paths = [{one.name for one in self.above(self.joints[n].child)} for n in self.revolute]
         return bool(paths) and max(paths, key=len).issuperset(self.revolute)
 
     @property
     def root(self) -> str:
         """The link from which all joints begin: the base."""
-        children = {joint.child for joint in self.joints.values()}
-        return next(link for link in self.links if link not in children)
+        return next(link for link in self.links if link not in self.holders)
+
+    @cached_property
+    def holders(self) -> dict[str, JointEntry]:
+        """The joint that holds each link, but for the base."""
+        return {joint.child: joint for joint in self.joints.values()}
+
+    def above(self, link: str) -> Iterator[JointEntry]:
+        """The joints from a link to the base, the nearest first."""
+        while link in self.holders:
+            joint = self.holders[link]
+            yield joint
+            link = joint.parent
 
     def free_base(self, gravity: Sequence[float]) -> str:
         """That the base is free, in words, and what it then does under `gravity`."""
@@ -307,15 +311,9 @@ class Description:
         has no mass, though, is the ground.
         """
         base = self.root
-        fixed: set[str] = set()
-        found = {base}
-        while found - fixed:
-            fixed |= found
-            found = {
-                one.child
-                for one in self.joints.values()
-                if one.kind == "fixed" and one.parent in fixed
-            }
+        fixed = {
+            link for link in self.links if all(one.kind == "fixed" for one in self.above(link))
+        }
         masses = (
             float(mass.get("value", "0"))
             for link in self.declared.root.findall("link")

@@ -100,7 +100,8 @@ class Preset:
                 )
             own: list[tuple[str, Mapping[str, Any]]] = [(name, self.every) for name in names]
         else:
-            turning.sort(key=lambda name: _depth(description, name))
+            holds = description.joints
+            turning.sort(key=lambda name: len([*description.above(holds[name].parent)]))
             last = len(self.ordered) - 1
             own = [(name, self.ordered[min(k, last)]) for k, name in enumerate(turning)]
         found: dict[str, dict[str, Any]] = {}
@@ -150,15 +151,6 @@ class Preset:
         whom = f" ({', '.join(self.robots)})" if self.robots else " (any arm)"
         lines = [f"{self.name}{whom}: {self.words}", f"    publicly known: {self.known}"]
         return "\n".join([*lines, *(f"    {one}" for one in self.origins)])
-
-
-def _depth(description: Description, name: str) -> int:
-    """How many joints lie between a joint and the base."""
-    children = {one.child: other for other, one in description.joints.items()}
-    depth, link = 0, description.joints[name].parent
-    while link in children:
-        depth, link = depth + 1, description.joints[children[link]].parent
-    return depth
 
 
 @cache
