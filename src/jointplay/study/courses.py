@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -117,8 +118,11 @@ def traces(
     check_numbers(max(len(simulations), 1), jobs)
     keys = [_key(one) for one in simulations]
     plan = dict(zip(keys, simulations, strict=True))
-    store = Memory[Arrays]() if keep is None else Lines(keep / RUNS, {})
-    Study(plan, Measure(_course), store).run(jobs, progress, desc=what)
+    with ExitStack() as stack:
+        store = Memory[Arrays]()
+        if keep is not None:
+            store = stack.enter_context(closing(Lines(keep / RUNS, {})))
+        Study(plan, Measure(_course), store).run(jobs, progress, desc=what)
     return [Trace(**store[key]) for key in keys]
 
 
