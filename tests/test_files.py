@@ -364,7 +364,9 @@ WRITERS = {
 
 ELSEWHERE = {
     "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
-    "exports/notebook.py": {"draw(_chart(result)).savefig(buffer, format='png', dpi=100)"},  # in memory
+    "exports/notebook.py": {
+        "draw(_chart(result)).savefig(buffer, format='png', dpi=100)"
+    },  # in memory
     "exports/table.py": {"table.iloc[block].to_csv("},  # in memory
     "exports/trajectory.py": {"yaml.dump("},  # text
     "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
