@@ -257,3 +257,11 @@ def require_vector(
         raise JointplayError(f"{name} must have three components, got {values!r}", where)
     x, y, z = (require_finite(name, value, unit, where) for value in parts)
     return x, y, z
+
+
+def damaged(path: object, kind: str, reason: object) -> JointplayError:
+    """What to say of a file that cannot be of the kind that it should be: a result, a sweep."""
+    words = getattr(reason, "strerror", None) or " ".join(str(reason).split())
+    return JointplayError(
+        f"{str(path)!r} is damaged or not a {kind}: {words or type(reason).__name__}"
+    )

@@ -20,10 +20,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from jointplay.core.errors import JointplayError
+from typing import Any
 
 TIME_S = 60.0
 """Longest processor time that reading a file may take, and 1 s for each megabyte [s]."""
@@ -57,7 +54,7 @@ def examined(path: Path) -> Iterator[None]:
     Raises:
         JointplayError: the file is damaged, or has what no result has; the message says which.
     """
-    from jointplay.core.errors import JointplayError
+    from jointplay.core.errors import JointplayError, damaged
 
     allowed = TIME_S + path.stat().st_size / 1e6
     command = [sys.executable, "-P", __file__, str(path.absolute())]
@@ -78,24 +75,16 @@ def examined(path: Path) -> Iterator[None]:
         output, _ = process.communicate(timeout=WAITS * allowed)
     except subprocess.TimeoutExpired:
         waited = f"reading it did not end within {WAITS * allowed:.0f} s"
-        raise damaged(path, waited) from None
+        raise damaged(path, "result", waited) from None
     finally:
         process.kill()
         process.communicate()
     if process.returncode == -getattr(signal, "SIGXCPU", 0):
-        raise damaged(path, too_long)
+        raise damaged(path, "result", too_long)
     if process.returncode:
         crashed = f"a process that read it crashed ({process.returncode})"
         refused = process.returncode == _REFUSED
-        raise damaged(path, output.decode("utf-8", "replace") if refused else crashed)
-
-
-def damaged(path: Path, reason: object) -> JointplayError:
-    """What to say of a file that cannot be a result."""
-    from jointplay.core.errors import JointplayError
-
-    words = " ".join(str(reason).split()) or type(reason).__name__
-    return JointplayError(f"{str(path)!r} is damaged or not a result: {words}")
+        raise damaged(path, "result", output.decode("utf-8", "replace") if refused else crashed)
 
 
 def memory() -> float:

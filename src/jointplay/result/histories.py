@@ -28,6 +28,7 @@ from jointplay.result.variables import (
     applied_effort,
     contact_names,
     contact_variables,
+    declared,
     gear_variables,
     kinematics,
     loop_drift,
@@ -98,8 +99,7 @@ class HistoryBuilder:
         variables = motion_variables(mechanism, records, q, v, body)
         work = records.recorded("work")
         for index, term in enumerate(TERMS):
-            text = f"{term.variable.replace('_', ' ')} since t = 0"
-            variables[term.variable] = (("time",), work[:, index], "J", text)
+            variables |= declared({term.variable: work[:, index]})
         elastic = np.zeros(n)
         if mechanism.clearance:
             contact, elastic = contact_variables(mechanism, records, body)
@@ -109,14 +109,13 @@ class HistoryBuilder:
             pushes = acting.pushes(body, records)
             effort = applied_effort(mechanism, q, v, records, self._friction, pushes)
             forces = reactions(mechanism, q, v, effort, stretches, held, pushes)
-            text = "constraint force of the parent on the child at the joint, world axes"
-            variables["reaction_force"] = (("time", "moving_joint", "axis"), forces, "N", text)
+            variables |= declared({"reaction_force": forces})
         drift = np.zeros(0)
         if self._strict:
             gaps = [loop_drift(mechanism, name, body["poses"][name]) for name in self._strict]
             drift = np.stack(gaps, axis=1)
-            variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
-        variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
+            variables |= declared({"loop_drift": drift})
+        variables |= declared({"contact_elastic_energy": elastic})
         coordinates: dict[str, Any] = {}
         if mechanism.gears:
             geared, coordinates, stored = gear_variables(mechanism, records, q)
@@ -130,11 +129,11 @@ class HistoryBuilder:
             work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:
             brought = np.concatenate([np.full(hi - lo, one.energy) for lo, hi, one in stretches])
-            variables["payload_energy"] = (("time",), brought, "J", "brought in by payloads")
+            variables |= declared({"payload_energy": brought})
             work = work.copy()
             work[:, 0] += brought
         residual = self._residual(body, elastic, work)
-        variables["energy_residual"] = (("time",), residual, "J", "error of the energy balance")
+        variables |= declared({"energy_residual": residual})
         energies = (body["kinetic"], body["potential"])
         effort = records.recorded("drive") + acting.driven(records)
         self._auditor.add_records(records, energies, work, residual, drift, effort, elastic)
@@ -287,12 +286,6 @@ def _dataset(variables: Variables, coordinates: Mapping[str, Any]) -> xr.Dataset
         },
         coordinates,
     )
-    for name in ("q", "v", "drive"):
-        dataset[name].attrs["units"] = {
-            "q": "see coordinate_unit",
-            "v": "coordinate_unit per second",
-            "drive": "N m for rad, N for m",
-        }[name]
     dataset["tool_orientation"].attrs["comment"] = CONVENTION
     if "mode" in variables:
         for name, kind in (("mode", Mode), ("form", Form)):

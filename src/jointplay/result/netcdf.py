@@ -22,9 +22,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, damaged
 from jointplay.core.files import system_errors
-from jointplay.core.hdf5 import MEMORY_SHARE, damaged, examined, memory
+from jointplay.core.hdf5 import MEMORY_SHARE, examined, memory
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,13 +68,39 @@ def seal(content: bytes) -> bytes:
     return content + SEAL + hashlib.sha256(content).hexdigest().encode() + b"\n"
 
 
-def digest(file: BinaryIO, size: int | None = None) -> bytes:
+def digest(file: BinaryIO, size: float = math.inf) -> bytes:
     """Checksum of what `file` holds from where it stands, of `size` bytes or to its end."""
-    checksum, left = hashlib.sha256(), math.inf if size is None else size
-    while left > 0 and (piece := file.read(int(min(_PIECE, left)))):
+    checksum = hashlib.sha256()
+    for piece in _pieces(file, size):
         checksum.update(piece)
-        left -= len(piece)
     return checksum.hexdigest().encode()
+
+
+def _pieces(file: BinaryIO, size: float) -> Iterator[bytes]:
+    """What `file` holds from where it stands, of `size` bytes or to its end."""
+    while size > 0 and (piece := file.read(int(min(_PIECE, size)))):
+        yield piece
+        size -= len(piece)
+
+
+@contextmanager
+def _verified(path: Path) -> Iterator[tuple[BinaryIO, int]]:
+    """A file that is as it was sealed, at its beginning, and the size of its content.
+
+    Raises:
+        JointplayError: it cannot be read, is damaged, or has no checksum.
+    """
+    with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END) - _SEALED
+        file.seek(max(size, 0))
+        sealed = file.read()
+        file.seek(0)
+        if size < 0 or not sealed.startswith(SEAL):
+            raise damaged(path, "result", _UNSEALED)
+        if sealed != SEAL + digest(file, size) + b"\n":
+            raise damaged(path, "result", _CHANGED)
+        file.seek(0)
+        yield file, size
 
 
 def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
@@ -89,15 +115,8 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
     Raises:
         JointplayError: damaged, without checksum, or no NetCDF file.
     """
-    with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as file:
-        size = file.seek(0, os.SEEK_END) - _SEALED
-        file.seek(max(size, 0))
-        sealed = file.read()
-        file.seek(0)
-        if size < 0 or not sealed.startswith(SEAL):
-            raise damaged(path, _UNSEALED)
-        if sealed != SEAL + digest(file, size) + b"\n":
-            raise damaged(path, _CHANGED)
+    with _verified(path):
+        pass
     with _examined(path) as xr:
         return xr.open_dataset(path, engine="h5netcdf", cache=False, create_default_indexes=indexed)
 
@@ -108,13 +127,8 @@ def load(path: Path) -> xr.Dataset:
     Raises:
         JointplayError: damaged, without checksum, or larger than this machine's memory.
     """
-    with system_errors(f"cannot read {str(path)!r}"):
-        content = path.read_bytes()
-    body, sealed = content[:-_SEALED], content[-_SEALED:]
-    if not sealed.startswith(SEAL):
-        raise damaged(path, _UNSEALED)
-    if sealed != seal(body)[-_SEALED:]:
-        raise damaged(path, _CHANGED)
+    with _verified(path) as (file, size):
+        body = file.read(size)
     with (
         _examined(path) as xr,
         xr.open_dataset(io.BytesIO(body), engine="h5netcdf") as dataset,
@@ -142,7 +156,7 @@ def _examined(path: Path) -> Iterator[ModuleType]:
     except JointplayError:
         raise
     except Exception as error:  # HDF5 raises whatever it stumbles over
-        raise damaged(path, error) from None
+        raise damaged(path, "result", error) from None
 
 
 # Written portion by portion: the content is the same as `pack` makes, and so is the seal.
@@ -232,16 +246,12 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
     import h5py
 
     with files.writing(path, overwrite=True) as file:
-        with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as whole:
-            size, checksum = whole.seek(0, os.SEEK_END) - _SEALED, hashlib.sha256()
-            whole.seek(0)
-            for first in range(0, size, _PIECE):
-                piece = whole.read(min(_PIECE, size - first))
-                checksum.update(piece)
+        with _verified(path) as (whole, size):
+            for piece in _pieces(whole, size):
                 file.write(piece)
-            # No damage gets a seal of its own.
-            if whole.read() != SEAL + checksum.hexdigest().encode() + b"\n":
-                raise damaged(path, _CHANGED)
+            file.seek(0)
+            if whole.read() != SEAL + digest(file) + b"\n":  # no damage gets a seal of its own
+                raise damaged(path, "result", _CHANGED)
         file.flush()
         disk = _CheckedFile(file)
         with h5py.File(disk, "r+") as inner, h5netcdf.File(inner, "r+") as dataset:

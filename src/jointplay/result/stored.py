@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core import schema
-from jointplay.core.errors import JointplayError
-from jointplay.core.hdf5 import damaged
+from jointplay.core.errors import JointplayError, damaged
 from jointplay.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.kernel import Status
 from jointplay.mechanism.free_base import BASE, FREE
@@ -24,36 +23,10 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Audit
 from jointplay.result.certificate import Certificate
 from jointplay.result.inputs import Inputs
+from jointplay.result.variables import HISTORIES
 
 if TYPE_CHECKING:
     import xarray as xr
-
-_HISTORIES = {
-    "q": ("time", "coordinate"),
-    "v": ("time", "coordinate"),
-    "drive": ("time", "coordinate"),
-    "tool_position": ("time", "axis"),
-    "tool_velocity": ("time", "axis"),
-    "tool_orientation": ("time", "quaternion"),
-    "tool_angular_velocity": ("time", "axis"),
-    "energy_residual": ("time",),
-}
-"""Variables that every result has, and their dimensions."""
-
-_WITH_PLAY = {
-    "gap": ("time", "joint", "contact"),
-    "gap_min": ("time", "joint", "contact"),
-    "normal_force": ("time", "joint", "contact"),
-    "normal_force_peak": ("time", "joint", "contact"),
-    "friction_force": ("time", "joint", "contact"),
-    "joint_force": ("time", "joint", "axis"),
-    "joint_force_peak": ("time", "joint", "axis"),
-    "journal_centre": ("time", "joint", "axis"),
-    "mode": ("time", "joint"),
-    "form": ("time", "joint"),
-    "tilt": ("time", "joint"),
-}
-"""Those of results with clearance."""
 
 _TEXTS = ("status", "message", "audit", "simulation")
 
@@ -92,7 +65,7 @@ def check(dataset: xr.Dataset, path: Path) -> None:
             _check_certificate(dataset)
         _check_histories(dataset, given)
     except JointplayError as error:
-        raise damaged(path, error) from None
+        raise damaged(path, "result", error) from None
 
 
 def _check_attributes(dataset: xr.Dataset) -> None:
@@ -159,20 +132,19 @@ def _require_all(name: str, kind: type, given: Mapping[str, Any]) -> None:
 
 def _check_histories(dataset: xr.Dataset, given: Any) -> None:
     """Histories must be there, along their dimensions, with units, and real numbers."""
-    wanted = dict(_HISTORIES)
-    if "joint" in dataset.dims:
-        wanted |= _WITH_PLAY
+    loose = "joint" in dataset.dims
+    if loose:
         names = given["mechanism"]["clearance"]
         for joint in _names(dataset, "joint"):
             if joint not in names:
                 raise JointplayError(f"it has histories of the joint {joint!r:.60}, not its inputs")
         _names(dataset, "contact")
-    else:
-        wanted["reaction_force"] = ("time", "moving_joint", "axis")
-    for name, dims in wanted.items():
+    for name, history in HISTORIES.items():
         if name not in dataset.data_vars:
-            raise JointplayError(f"it has no variable {name!r}")
-        if dataset[name].dims != dims:
+            if history.of in ("all", "play" if loose else "ideal"):
+                raise JointplayError(f"it has no variable {name!r}")
+            continue
+        if dataset[name].dims != (dims := ("time", *history.dims)):
             own = ", ".join(map(str, dataset[name].dims))
             raise JointplayError(f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
         if not isinstance(dataset[name].attrs.get("units"), str):

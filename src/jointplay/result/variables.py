@@ -58,6 +58,76 @@ LOSSES = tuple(term.variable for term in TERMS if term.lost)
 """Time histories of energy lost."""
 
 
+# Time histories of every result: what a run writes, and what is asked of a file of one.
+
+
+@dataclass(frozen=True)
+class History:
+    """A time history, along the time and further dimensions."""
+
+    dims: tuple[str, ...]
+    unit: str
+    text: str
+    of: str = "all"
+    """Which results have it: ``all``, those with ``play``, the ``ideal`` ones; or ``some``."""
+
+
+_EACH, _JOINT, _VECTOR = ("joint", "contact"), ("joint",), ("joint", "axis")
+
+HISTORIES = {
+    "q": History(("coordinate",), "see coordinate_unit", "generalised coordinates"),
+    "v": History(("coordinate",), "coordinate_unit per second", "generalised velocities"),
+    "drive": History(("coordinate",), "N m for rad, N for m", "drive efforts"),
+    "tool_position": History(("axis",), "m", "{tool}, world axes"),
+    "tool_velocity": History(("axis",), "m/s", "of the tool, world axes"),
+    "tool_orientation": History(
+        ("quaternion",), "1", "orientation of the tool in the world, unit quaternion w, x, y, z"
+    ),
+    "tool_angular_velocity": History(
+        ("axis",), "rad/s", "angular velocity of the tool, world axes"
+    ),
+    "kinetic_energy": History((), "J", "kinetic energy"),
+    "potential_energy": History((), "J", "potential energy of gravity"),
+    **{
+        term.variable: History((), "J", f"{term.variable.replace('_', ' ')} since t = 0")
+        for term in TERMS
+    },
+    "reaction_force": History(
+        ("moving_joint", "axis"),
+        "N",
+        "constraint force of the parent on the child at the joint, world axes",
+        "ideal",
+    ),
+    "journal_centre": History(_VECTOR, "m", "journal centre in the bearing frame", "play"),
+    "tilt": History(_JOINT, "rad", "angle between the axes", "play"),
+    "gap": History(_EACH, "m", "gap; negative in penetration", "play"),
+    "gap_min": History(_EACH, "m", "smallest gap since the last record", "play"),
+    "normal_force": History(_EACH, "N", "normal force", "play"),
+    "normal_force_peak": History(_EACH, "N", "largest since the last record", "play"),
+    "friction_force": History(_EACH, "N", "friction force, magnitude", "play"),
+    "joint_force": History(_VECTOR, "N", "contact force on the journal, world axes", "play"),
+    "joint_force_peak": History(
+        _VECTOR, "N", "joint_force where its magnitude was largest since the last record", "play"
+    ),
+    "film_force": History(
+        _VECTOR, "N", "part of joint_force that is the film's, world axes", "some"
+    ),
+    "mode": History(_JOINT, "1", "mode of the joint (Table 1)", "play"),
+    "form": History(_JOINT, "1", "contact form (Figure 2)", "play"),
+    "joint_moment": History(
+        _VECTOR, "N m", "of the loaded elements on the inner ring about its centre, world axes",
+        "some",
+    ),
+    "loaded_elements": History(_JOINT, "1", "elements that bear load", "some"),
+    "cage_angle": History(_JOINT, "rad", "azimuth of the first element", "some"),
+    "loop_drift": History(("loop",), "m", "gap of the ideal loop", "some"),
+    "contact_elastic_energy": History((), "J", "stored in the contacts"),
+    "payload_energy": History((), "J", "brought in by payloads", "some"),
+    "energy_residual": History((), "J", "error of the energy balance"),
+}  # fmt: skip
+"""By name; gears and loads add their own."""
+
+
 # Records that a run left, whole or a portion of them, wherever they are kept.
 
 
@@ -212,23 +282,31 @@ class Phase:
     """What payloads have brought in since the start, when they were picked and released [J]."""
 
 
+def declared(values: Mapping[str, np.ndarray], **words: str) -> Variables:
+    """Histories as their declaration says; `words` are put into the texts."""
+    return {
+        name: (("time", *one.dims), found, one.unit, one.text.format(**words))
+        for name, found in values.items()
+        for one in (HISTORIES[name],)
+    }
+
+
 def motion_variables(
     mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
 ) -> Variables:
     """Variables of the coordinates, the tool, and gravity."""
-    orientation = "orientation of the tool in the world, unit quaternion w, x, y, z"
-    spin = "angular velocity of the tool, world axes"
-    return {
-        "q": (("time", "coordinate"), q, "", "generalised coordinates"),
-        "v": (("time", "coordinate"), v, "", "generalised velocities"),
-        "drive": (("time", "coordinate"), records.recorded("drive"), "", "drive efforts"),
-        "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
-        "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
-        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", orientation),
-        "tool_angular_velocity": (("time", "axis"), body["spin"], "rad/s", spin),
-        "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
-        "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
+    values = {
+        "q": q,
+        "v": v,
+        "drive": records.recorded("drive"),
+        "tool_position": body["position"],
+        "tool_velocity": body["velocity"],
+        "tool_orientation": body["orientation"],
+        "tool_angular_velocity": body["spin"],
+        "kinetic_energy": body["kinetic"],
+        "potential_energy": body["potential"],
     }
+    return declared(values, tool=mechanism.tool)
 
 
 def contact_names(mechanism: Mechanism) -> list[str]:
@@ -367,36 +445,25 @@ def contact_variables(
             parameters = joint.normal.parameters(contact)
             stored += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
 
-    each = ("time", "joint", "contact")
-    vector = ("time", "joint", "axis")
-    last = "largest since the last record"
     variables = {
-        "journal_centre": (vector, centre, "m", "journal centre in the bearing frame"),
-        "tilt": (("time", "joint"), tilt, "rad", "angle between the axes"),
-        "gap": (each, gap, "m", "gap; negative in penetration"),
-        "gap_min": (each, by_contact["gap_min"][1], "m", "smallest gap since the last record"),
-        "normal_force": (each, by_contact["normal"][1], "N", "normal force"),
-        "normal_force_peak": (each, by_contact["normal_peak"][1], "N", last),
-        "friction_force": (each, by_contact["tangential"][1], "N", "friction force, magnitude"),
-        "joint_force": (vector, force, "N", "contact force on the journal, world axes"),
-        "joint_force_peak": (
-            vector,
-            peak,
-            "N",
-            "joint_force where its magnitude was largest since the last record",
-        ),
-        "film_force": (vector, film, "N", "part of joint_force that is the film's, world axes"),
-        "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
-        "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
+        "journal_centre": centre,
+        "tilt": tilt,
+        "gap": gap,
+        "gap_min": by_contact["gap_min"][1],
+        "normal_force": by_contact["normal"][1],
+        "normal_force_peak": by_contact["normal_peak"][1],
+        "friction_force": by_contact["tangential"][1],
+        "joint_force": force,
+        "joint_force_peak": peak,
+        "film_force": film,
+        "mode": mode,
+        "form": form,
     }
     if rolls:
-        text = "of the loaded elements on the inner ring about its centre, world axes"
-        variables["joint_moment"] = (vector, moment, "N m", text)
-        variables["loaded_elements"] = (("time", "joint"), loaded, "1", "elements that bear load")
-        variables["cage_angle"] = (("time", "joint"), cage, "rad", "azimuth of the first element")
+        variables |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
-    return variables, stored
+    return declared(variables), stored
 
 
 def applied_effort(

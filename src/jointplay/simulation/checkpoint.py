@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, damaged
 from jointplay.core.schema import differences, short
 from jointplay.kernel.sources import fingerprint
 from jointplay.result.stored import versions
@@ -140,7 +140,7 @@ def _naming_checkpoint(path: Path) -> Iterator[None]:
     except JointplayError as error:
         raise JointplayError(f"{str(path)!r} cannot be continued: {error}") from None
     except (AttributeError, LookupError, TypeError, ValueError) as error:
-        raise _damaged(path, error) from None
+        raise damaged(path, "checkpoint", error) from None
 
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -171,9 +171,9 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             arrays = files.arrays(file)
         head = json.loads(arrays.pop("head").tobytes())
     except (OSError, ValueError, LookupError, RecursionError) as error:
-        raise _damaged(path, error) from None
+        raise damaged(path, "checkpoint", error) from None
     if not isinstance(head, dict):
-        raise _damaged(path, ValueError("its head is not a table"))
+        raise damaged(path, "checkpoint", "its head is not a table")
     return arrays, head
 
 
@@ -182,9 +182,3 @@ def _difference(theirs: Any, ours: Any) -> str:
         names = [name for name in {**theirs, **ours} if theirs.get(name) != ours.get(name)]
         return ", ".join(f"{name} {theirs.get(name)}, here {ours.get(name)}" for name in names)
     return "its compiled kernels differ"
-
-
-def _damaged(path: Path, error: Exception) -> JointplayError:
-    return JointplayError(
-        f"{str(path)!r} is damaged or not a checkpoint: {' '.join(str(error).split())}"
-    )

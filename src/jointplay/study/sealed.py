@@ -33,7 +33,7 @@ from urllib.parse import unquote
 from zarr.abc.store import ByteRequest, Store
 from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, damaged
 
 FORMAT = 4
 """Version of the format of stores."""
@@ -430,7 +430,7 @@ class SealedStore(Store):
         fates = {"labels": "runs all cases again", "coordinate": "writes it again"}
         fate = fates.get(self.contents.kind(name), "runs the cases of that chunk again")
         place = f"chunk {chunk.replace('/', '.')} of array {name!r}"
-        raise damaged(self.folder, f"{place}: {reason}; --resume {fate}")
+        raise damaged(self.folder, "sweep", f"{place}: {reason}; --resume {fate}")
 
     async def get_partial_values(
         self, prototype: BufferPrototype, key_ranges: Iterable[tuple[str, ByteRequest | None]]
@@ -484,21 +484,16 @@ def delete_chunk(folder: Path, contents: Contents, name: str, chunk: str) -> Non
     (folder / name / "c" / chunk).unlink(missing_ok=True)
 
 
-def damaged(path: Path, words: str) -> JointplayError:
-    """What to say of a store that is damaged."""
-    return JointplayError(f"{str(path)!r} is damaged or not a sweep: {words}")
-
-
 def damaged_whole(path: Path, error: Exception) -> JointplayError:
-    """The same of the metadata of the whole."""
+    """What to say of a store whose metadata are damaged."""
     # No damage makes foreign metadata of ours.
     fate = "" if isinstance(error, Foreign) else "; --resume writes them again"
-    return damaged(path, f"metadata of the whole: {_reason(error)}{fate}")
+    return damaged(path, "sweep", f"metadata of the whole: {_reason(error)}{fate}")
 
 
 def _reason(error: Exception) -> str:
-    """Why something could not be read, in a line."""
-    return getattr(error, "strerror", None) or " ".join(str(error).split())
+    """Why something could not be read."""
+    return getattr(error, "strerror", None) or str(error)
 
 
 def survey(folder: Path, contents: Contents) -> Iterator[tuple[str, str]]:

@@ -42,7 +42,7 @@ import zarr
 from zarr.core.sync import sync
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_a
+from jointplay.core.errors import JointplayError, damaged, require_a
 from jointplay.result.stored import versions
 from jointplay.study import sealed
 from jointplay.study.journal import (
@@ -64,7 +64,6 @@ from jointplay.study.sealed import (
     Contents,
     SealedStore,
     array_name,
-    damaged,
     damaged_whole,
     plain_name,
 )
@@ -685,7 +684,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     except JointplayError:
         raise
     except Exception as error:  # zarr and xarray raise whatever they stumble over
-        raise damaged(path, " ".join(str(error).split()) or type(error).__name__) from None
+        raise damaged(path, "sweep", error) from None
     for word in ("store", CHUNKS):
         dataset.attrs.pop(word)
     folders = map(str, {*dataset.variables, *dataset.dims})
