@@ -457,17 +457,10 @@ def _of_preset(
     options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
 ) -> tuple[Preset | None, list[Setting]]:
     """A preset, and its tables as settings."""
-    from jointplay.scenario.settings import Setting
-
     chosen = chosen_preset(options)
     if chosen is None:
         return None, []
-    return chosen, [
-        Setting((table, joint, key), value, f"--preset {chosen.name}")
-        for table, joints in chosen.tables(_description(options, wanted, file)).items()
-        for joint, keys in joints.items()
-        for key, value in keys.items()
-    ]
+    return chosen, chosen.settings(_description(options, wanted, file))
 
 
 def _description(

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.mechanism.robots import resolve
-from jointplay.mechanism.urdf import Description, read
+from jointplay.mechanism.urdf import Description
+from jointplay.scenario.settings import Setting
 
 if TYPE_CHECKING:
     from jointplay.loads.drive import Drive
@@ -111,6 +111,15 @@ class Preset:
                     found.setdefault(table, {})[name] = dict(tables[part])
         return found
 
+    def settings(self, description: Description) -> list[Setting]:
+        """The same as settings of a scenario."""
+        return [
+            Setting((table, joint, key), value, f"--preset {self.name}")
+            for table, joints in self.tables(description).items()
+            for joint, keys in joints.items()
+            for key, value in keys.items()
+        ]
+
     def mechanism(self, robot: str | Path | None = None, **options: Any) -> Mechanism:
         """A robot with these joints and gears.
 
@@ -121,22 +130,14 @@ class Preset:
         Raises:
             JointplayError: no robot is given and the preset has none.
         """
-        from jointplay.core.schema import read as make
-        from jointplay.joints import Clearance
-        from jointplay.mechanism.fixing import with_fixed
-        from jointplay.mechanism.gear import Gearing
-        from jointplay.mechanism.mechanism import Mechanism
-        from jointplay.mechanism.robots import urdf_of
+        from jointplay.scenario.robot import description_of, robot_path, robot_scenario
 
         place = robot or self.robot
         if place is None:
             raise JointplayError(f"preset {self.name!r} is for any arm: give a robot")
-        path = resolve(place) if ":" in str(place) else urdf_of(place)
-        description = read(path, options.get("allow_unphysical", ()))
-        tables = self.tables(with_fixed(description, options.get("fix", ())))
-        joints = {name: make(Clearance, one) for name, one in tables.get("joints", {}).items()}
-        gears = {name: make(Gearing, one) for name, one in tables.get("gears", {}).items()}
-        return Mechanism(path, joints, gears=gears, **options)
+        own = [Setting(("robot", key), value, key) for key, value in options.items()]
+        settings = self.settings(description_of(robot_path(str(place)), own))
+        return robot_scenario(str(place), settings=[*settings, *own], still=True).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""
