@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from conftest import gaps
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
@@ -51,6 +51,7 @@ def feasible(joint, random):
     return twist(centre, np.array([*lean, np.sqrt(1.0 - lean @ lean)]))
 
 
+@settings(max_examples=25)
 @given(radial=LENGTHS, axial=LENGTHS, seed=st.integers(0, 2**31))
 def test_no_pose_of_the_journal_without_penetration_is_beyond_the_support_function(
     radial, axial, seed
@@ -176,6 +177,7 @@ def test_an_open_bearing_bears_no_load_along_its_axis():
     assert joint.play().support(np.array([[1.0, 0, 0, 0, 0, 0]])).value[0] > 0.0
 
 
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**31), x=LENGTHS, y=LENGTHS)
 def test_no_pose_of_a_slider_without_penetration_is_beyond_its_support_function(seed, x, y):
     import pinocchio as pin

@@ -109,6 +109,8 @@ class Cause(ABC):
 
     name: ClassVar[str]
     """In tables and options."""
+    of_mounts: ClassVar[bool] = False
+    """Whether it acts at mounts, too, which cannot move and give way."""
 
     @abstractmethod
     def at(self, joint: JointAt) -> Iterable[Contribution]:
@@ -122,8 +124,6 @@ class Play(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """Of the joint and of its gear."""
-        if joint.mount:
-            return
         if joint.name in joint.mechanism.clearance:
             yield play_of_joint(joint.mechanism, joint.name)
         if joint.name in joint.mechanism.gears:
@@ -134,6 +134,7 @@ class Compliance(Cause):
     """Bearings, gears, links and mounts give way under weight, payload and force."""
 
     name = "elasticity"
+    of_mounts = True
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """A shift whose stiffness is uncertain."""
@@ -201,8 +202,6 @@ class Encoder(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """Half a step, and the whole offset, either way."""
-        if joint.mount:
-            return
         for key, part, word in (
             ("encoder", 0.5, "resolution"),
             ("zero_offset", 1.0, "zero offset"),
@@ -220,8 +219,6 @@ class GearError(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """A wave of unknown phase, with the gear's own amplitude unless another is given."""
-        if joint.mount:
-            return
         size, origin = joint.size("gear_error")
         words = joint.origin({f"amplitude {size:.4g} {joint.unit}": origin})
         gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
@@ -239,8 +236,6 @@ class Geometry(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """Each offset and tilt of its own."""
-        if joint.mount:
-            return
         offset, offset_from = joint.size("axis_offset")
         tilt, tilt_from = joint.size("axis_tilt")
         words = {f"offset {offset:.4g} m": offset_from, f"tilt {tilt:.4g} rad": tilt_from}
@@ -255,8 +250,6 @@ class Heat(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """Half of the growth, either way by all of it."""
-        if joint.mount:
-            return
         heating, heating_from = joint.size("heating")
         expansion, expansion_from = joint.size("expansion")
         grown = 0.5 * heating * expansion * joint.arm
@@ -322,11 +315,13 @@ def cause_model(
         mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
     names = [*mechanism.joints, *mechanism.mounts]
     found = jacobians(mechanism, q, names, force)
-    contributions = []
+    contributions: list[Contribution] = []
     for k, name in enumerate(names):
         if found.tool[k].any():
             at = JointAt(mechanism, name, found.load[k], found.arm[k], errors, kind)
-            contributions += [one for cause in causes.values() for one in cause.at(at)]
+            for cause in causes.values():
+                if cause.of_mounts or not at.mount:
+                    contributions += cause.at(at)
     kept = [one for one in contributions if _counts(one)]
     if not kept:
         raise JointplayError("nothing moves the tool, or no cause is counted")
