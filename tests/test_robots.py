@@ -472,10 +472,11 @@ def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
 @pytest.mark.parametrize(
     "words", [["wear", "--joint=a", "--growth=1um"], ["maintenance", "--target=1mm"]]
 )
-def test_a_robot_where_a_scenario_is_needed_is_told_so(words, capsys):
+def test_a_robot_without_play_is_told_how_to_give_it_some(words, capsys):
     status, _, error = command([words[0], "ur5", *words[1:]], capsys)
     assert status == 2
-    assert "'ur5' is a robot, and a scenario is needed" in error
+    assert "give one by --set joints.NAME.radial_clearance=LENGTH" in error
+    assert "elbow_joint" in error
     assert error.count("\n") == 1
 
 

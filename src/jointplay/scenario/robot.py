@@ -121,8 +121,9 @@ def _of_robot(
         if not scara:
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(
-                "no joint has clearance: name one with --joint, or by --set "
-                f"joints.NAME.radial_clearance=LENGTH; revolute joints of {path}: {choices}"
+                "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, or "
+                f"where a command takes joints with play by name; revolute joints of {path}: "
+                f"{choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:
