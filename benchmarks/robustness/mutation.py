@@ -44,8 +44,6 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
         (
             "geometry/cylinder.py",
-            "geometry/cylinder.py",
-            "geometry/contacts.py",
             "geometry/contacts.py",
         ),
         ("tests/test_geometry.py", "tests/test_geometry_properties.py"),

@@ -140,12 +140,17 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     limits = [None if one is None else factor * one for one in (axis.low, axis.high)]
     if limits != [None, None]:
         getattr(axes, f"set_{which}lim")(*limits)
-    if axis.log and axes.has_data():
+    if axis.log and _positive(axes, which):
         logarithmic(axes, which)
     if axis.ticks is not None:
         own.set_major_locator(MaxNLocator(axis.ticks, symmetric=axis.low == _minus(axis.high)))
     if axis.whole:
         own.set_major_locator(MaxNLocator(integer=True))
+
+
+def _positive(axes: Axes, which: str) -> bool:
+    """Whether anything that is drawn has a place on a logarithmic axis."""
+    return bool(np.isfinite(axes.dataLim.minpos["xy".index(which)]))
 
 
 def _minus(value: float | None) -> float | None:

@@ -143,7 +143,7 @@ def table(
     if across:
         (first, heads), *others = columns
         head = [first, *heads]
-        rows = [[title, *values] for title, values in others if set(values) != {None}]
+        rows = [[title, *values] for title, values in others if any(v is not None for v in values)]
         texts = 1
     else:
         head = [title for title, _ in columns]
