@@ -150,7 +150,7 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
 
 def _positive(axes: Axes, which: str) -> bool:
     """Whether anything that is drawn has a place on a logarithmic axis."""
-    return bool(np.isfinite(axes.dataLim.minpos["xy".index(which)]))
+    return bool(np.isfinite(getattr(axes.dataLim, f"minpos{which}")))
 
 
 def _minus(value: float | None) -> float | None:
