@@ -17,10 +17,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import jointplay as jp
-from jointplay.core.processes import cores
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.result.certificate import plus_minus
+from jointplay.base.processes import cores
+from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import PERTURBATION
+from jointplay.simulation.result.certificate import plus_minus
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

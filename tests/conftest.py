@@ -12,10 +12,10 @@ from sweep_scenario import GRID, SCENARIO
 from warm import System, compile_in_turn, end
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
-from jointplay.geometry import touch_cylinder
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.loads import ComputedTorque
+from jointplay.physics.geometry import touch_cylinder
+from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import Run
+from jointplay.simulation.loads import ComputedTorque
 
 # What runs in the background or under nohup ignores these, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -50,7 +50,7 @@ def warm():
         # A further run after each of thousands: those that are about it ask for it.
         patch.setattr(Simulation.run, "__defaults__", (False, False, True, False))
         patch.setitem(simulate.__kwdefaults__, "estimate", False)
-        patch.setattr("jointplay.core.hdf5.sys", System())
+        patch.setattr("jointplay.base.hdf5.sys", System())
         yield
 
 

@@ -9,12 +9,12 @@ from scipy.optimize import minimize
 
 import jointplay as jp
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
+from jointplay.accuracy.allocation import LIMIT, PRELOADED, allocate, offers_of
+from jointplay.accuracy.causes import CAUSES
+from jointplay.accuracy.error_budget import budget
+from jointplay.base.errors import MissingName
 from jointplay.cli import main
-from jointplay.core.errors import MissingName
-from jointplay.design.allocation import LIMIT, PRELOADED, allocate, offers_of
-from jointplay.design.causes import CAUSES
-from jointplay.design.error_budget import budget
-from jointplay.plots.design import cause_allocation
+from jointplay.show.plots.design import cause_allocation
 from jointplay.study.courses import dynamic_error, fitting_step
 
 # Clearances of any size.
@@ -113,7 +113,7 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(three):
     assert low <= most.error <= high
     assert "quantile" in str(most)
     # States drawn anew, with other random numbers, keep it, too.
-    from jointplay.design.error_model import play_model
+    from jointplay.accuracy.error_model import play_model
 
     random, total = np.random.default_rng(99), 0.0
     plays = play_model(most.mechanism, pose)
@@ -425,7 +425,7 @@ def test_the_whole_budget_with_what_remains_is_the_target(arm, statistical, part
 def test_the_target_is_kept_by_the_sizes_themselves(scara):
     """Not by factors: with the clearance, resolutions, tolerances and warmth that are left."""
     causes = [one for one in CAUSES if one != "elasticity"]
-    start = jp.design.robot_errors.ERROR_CLASSES["industrial"]
+    start = jp.accuracy.robot_errors.ERROR_CLASSES["industrial"]
     first = budget(scara, ELBOW, causes=causes)
     target = 0.4 * float(first.worst[0])
     found = allocate(scara, ELBOW, target, causes=causes)

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.analysis import headline
-from jointplay.exports import notebook
+from jointplay.bridges import notebook
 from jointplay.paper import scara
-from jointplay.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
+from jointplay.simulation.analysis import headline
+from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 
 
 @pytest.fixture(scope="module")
@@ -322,7 +322,7 @@ def test_an_ideal_machine_that_stands_where_it_begins_is_the_twin_of_either_star
 
 
 def test_orientations_that_are_none_are_refused():
-    from jointplay.analysis.tool_error import rotations
+    from jointplay.simulation.analysis.tool_error import rotations
 
     good = np.array([[1.0, 0.0, 0.0, 0.0]])
     assert rotations(good).magnitude() == 0.0

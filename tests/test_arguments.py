@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.core.errors import require_a
+from jointplay.base.errors import require_a
 
 FUNCTIONS = [
     name

@@ -1,8 +1,8 @@
 import runpy
 from pathlib import Path
 
-from jointplay.joints import JOINT_KINDS
-from jointplay.reports.sections import all_assumptions, conditions
+from jointplay.physics.joints import JOINT_KINDS
+from jointplay.show.reports.sections import all_assumptions, conditions
 
 SITE = Path(__file__).parents[1] / "docs" / "site" / "assumptions.py"
 

@@ -7,9 +7,9 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay.mechanism.impact import friction_step_limit
-from jointplay.result import Audit
-from jointplay.result import audit as audit_module
+from jointplay.model.impact import friction_step_limit
+from jointplay.simulation.result import Audit
+from jointplay.simulation.result import audit as audit_module
 
 MASS, SPEED = 2.0, 0.2
 GOOD = Audit(

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointplay.kernel.layout import FRICTION, POWERS, Quantity
-from jointplay.mechanism.gear import Gear
-from jointplay.result import audit
-from jointplay.result import audit as audit_module
-from jointplay.result.audit import Audit, Judgement
-from jointplay.result.variables import Records
+from jointplay.model.gear import Gear
+from jointplay.physics.kernel.layout import FRICTION, POWERS, Quantity
+from jointplay.simulation.result import audit
+from jointplay.simulation.result import audit as audit_module
+from jointplay.simulation.result.audit import Audit, Judgement
+from jointplay.simulation.result.variables import Records
 
 TIME = np.array([0.0, 0.1, 0.2])
 Q = np.array([[0.3, 0.0, 0.1], [0.2, 0.5, 0.9], [0.1, 0.6, 0.0]])

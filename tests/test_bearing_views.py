@@ -11,11 +11,12 @@ from conftest import body, joint
 from test_playback import open_page, picture
 
 import jointplay as jp
-from jointplay import analysis, player
-from jointplay.analysis.bearings import BearingLife
-from jointplay.analysis.headline import headline
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.player.tracks import unpack
+from jointplay import analysis
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.show import player
+from jointplay.show.player.tracks import unpack
+from jointplay.simulation.analysis.bearings import BearingLife
+from jointplay.simulation.analysis.headline import headline
 
 browser = test_playback.browser
 BALLS = jp.BallBearing(designation="6010/C3")
@@ -74,7 +75,7 @@ def test_many_places_are_loaded_as_one_by_one():
         places = 2e-5 * random.normal(size=(5, 6))
         cages = random.uniform(0.0, 6.0, 5)
         one = [bearing.load(place, cage) for place, cage in zip(places, cages, strict=True)]
-        from jointplay.joints.bearings import _rotation
+        from jointplay.physics.joints.bearings import _rotation
 
         axes = np.array([_rotation(place[3:])[:, 2] for place in places])
         loads, angles = bearing.element_loads(places[:, :3], axes, cages)
@@ -103,7 +104,7 @@ def test_life_is_that_of_lasting_loads_in_closed_form(monkeypatch, mixed):
     loads = np.zeros((len(time), 14))
     loads[:, :3] = np.where(np.arange(len(time)) < len(time) // 2, 1000.0, 300.0)[:, None]
     monkeypatch.setattr(
-        "jointplay.analysis.bearings.element_loads",
+        "jointplay.simulation.analysis.bearings.element_loads",
         lambda result, joint: type("", (), {"values": loads}),
     )
     steady = mixed.dataset.copy()
@@ -229,7 +230,7 @@ def test_plots_of_bearings_have_their_words(mixed):
 
 
 def test_figures_of_bearings_are_drawn_where_there_are_any(mixed, robot, tmp_path):
-    from jointplay import plots
+    from jointplay.show import plots
 
     names = {path.stem for path in plots.save({"a": mixed}, tmp_path)}
     assert "bearing_loads" in names
@@ -239,7 +240,7 @@ def test_figures_of_bearings_are_drawn_where_there_are_any(mixed, robot, tmp_pat
 
 
 def test_reports_say_loads_and_lives_of_bearings(mixed, tmp_path):
-    from jointplay.reports import report
+    from jointplay.show.reports import report
 
     path = tmp_path / "a.html"
     report({"a": mixed}, path, impacts=0, pdf=False)
@@ -263,8 +264,8 @@ every = pytest.mark.parametrize("name", EVERY)
 
 @every
 def test_reduced_bearings_have_their_own_friction_and_stiffness(robot, name):
-    from jointplay.design.error_model import play_model
-    from jointplay.design.reduction import reduce
+    from jointplay.accuracy.error_model import play_model
+    from jointplay.bridges.reduction import reduce
 
     bearing = EVERY[name]
     mechanism = jp.Mechanism(robot, {"balls": bearing}, tool="tip", gravity=(0, 0, -9.81))
@@ -282,7 +283,7 @@ def test_reduced_bearings_have_their_own_friction_and_stiffness(robot, name):
 
 
 def test_bearings_neither_wear_nor_are_identified(robot):
-    from jointplay.identification import plan_measurement
+    from jointplay.estimate import plan_measurement
     from jointplay.study.maintenance import maintenance
     from jointplay.study.wear import wear
 

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from warm import JOINTPLAY
 
 import jointplay as jp
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.error_budget import budget
-from jointplay.joints.bearings import (
+from jointplay.accuracy.error_budget import budget
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.physics.joints.bearings import (
     bearing_kind,
     catalogue,
     is_designation,
     point_contact_stiffness,
 )
-from jointplay.loads.drive import Prescribed
+from jointplay.simulation.loads.drive import Prescribed
 
 DEEP = jp.BallBearing(designation="6010/C3")
 PAIR = jp.BallBearing(designation="7206 B DB", preload=120.0)

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from jointplay.core import processes as module
-from jointplay.core.errors import JointplayError
-from jointplay.core.processes import in_parallel
+from jointplay.base import processes as module
+from jointplay.base.errors import JointplayError
+from jointplay.base.processes import in_parallel
 
 forked = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks safely")
 

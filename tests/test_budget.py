@@ -16,10 +16,10 @@ from jointplay import (
     PrismaticClearance,
     RevoluteClearance,
 )
+from jointplay.accuracy import poses
+from jointplay.accuracy.error_budget import budget
 from jointplay.cli import main
-from jointplay.design import poses
-from jointplay.design.error_budget import budget
-from jointplay.plots import design as plots
+from jointplay.show.plots import design as plots
 from jointplay.simulation.run import Run
 
 REACH = 0.5
@@ -335,7 +335,7 @@ def test_friction_holds_a_journal_up_to_its_angle_of_friction_in_the_bore(urdf, 
 
 
 def test_the_friction_of_its_law_is_assumed_and_said(urdf):
-    from jointplay.contact import Coulomb
+    from jointplay.physics.contact import Coulomb
 
     law = budget(hung(urdf, friction=Coulomb(mu_d=0.25)), {})
     assert "friction (0.25 assumed)" in str(law.table())
@@ -360,7 +360,7 @@ def test_budgets_rest_is_where_a_run_at_rest_begins_and_friction_can_hold_it_the
     import pinocchio as pin
 
     from jointplay import Simulation, shipped
-    from jointplay.mechanism.robots import robot_urdf
+    from jointplay.model.robots import robot_urdf
 
     path = robot_urdf("ur5") if name == "ur5" else shipped("scara.urdf")
     plain = Mechanism(path)
@@ -415,7 +415,7 @@ def loose_joints(name):
 
 @pytest.mark.parametrize("name", ["ur5 elbow", "scara a, vertical axis"])
 def test_frictions_interval_holds_what_a_search_of_all_contacts_finds_and_little_more(name):
-    from jointplay.loads import Prescribed
+    from jointplay.simulation.loads import Prescribed
 
     brute, mechanism, q, (journal,) = loose_joints(name)
     states, _ = brute.search(journal, 0.1, states=600, tries=8000)
@@ -431,7 +431,7 @@ def test_frictions_interval_holds_what_a_search_of_all_contacts_finds_and_little
 
 
 def test_frictions_interval_of_two_loose_joints_holds_what_a_search_of_both_at_once_finds():
-    from jointplay.loads import Prescribed
+    from jointplay.simulation.loads import Prescribed
 
     brute, mechanism, q, journals = loose_joints("ur5 elbow and wrist 1")
     states = brute.search_together(journals, 0.1, states=200, climbs=1, steps=300)
@@ -445,7 +445,7 @@ def test_frictions_interval_of_two_loose_joints_holds_what_a_search_of_both_at_o
 
 @pytest.mark.parametrize("name", ["ur5 elbow", "scara a, vertical axis"])
 def test_without_friction_the_interval_is_the_set_of_least_energy(name):
-    from jointplay.loads import Prescribed
+    from jointplay.simulation.loads import Prescribed
 
     brute, mechanism, q, (journal,) = loose_joints(name)
     states = brute.flat(journal)

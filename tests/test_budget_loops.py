@@ -21,15 +21,15 @@ from jointplay import (
     Scenario,
     simulate,
 )
+from jointplay.accuracy import loop_play, poses
+from jointplay.accuracy.allocation import allocate
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.cli import main
-from jointplay.design import loop_play, poses
-from jointplay.design.allocation import allocate
-from jointplay.design.error_budget import budget
-from jointplay.design.error_model import Contribution, ErrorModel, play_model
-from jointplay.joints.play import BallPlay, BlockPlay, JournalPlay
-from jointplay.mechanism.closed_loops import ClosedLoops, is_closed
-from jointplay.mechanism.loop import assemble
-from jointplay.mechanism.urdf import shipped
+from jointplay.model.closed_loops import ClosedLoops, is_closed
+from jointplay.model.loop import assemble
+from jointplay.model.urdf import shipped
+from jointplay.physics.joints.play import BallPlay, BlockPlay, JournalPlay
 
 CRANK, ROD = 0.05, 0.12
 PLAY = 1e-4
@@ -320,7 +320,7 @@ def test_a_position_where_the_loop_is_nearly_stretched_is_refused_with_the_pose(
 
 
 def test_joints_of_a_loop_that_no_drive_determines_are_named():
-    from jointplay.motion.ideal import driven_map
+    from jointplay.simulation.motion.ideal import driven_map
 
     mechanism = slider_crank({}, tool="rod")
     (q,) = poses.at_pose(mechanism, {"crank_pin": 0.7}, ["crank_pin"], START)

@@ -14,16 +14,16 @@ from conftest import body, joint, tip
 
 from jointplay import JointplayError, Mechanism, calibrate, encoder_differences
 from jointplay.cli import main
-from jointplay.identification import StaticPoses, Term
-from jointplay.identification.kinematic_model import Chain, Poses
-from jointplay.identification.selection import improves
-from jointplay.identification.static_poses import (
+from jointplay.estimate import StaticPoses, Term
+from jointplay.estimate.kinematic_model import Chain, Poses
+from jointplay.estimate.selection import improves
+from jointplay.estimate.static_poses import (
     rigid_body,
     rotation_vectors,
     rotations_of,
     same_labels,
 )
-from jointplay.mechanism.payload import Payload
+from jointplay.model.payload import Payload
 
 JOINTS = ("waist", "shoulder", "elbow", "wrist")
 NOISE = 5e-5

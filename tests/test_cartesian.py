@@ -9,11 +9,11 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.design.poses import times_along
-from jointplay.joints import SphericalClearance
-from jointplay.motion.cartesian import JUMP, SINGULAR_M, Arm, cartesian_motion
-from jointplay.motion.completion import complete_motion
-from jointplay.nonlinear.steady_motion import repeated
+from jointplay.accuracy.poses import times_along
+from jointplay.physics.joints import SphericalClearance
+from jointplay.simulation.motion.cartesian import JUMP, SINGULAR_M, Arm, cartesian_motion
+from jointplay.simulation.motion.completion import complete_motion
+from jointplay.study.nonlinear.steady_motion import repeated
 
 TIMES = [0.0, 0.4, 1.0]
 SCARA_CONFIGURATIONS = np.array([[0.3, 0.8, -0.02, 0.1], [0.6, 0.9, -0.04, 0.4], [-0.3, 1.2, 0, 0]])

@@ -7,11 +7,11 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.mechanism.closed_loops import ClosedLoops, followed_mimics
-from jointplay.mechanism.loop import Loop, assemble, closing_rows, openings
-from jointplay.motion.cartesian import Arm, cartesian_motion, cartesian_path, reachable
-from jointplay.motion.completion import complete_motion
-from jointplay.motion.ideal import driven_map
+from jointplay.model.closed_loops import ClosedLoops, followed_mimics
+from jointplay.model.loop import Loop, assemble, closing_rows, openings
+from jointplay.simulation.motion.cartesian import Arm, cartesian_motion, cartesian_path, reachable
+from jointplay.simulation.motion.completion import complete_motion
+from jointplay.simulation.motion.ideal import driven_map
 from jointplay.study.iso9283 import cube_motion
 
 ARMS = ("arm_1", "arm_2", "arm_3")
@@ -231,7 +231,7 @@ def test_the_lack_of_reach_is_the_distance_that_remains(five_bar):
 
 @pytest.mark.parametrize("path", ["joint", "line"])
 def test_a_waypoint_beyond_all_lengths_is_refused_at_once(delta, path, monkeypatch):
-    monkeypatch.setattr("jointplay.motion.cartesian._solve", None)  # nothing is searched
+    monkeypatch.setattr("jointplay.simulation.motion.cartesian._solve", None)  # nothing is searched
     good = [-0.1525, 0.0, -1.1]
     for positions in ([good, [-0.1525, 0.0, -1075.0]], [[-0.1525, 0.0, -1075.0], good]):
         message = refused(delta, positions, path=path)

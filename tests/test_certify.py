@@ -13,7 +13,10 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import analysis, cli, paper
-from jointplay.analysis.certification import (
+from jointplay.paper import scara
+from jointplay.physics.kernel import Status
+from jointplay.show.reports import cases, sections
+from jointplay.simulation.analysis.certification import (
     STRETCHES,
     Measured,
     _History,
@@ -26,10 +29,7 @@ from jointplay.analysis.certification import (
     numerical_error,
     scatter,
 )
-from jointplay.kernel import Status
-from jointplay.paper import scara
-from jointplay.reports import cases, sections
-from jointplay.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
+from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 
 JAMMED_TRUTH_N = 677.1
 """Peak force of the jammed case by rk4 at 1 us."""
@@ -317,7 +317,7 @@ def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):
         return real(simulation, progress)
 
     result = replace(scara(2e-4), duration=0.02).run()
-    monkeypatch.setattr("jointplay.analysis.certification.Run", run)
+    monkeypatch.setattr("jointplay.simulation.analysis.certification.Run", run)
     found = estimate(result)
     assert all(math.isinf(one.error) for one in found.figures)
     assert "no room" in found.note
@@ -329,7 +329,7 @@ def test_what_fails_after_a_run_does_not_lose_it(monkeypatch):
     def fail(*_, **__):
         raise np.linalg.LinAlgError("singular")
 
-    monkeypatch.setattr("jointplay.analysis.certification._find_errors", fail)
+    monkeypatch.setattr("jointplay.simulation.analysis.certification._find_errors", fail)
     short = replace(scara(2e-4), duration=0.01)
     with pytest.warns(RuntimeWarning, match="result is complete, but .*singular"):
         result = short.run(estimate=True)
@@ -483,7 +483,7 @@ def stopped_while_certifying(monkeypatch):
     def told(*_, **__):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("jointplay.analysis.certification.certify", told)
+    monkeypatch.setattr("jointplay.simulation.analysis.certification.certify", told)
 
 
 def plain(path):
@@ -533,7 +533,8 @@ def test_no_run_that_was_interrupted_is_certified(short, tmp_path, monkeypatch):
     result = jp.Result(short.dataset.copy())
     result.status = Status.INTERRUPTED
     monkeypatch.setattr(
-        "jointplay.analysis.certification.certify", lambda *_, **__: pytest.fail("certified")
+        "jointplay.simulation.analysis.certification.certify",
+        lambda *_, **__: pytest.fail("certified"),
     )
     add_certificate(result, tmp_path / "r.nc", short.simulation)
     assert not (tmp_path / "r.nc").exists()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointplay.analysis.claims import CLAIMS, judge
+from jointplay.simulation.analysis.claims import CLAIMS, judge
 
 TYPICAL = {
     "deviation_mm": 3.0,

@@ -16,17 +16,18 @@ import pytest
 from conftest import body, joint
 from warm import JOINTPLAY, PYTHON
 
-from jointplay import JointplayError, Mechanism, Result, plots, simulate
+from jointplay import JointplayError, Mechanism, Result, simulate
+from jointplay.base import streams
+from jointplay.base.errors import MissingName
 from jointplay.cli import main
-from jointplay.commands import MODULES
-from jointplay.core import streams
-from jointplay.core.errors import MissingName
-from jointplay.kernel import Status
-from jointplay.loads import Free
-from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.urdf import shipped
+from jointplay.cli.commands import MODULES
+from jointplay.model.gear import Gear
+from jointplay.model.urdf import shipped
 from jointplay.paper import CONDITIONS, output_names, scara
 from jointplay.paper import run as paper_run
+from jointplay.physics.kernel import Status
+from jointplay.show import plots
+from jointplay.simulation.loads import Free
 
 START = str(Path(sys.executable).parent / "jointplay")
 """The command as a new process."""
@@ -536,7 +537,7 @@ def test_an_interrupt_that_a_library_reports_as_a_wrong_value_is_an_interrupt(mo
         except KeyboardInterrupt:
             raise ValueError("Invalid affine transformation matrix") from None
 
-    monkeypatch.setattr("jointplay.commands.robots.run", stopped)
+    monkeypatch.setattr("jointplay.cli.commands.robots.run", stopped)
     assert main(["robots"]) == 130
     err = capsys.readouterr().err
     assert "interrupted" in err

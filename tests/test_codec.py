@@ -13,15 +13,15 @@ from hypothesis import given
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS, NormalForceLaw
-from jointplay.core import schema
-from jointplay.core.errors import within
-from jointplay.core.schema import Described, check_fields, choice, quantity
-from jointplay.joints import Clearance
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.loop import Loop
-from jointplay.mechanism.payload import Payload
+from jointplay.base import schema
+from jointplay.base.errors import within
+from jointplay.base.schema import Described, check_fields, choice, quantity
+from jointplay.model.gear import Gear
+from jointplay.model.loop import Loop
+from jointplay.model.payload import Payload
+from jointplay.physics.contact import FRICTION_LAWS, NORMAL_LAWS, NormalForceLaw
+from jointplay.physics.joints import Clearance
+from jointplay.simulation.loads.drive import Drive, JointFriction
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def test_values_are_equal_when_equal_and_shown_as_one_writes_them(kind, value):
     assert hash(again) == hash(value)
     if kind is not jp.Motion:  # which may have thousands of waypoints
         names = vars(jp) | {type(value).__name__: type(value)}
-        assert eval(repr(value), names | vars(jp.joints) | vars(jp.contact)) == value
+        assert eval(repr(value), names | vars(jp.physics.joints) | vars(jp.contact)) == value
 
 
 NO_NUMBERS = (True, np.True_, math.nan, math.inf, "one", 10**400)

@@ -4,9 +4,9 @@ import argparse
 
 import pytest
 
+from jointplay.base.schema import fields_at
 from jointplay.cli import main, parser
-from jointplay.commands.inputs import FLAGS, explanation, scenario_of
-from jointplay.core.schema import fields_at
+from jointplay.cli.commands.inputs import FLAGS, explanation, scenario_of
 from jointplay.scenario.model import Model
 
 SCARA = "jointplay:scara.toml"

@@ -10,8 +10,8 @@ from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.analysis import comparison
 from jointplay.paper import scara
+from jointplay.simulation.analysis import comparison
 
 
 def call(*arguments):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.contact import elastic, resultant
-from jointplay.core.errors import JointplayError
-from jointplay.design.error_budget import budget
-from jointplay.loads.drive import Prescribed
+from jointplay.accuracy.error_budget import budget
+from jointplay.base.errors import JointplayError
+from jointplay.physics.contact import elastic, resultant
+from jointplay.simulation.loads.drive import Prescribed
 
 SOFT = jp.Elasticity(radial=2e7, axial=1e7, tilt=4e3)
 ARM = """<robot name="arm"><link name="base"/><link name="arm"><inertial>

@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import (
+from jointplay.model.impact import elastic_energy, impact_duration
+from jointplay.physics.contact import (
     FRICTION_LAWS,
     NORMAL_LAWS,
     ContactProperties,
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.contact.trust import trusting
-from jointplay.kernel import Status
-from jointplay.mechanism.impact import elastic_energy, impact_duration
+from jointplay.physics.contact.trust import trusting
+from jointplay.physics.kernel import Status
 
 STEEL = ContactProperties(1.06e11, 0.8)
 DELTA, DDELTA, DDELTA0 = 7e-6, -0.03, 0.1

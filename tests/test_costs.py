@@ -12,13 +12,13 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import reports
-from jointplay.contact.law import NormalForceLaw
-from jointplay.core.schema import add, family_of
-from jointplay.joints import Clearance
-from jointplay.loads import Load
-from jointplay.loads.drive import Drive
-from jointplay.result import Result
+from jointplay.base.schema import add, family_of
+from jointplay.physics.contact.law import NormalForceLaw
+from jointplay.physics.joints import Clearance
+from jointplay.show import reports
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.drive import Drive
+from jointplay.simulation.result import Result
 
 sys.path.append(str(Path(__file__).parent))
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
@@ -181,7 +181,7 @@ def test_a_plan_and_a_measure_are_a_function_each(pendulum, tmp_path):
 
 def test_a_kind_of_measurement_is_one_file():
     """Its intervals hold the truth, and it says what its measurement cannot tell."""
-    from jointplay.identification import estimate
+    from jointplay.estimate import estimate
 
     own, truth, random = addition("frequencies"), (2e3, 0.3), np.random.default_rng(2)
     payloads = np.repeat([0.0, 1.0, 2.0, 4.0], 5)

@@ -8,10 +8,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.geometry import touch
-from jointplay.joints import Clearance, CylindricalClearance
-from jointplay.mechanism.export import to_urdf
-from jointplay.mechanism.loop import Loop, misfit
+from jointplay.bridges.urdf import to_urdf
+from jointplay.model.loop import Loop, misfit
+from jointplay.physics.geometry import touch
+from jointplay.physics.joints import Clearance, CylindricalClearance
 from jointplay.scenario import Scenario
 
 PLAY = 2e-4

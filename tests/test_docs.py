@@ -302,7 +302,7 @@ def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):
 
 
 def test_every_command_of_the_command_line_is_shown_somewhere():
-    from jointplay.commands import MODULES
+    from jointplay.cli.commands import MODULES
 
     text = "\n".join(page.read_text() for page in PAGES)
     assert {name for name in MODULES if f"jointplay {name.replace('_', '-')}" not in text} == set()

@@ -7,8 +7,8 @@ import pytest
 from conftest import body, joint, release, still
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
-from jointplay.loads import ComputedTorque, JointFriction
 from jointplay.paper import scara
+from jointplay.simulation.loads import ComputedTorque, JointFriction
 from jointplay.simulation.run import Run
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}

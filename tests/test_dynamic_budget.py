@@ -6,7 +6,7 @@ from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.cli import main
-from jointplay.loads import ComputedTorque
+from jointplay.simulation.loads import ComputedTorque
 from jointplay.study.shares import sensitivity, shares
 
 

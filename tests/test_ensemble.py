@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import jointplay as jp
 import jointplay.study.ensemble as module
-from jointplay.core import processes, signals
-from jointplay.core.processes import Pool, cores, number_of
+from jointplay.base import processes, signals
+from jointplay.base.processes import Pool, cores, number_of
 
 
 @pytest.fixture(scope="module")

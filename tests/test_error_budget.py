@@ -5,12 +5,12 @@ import pytest
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.causes import CAUSES
-from jointplay.design.error_budget import budget
-from jointplay.design.robot_errors import JointErrors, RobotErrors
-from jointplay.loads.drive import Prescribed
-from jointplay.plots.design import cause_bars
+from jointplay.accuracy.causes import CAUSES
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.robot_errors import JointErrors, RobotErrors
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.show.plots.design import cause_bars
+from jointplay.simulation.loads.drive import Prescribed
 
 JOINTS = {
     "elbow_joint": jp.BallBearing(designation="7010 C DB", preload=200.0),

@@ -8,11 +8,11 @@ from conftest import body, joint, tip
 from test_playback import browser, open_page  # noqa: F401
 
 import jointplay as jp
-from jointplay import player
-from jointplay.design.ellipsoids import ellipsoids
-from jointplay.design.error_budget import budget
-from jointplay.design.error_model import play_model
-from jointplay.player.tracks import unpack
+from jointplay.accuracy.ellipsoids import ellipsoids
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.error_model import play_model
+from jointplay.show import player
+from jointplay.show.player.tracks import unpack
 
 PLAY = 1e-4
 TIP = tip("one")

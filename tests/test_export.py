@@ -7,12 +7,12 @@ import pinocchio as pin
 import pytest
 
 from jointplay import BallBearing, JointplayError, Mechanism, RevoluteClearance, shipped
+from jointplay.bridges.urdf import LIMIT_FACTOR, MASS_FRACTION, to_urdf
 from jointplay.cli import main
-from jointplay.joints import PrismaticClearance, SphericalClearance
-from jointplay.mechanism import robots
-from jointplay.mechanism.export import LIMIT_FACTOR, MASS_FRACTION, to_urdf
-from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.loop import Loop
+from jointplay.model import robots
+from jointplay.model.gear import Gear
+from jointplay.model.loop import Loop
+from jointplay.physics.joints import PrismaticClearance, SphericalClearance
 
 BEARING = RevoluteClearance(radial_clearance=1e-4, axial_clearance=3e-4)
 ARM = """<?xml version="1.0" encoding="utf-8"?>

@@ -18,11 +18,11 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError, Motion, Result, cli
-from jointplay.exports import layouts
-from jointplay.joints import SphericalClearance
-from jointplay.motion import rosbag
+from jointplay.bridges import layouts
 from jointplay.paper import scara
-from jointplay.result.certificate import alone
+from jointplay.physics.joints import SphericalClearance
+from jointplay.simulation.motion import rosbag
+from jointplay.simulation.result.certificate import alone
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,7 @@ def test_sliders_give_their_way_and_balls_and_motors_nothing(urdf):
         gears={"turn": jp.Gear(play=1e-3, rotor_inertia=0.2, stiffness=1e4)},
         gravity=(0, 0, 0),
     )
-    from jointplay.exports.trajectory import joint_trajectory
+    from jointplay.bridges.trajectory import joint_trajectory
 
     found = jp.simulate(mechanism, drive=jp.loads.Free(), duration=1e-3, state={"slide": 0.05})
     trajectory = joint_trajectory(found)
@@ -197,7 +197,7 @@ def test_messages_are_those_of_ros(result, bagged):
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    from jointplay.motion.rosbag import _MESSAGES, definition
+    from jointplay.simulation.motion.rosbag import _MESSAGES, definition
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     for kind in _MESSAGES:
@@ -320,7 +320,7 @@ def written(path, *messages):
     """A bag of the given topics, kinds and contents, one each second."""
     from mcap_ros2.writer import Writer
 
-    from jointplay.motion.rosbag import definition
+    from jointplay.simulation.motion.rosbag import definition
 
     sink = io.BytesIO()
     with Writer(sink) as writer:

@@ -19,13 +19,13 @@ from warm import PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError
+from jointplay.base import files, hdf5, schema
 from jointplay.cli import main
-from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, KelvinVoigt
-from jointplay.core import files, hdf5, schema
-from jointplay.joints import Clearance
 from jointplay.paper import scara
-from jointplay.plots.style import new_figure
-from jointplay.result import netcdf
+from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, KelvinVoigt
+from jointplay.physics.joints import Clearance
+from jointplay.show.plots.style import new_figure
+from jointplay.simulation.result import netcdf
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_names_that_no_file_can_have_are_refused_in_words(name, tmp_path):
 
 def test_a_folder_is_claimed_by_one_process(tmp_path):
     files.claim(tmp_path / "o", ["r.nc"])
-    code = "import sys; from jointplay.core import files; files.claim(sys.argv[1], ['r.nc'])"
+    code = "import sys; from jointplay.base import files; files.claim(sys.argv[1], ['r.nc'])"
     other = [PYTHON, "-c", code, str(tmp_path / "o")]
     done = subprocess.run(other, capture_output=True, text=True, check=False)
     assert "another process is writing to" in done.stderr
@@ -251,12 +251,12 @@ def test_what_every_law_and_joint_describes_is_taken_on_load():
     ]
     for joint in joints:
         assert schema.read(Clearance, json.loads(json.dumps(joint.describe()))) == joint
-        assert eval(repr(joint), vars(jp) | vars(jp.contact) | vars(jp.joints)) == joint
+        assert eval(repr(joint), vars(jp) | vars(jp.contact) | vars(jp.physics.joints)) == joint
 
 
 LEAVE = """
 import os, signal
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
 made = temporary("test")
 print(made.name, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
@@ -363,22 +363,22 @@ WRITERS = {
 """Calls that can write, or delete, a file."""
 
 ELSEWHERE = {
-    "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
-    "exports/notebook.py": {
+    "cli/commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
+    "bridges/notebook.py": {
         "draw(_chart(result)).savefig(buffer, format='png', dpi=100)"
     },  # in memory
-    "exports/table.py": {"table.iloc[block].to_csv("},  # in memory
-    "exports/trajectory.py": {"yaml.dump("},  # text
-    "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
-    "core/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
-    "mechanism/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache
-    "mechanism/model.py": {"file.write_text("},  # in a temporary folder, for Pinocchio to read
-    "player/movie.py": {"page_file.write_bytes("},  # in a temporary folder, for the browser
-    "plots/figures.py": {"pages.savefig("},  # in memory
-    "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
-    "reports/sections.py": {"figure.savefig(drawn, "},  # in memory
-    "reports/sweep.py": {"figure.savefig(content, ", "pages.savefig(figure)"},  # in memory
-    "result/netcdf.py": {  # in memory, and a file that is open already
+    "bridges/table.py": {"table.iloc[block].to_csv("},  # in memory
+    "bridges/trajectory.py": {"yaml.dump("},  # text
+    "model/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
+    "base/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
+    "model/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache
+    "model/builder.py": {"file.write_text("},  # in a temporary folder, for Pinocchio to read
+    "show/player/movie.py": {"page_file.write_bytes("},  # in a temporary folder, for the browser
+    "show/plots/figures.py": {"pages.savefig("},  # in memory
+    "show/plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
+    "show/reports/sections.py": {"figure.savefig(drawn, "},  # in memory
+    "show/reports/sweep.py": {"figure.savefig(content, ", "pages.savefig(figure)"},  # in memory
+    "simulation/result/netcdf.py": {  # in memory, and a file that is open already
         "dataset.to_netcdf(None, ",
         "first.to_netcdf(None, ",
         "h5py.File(disk, ",
@@ -429,7 +429,7 @@ def test_every_output_is_written_by_one_module():
     for path in source.rglob("*.py"):
         module = path.relative_to(source).as_posix()
         for call in writing_calls(path.read_text(encoding="utf-8")):
-            if module != "core/files.py":
+            if module != "base/files.py":
                 known = [one for one in ELSEWHERE.get(module, ()) if call.startswith(one)]
                 assert known, f"{module}: {call} is to go through core/files.py"
                 found |= {(module, one) for one in known}

@@ -11,8 +11,14 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.contact import CustomFilm, FilmLaw, FilmProperties, PinkusSternlicht, ShortBearing
-from jointplay.contact.compiled import compiled_law
+from jointplay.physics.contact import (
+    CustomFilm,
+    FilmLaw,
+    FilmProperties,
+    PinkusSternlicht,
+    ShortBearing,
+)
+from jointplay.physics.contact.compiled import compiled_law
 
 OIL = 0.03
 FILM = FilmProperties(clearance=1e-4, radius=10e-3, length=8e-3, contacts=1)

@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.core.errors import JointplayError
-from jointplay.design.error_budget import budget
-from jointplay.loads.drive import Prescribed
-from jointplay.mechanism.beams import CLAMPED_FREE, section
+from jointplay.accuracy.error_budget import budget
+from jointplay.base.errors import JointplayError
+from jointplay.model.beams import CLAMPED_FREE, section
+from jointplay.simulation.loads.drive import Prescribed
 
 LENGTH = 1.0
 STRIP = jp.FlexibleLink(section="bar 30x5 mm", material="aluminium", tip=(LENGTH, 0, 0))
@@ -344,7 +344,7 @@ def test_check_shows_the_matrix_and_locks_of_a_mount(tmp_path, capsys):
 
 
 def test_playback_marks_the_joint_with_play_and_no_hinges(tmp_path):
-    from jointplay.player.scene import build
+    from jointplay.show.player.scene import build
 
     scenario = jp.Scenario(SCENARIO, tmp_path / "ur5.toml")
     result = scenario.simulation().run(check_step=False)

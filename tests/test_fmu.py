@@ -9,8 +9,8 @@ import pytest
 from warm import JOINTPLAY
 
 import jointplay as jp
-from jointplay import exports
-from jointplay.exports.fmu import with_torques
+from jointplay import bridges as exports
+from jointplay.bridges.fmu import with_torques
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
@@ -124,7 +124,7 @@ def test_torques_from_outside_are_those_of_a_controller(result, tmp_path):
     made = Opened(path, tmp_path / "unit")
     run = jp.Run(simulation)
     run.begin()
-    from jointplay.exports.fmu import Inputs
+    from jointplay.bridges.fmu import Inputs
 
     own = Inputs.newest
     joints = simulation.loads["fmu_inputs"].joints

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.kernel import Status
+from jointplay.physics.kernel import Status
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "gallery"
@@ -97,7 +97,7 @@ def test_the_gate_leans_by_as_much_as_its_hinges_let_it():
     upright = given.simulation("0.3 mm").mechanism.ideal()
     heights = []
     for mechanism, q in ((run.mechanism, run.workspace.q), (upright, None)):
-        from jointplay.mechanism.loop import assemble
+        from jointplay.model.loop import assemble
 
         q = assemble(mechanism, np.zeros(mechanism.model.nq), []) if q is None else q
         import pinocchio as pin

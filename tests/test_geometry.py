@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from jointplay.geometry import (
+from jointplay.physics.geometry import (
     CONTACT_TOLERANCE_M,
     EDGE_ROUNDING_M,
     Form,

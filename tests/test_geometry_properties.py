@@ -14,7 +14,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
-from jointplay.geometry import EDGE_ROUNDING_M, Form, classify_many, touch
+from jointplay.physics.geometry import EDGE_ROUNDING_M, Form, classify_many, touch
 
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
 AZIMUTHS = 2 * np.pi * np.arange(24) / 24

@@ -26,13 +26,13 @@ from jointplay import (
     loads,
 )
 from jointplay.cli import main
-from jointplay.contact import Ambrosio
-from jointplay.identification import Measurement, columns, plan_measurement
-from jointplay.identification.identification import reason
-from jointplay.identification.measurement import resolution, scatter, turns
-from jointplay.identification.unknowns import Unknown
-from jointplay.identification.verification import verify
-from jointplay.loads import JointFriction
+from jointplay.estimate import Measurement, columns, plan_measurement
+from jointplay.estimate.identification import reason
+from jointplay.estimate.measurement import resolution, scatter, turns
+from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.verification import verify
+from jointplay.physics.contact import Ambrosio
+from jointplay.simulation.loads import JointFriction
 
 CLEARANCE, FRICTION, REACH, MASS = 1e-4, 0.2, 0.5, 3.0
 PUSH = 2.0 * MASS * 9.81
@@ -474,8 +474,8 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
 
 @pytest.mark.parametrize(("robot", "name"), [("scara", "joint_b"), ("ur5", "elbow_joint")])
 def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
-    from jointplay.identification import planning
-    from jointplay.mechanism.collisions import SelfCollision
+    from jointplay.estimate import planning
+    from jointplay.model.collisions import SelfCollision
 
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     tool = "suction_cup" if robot == "scara" else "tool0"
@@ -526,7 +526,7 @@ def test_loads_beyond_the_limits_of_effort_are_not_proposed(arm):
 
 
 def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_out():
-    from jointplay.mechanism.collisions import SelfCollision
+    from jointplay.model.collisions import SelfCollision
 
     arm = SelfCollision(Mechanism("ur5"))
     assert not arm.hits({})

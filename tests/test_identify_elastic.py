@@ -13,13 +13,13 @@ from truth import elastic
 
 from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identify
 from jointplay.cli import main
-from jointplay.contact import Ambrosio
-from jointplay.identification import Measurement
-from jointplay.identification.identification import apply
-from jointplay.identification.machine import compliances
-from jointplay.identification.measurement import visits
-from jointplay.identification.unknowns import Estimate, Unknown
-from jointplay.loads import JointFriction
+from jointplay.estimate import Measurement
+from jointplay.estimate.identification import apply
+from jointplay.estimate.machine import compliances
+from jointplay.estimate.measurement import visits
+from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.physics.contact import Ambrosio
+from jointplay.simulation.loads import JointFriction
 
 LENGTHS, MASSES = (0.5, 0.4), (6.0, 3.0)
 RATE = 50.0

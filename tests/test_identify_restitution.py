@@ -22,9 +22,8 @@ from jointplay import (
     shipped,
 )
 from jointplay.cli import main
-from jointplay.contact import LankaraniNikravesh, ZhangSharf
-from jointplay.identification import Measurement
-from jointplay.identification.restitution import (
+from jointplay.estimate import Measurement
+from jointplay.estimate.restitution import (
     by_likelihood,
     by_simulation,
     channels,
@@ -35,7 +34,8 @@ from jointplay.identification.restitution import (
     nominal_of,
     record_noise,
 )
-from jointplay.identification.verification import verify
+from jointplay.estimate.verification import verify
+from jointplay.physics.contact import LankaraniNikravesh, ZhangSharf
 from jointplay.scenario import Scenario
 
 RATE = 10e3

@@ -7,7 +7,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.mechanism.impact import (
+from jointplay.model.impact import (
     contact_duration,
     effective_mass,
     impact_depth,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.core.schema import explanations, fields_of
-from jointplay.result.inputs import Inputs
-from jointplay.result.settings import Integration
+from jointplay.base.schema import explanations, fields_of
 from jointplay.scenario.model import IntegrationTable
+from jointplay.simulation.result.inputs import Inputs
+from jointplay.simulation.result.settings import Integration
 from jointplay.simulation.simulation import Settings
 
 SCARA = "jointplay:scara.urdf"
@@ -122,7 +122,7 @@ def test_what_is_shown_at_a_prompt_is_short_and_in_a_notebook_is_escaped():
 
 def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monkeypatch, capsys):
     from jointplay.cli import main
-    from jointplay.mechanism import mechanism
+    from jointplay.model import mechanism
     from jointplay.simulation import initial
 
     calls = []

@@ -15,9 +15,9 @@ from jointplay import (
     RevoluteClearance,
     SphericalClearance,
 )
-from jointplay.contact import CustomFriction, Hertz, LuGre
-from jointplay.core.schema import read
-from jointplay.joints import Clearance, RoundClearance, SlidingClearance
+from jointplay.base.schema import read
+from jointplay.physics.contact import CustomFriction, Hertz, LuGre
+from jointplay.physics.joints import Clearance, RoundClearance, SlidingClearance
 
 
 def test_clearances_give_the_journal():

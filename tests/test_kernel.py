@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 from numba import njit
 
-from jointplay.core import compiler, numba_inside
-from jointplay.core.compiler import internal
-from jointplay.core.numba_inside import PartLibrary
-from jointplay.kernel.entry import ENTRIES
+from jointplay.base import compiler, numba_inside
+from jointplay.base.compiler import internal
+from jointplay.base.numba_inside import PartLibrary
+from jointplay.physics.kernel.entry import ENTRIES
 
-stamp = importlib.import_module("jointplay.kernel.sources")
+stamp = importlib.import_module("jointplay.physics.kernel.sources")
 PACKAGE = Path(stamp.__file__).parent
-SOURCE = PACKAGE.parent
+SOURCE = PACKAGE.parents[1]
 MODULES = [path for path in stamp.SOURCES if path.parent == PACKAGE]
 HERE = Path(__file__).parent
 
@@ -118,7 +118,7 @@ KEPT = """
 import os, sys
 from pathlib import Path
 from numba import types
-from jointplay.core.compiler import cfunc, njit
+from jointplay.base.compiler import cfunc, njit
 
 @njit(cache=True, error_model="numpy")
 def summed(x):
@@ -177,8 +177,8 @@ def test_a_bit_that_flips_in_kept_code_has_it_compiled_again(tmp_path):
 BOUNDED = """
 from dataclasses import replace
 import jointplay as jp
-from jointplay.kernel import Command
-from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.physics.kernel import Command
+from jointplay.physics.kernel.integrators import INTEGRATORS
 
 def run(name, duration, **changes):
     scenario = jp.Scenario.load(jp.shipped(name + ".toml"))
@@ -257,7 +257,7 @@ def without_insides(what, code, folder):
 @pytest.mark.parametrize("what", MOVED)
 def test_where_numba_is_another_inside_the_same_is_compiled_plainly(what, tmp_path):
     code = """
-from jointplay.core.compiler import NumbaError, internal, njit, stamp
+from jointplay.base.compiler import NumbaError, internal, njit, stamp
 @internal
 def doubled(x):
     return 2.0 * x
@@ -265,7 +265,7 @@ def doubled(x):
 def called(x):
     return doubled(x) / (x - x)
 stamp(called, [])
-from jointplay.geometry import radial_gap
+from jointplay.physics.geometry import radial_gap
 print(called(3.0), NumbaError)
 """
     done = without_insides(what, code, tmp_path)
@@ -312,8 +312,8 @@ def test_what_is_used_inside_numba_is_there_and_used_in_one_module():
 
 def test_compiled_functions_that_call_other_files_are_stamped_with_them():
     from jointplay import geometry
-    from jointplay.kernel import frames
-    from jointplay.mechanism import tree
+    from jointplay.model import tree
+    from jointplay.physics.kernel import frames
     from jointplay.simulation import statics
 
     own = (*sorted(Path(geometry.__file__).parent.glob("*.py")), Path(compiler.__file__))
@@ -329,8 +329,8 @@ def test_compiled_functions_that_call_other_files_are_stamped_with_them():
 def test_uncompiled_the_package_still_works():
     """NUMBA_DISABLE_JIT, for debuggers and mutation tests: slow, the same numbers, no kernel."""
     code = (
-        "from jointplay.geometry import radial_gap, touch_cylinder\n"
-        "import jointplay as jp, jointplay.kernel.entry, jointplay.simulation.statics\n"
+        "from jointplay.physics.geometry import radial_gap, touch_cylinder\n"
+        "import jointplay as jp, jointplay.physics.kernel.entry, jointplay.simulation.statics\n"
         "print(jp.contact.Hertz(), radial_gap.__module__, hasattr(touch_cylinder, 'py_func'))\n"
     )
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
@@ -338,4 +338,4 @@ def test_uncompiled_the_package_still_works():
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
     )
     assert out.returncode == 0, out.stderr
-    assert out.stdout == "Hertz() jointplay.geometry.cylinder False\n"
+    assert out.stdout == "Hertz() jointplay.physics.geometry.cylinder False\n"

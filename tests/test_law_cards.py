@@ -10,7 +10,7 @@ import pytest
 from pictures import law_cards
 from PIL import Image
 
-from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
+from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 CARDS = ROOT / "docs" / "law_cards"

@@ -17,21 +17,22 @@ import xarray as xr
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError, player
-from jointplay.analysis import uncertainty
-from jointplay.commands import listed
-from jointplay.commands.run_scenario import file_names
-from jointplay.core import compiler, schema
-from jointplay.core.files import MOST_TEXT, csv_rows
-from jointplay.core.units import convert
-from jointplay.mechanism import impact
-from jointplay.mechanism.loop import closing_rows, misfit
-from jointplay.mechanism.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
-from jointplay.nonlinear import lyapunov, observables, poincare
+from jointplay import JointplayError
+from jointplay.base import compiler, schema
+from jointplay.base.files import MOST_TEXT, csv_rows
+from jointplay.base.units import convert
+from jointplay.cli.commands import listed
+from jointplay.cli.commands.run_scenario import file_names
+from jointplay.model import impact
+from jointplay.model.loop import closing_rows, misfit
+from jointplay.model.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
 from jointplay.paper import run_study, scara
-from jointplay.player import movie
-from jointplay.reports.sections import claim_rows
+from jointplay.show import player
+from jointplay.show.player import movie
+from jointplay.show.reports.sections import claim_rows
+from jointplay.simulation.analysis import uncertainty
 from jointplay.study import axes, courses, shares
+from jointplay.study.nonlinear import lyapunov, observables, poincare
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
@@ -395,7 +396,7 @@ def test_runs_do_without_anyone_to_tell(closed, tmp_path):
 def test_processes_that_are_begun_without_anyone_to_tell_have_somewhere_to_write(closed, tmp_path):
     code = """
 import subprocess, sys
-from jointplay.core import streams
+from jointplay.base import streams
 with streams.forgiving():
     child = [sys.executable, "-c", "import os; [os.fstat(number) for number in range(3)]"]
     sys.exit(subprocess.run(child).returncode)
@@ -415,7 +416,7 @@ CONTENTS = [
 @pytest.mark.parametrize("content", CONTENTS)
 def test_a_damaged_cache_is_thrown_away(tmp_path, content):
     code = (
-        "from jointplay.mechanism.impact import contact_duration\n"
+        "from jointplay.model.impact import contact_duration\n"
         "from jointplay.simulation import Run\n"
         "from jointplay.paper import scara\n"
         "print(Run(scara(2e-4)).total_steps)\n"
@@ -471,7 +472,7 @@ def test_after_its_last_point_a_torque_stays(urdf):
 
 
 def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):
-    monkeypatch.setattr("jointplay.motion.ideal._PATIENCE_S", 0.0)
+    monkeypatch.setattr("jointplay.simulation.motion.ideal._PATIENCE_S", 0.0)
     simulation = dataclasses.replace(scara(2e-4), duration=0.01)
     jp.Run(simulation, progress=True)
     assert "tabulating the motion" in capsys.readouterr().err
@@ -482,7 +483,7 @@ def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsy
 SERIES = """
 import sys
 import jointplay as jp
-from jointplay.mechanism.tool import choose_tool
+from jointplay.model.tool import choose_tool
 robot = jp.Mechanism(sys.argv[1])
 print(choose_tool(robot.description)[0], robot.model.nv)
 """

@@ -19,14 +19,14 @@ from test_playback import CHROMIUM, GL, until
 from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
-from jointplay.analysis import tool_error, twin
-from jointplay.design.error_budget import budget
-from jointplay.joints import RollingBearing
-from jointplay.live.answer import Machine, Superseded
-from jointplay.live.state import State
-from jointplay.live.workers import Workers
+from jointplay.accuracy.error_budget import budget
+from jointplay.physics.joints import RollingBearing
 from jointplay.scenario import Scenario
 from jointplay.scenario.robot import robot_scenario
+from jointplay.show.live.answer import Machine, Superseded
+from jointplay.show.live.state import State
+from jointplay.show.live.workers import Workers
+from jointplay.simulation.analysis import tool_error, twin
 
 DURATION = 0.3
 SLIDER_CRANK = "jointplay:slider_crank.toml"
@@ -151,7 +151,7 @@ def test_a_value_gives_what_simulation_and_budget_give(tab):
     found = figures(tab)
     for name, value in wanted.items():
         assert found[name] == pytest.approx(value, rel=1e-9), name
-    from jointplay.design.poses import along_motion
+    from jointplay.accuracy.poses import along_motion
 
     errors = budget(mechanism, along_motion(mechanism, motion))
     shown = tab.evaluate("() => window.jointplay.answer.budget")
@@ -498,7 +498,7 @@ def test_what_is_no_question_is_refused_in_words(address, body, words):
 
 def test_a_question_that_was_overtaken_is_not_computed():
     """Requests of one page can arrive in another order than they were sent."""
-    from jointplay.live.server import Routes
+    from jointplay.show.live.server import Routes
 
     class Asked:
         questions = ()
@@ -678,7 +678,7 @@ def test_a_saved_scenario_finds_its_files_from_any_folder(tmp_path):
 @pytest.fixture
 def shown():
     pytest.importorskip("anywidget", reason="anywidget is not installed")
-    from jointplay.live.widget import widget
+    from jointplay.show.live.widget import widget
 
     made = widget(scenario())
     made.sent, made.ended = [], threading.Event()
@@ -760,6 +760,6 @@ def test_the_widget_shows_the_same_front_end(shown, chromium):
 
 
 def test_importing_the_command_line_does_not_need_the_extra():
-    code = "import sys; import jointplay.live.server; print('anywidget' in sys.modules)"
+    code = "import sys; import jointplay.show.live.server; print('anywidget' in sys.modules)"
     done = subprocess.run([PYTHON, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

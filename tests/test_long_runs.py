@@ -16,13 +16,13 @@ from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.analysis import certification
-from jointplay.commands import run_scenario
-from jointplay.kernel import Status
-from jointplay.loads import ComputedTorque, tables
+from jointplay.cli.commands import run_scenario
 from jointplay.paper import scara
-from jointplay.result import audit, netcdf
+from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
+from jointplay.simulation.analysis import certification
+from jointplay.simulation.loads import ComputedTorque, tables
+from jointplay.simulation.result import audit, netcdf
 from jointplay.simulation.working_files import CHECKPOINT, working_paths
 
 PATIENCE_S = 900.0
@@ -344,7 +344,7 @@ RUN = """
 import sys
 from pathlib import Path
 from jointplay import cli
-from jointplay.result import thinning
+from jointplay.simulation.result import thinning
 
 thinning.SUMMARY_RECORDS = 5_000
 command = ["run", "--no-figures", "--quiet", "--duration", sys.argv[1], "--out", sys.argv[2]]

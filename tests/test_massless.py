@@ -6,7 +6,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, PrismaticClearance, RevoluteClearance, shipped
-from jointplay.mechanism.massless import massless_motions, require_inertia
+from jointplay.model.massless import massless_motions, require_inertia
 from jointplay.scenario import Scenario
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}

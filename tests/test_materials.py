@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.core.errors import MissingName
-from jointplay.joints.materials import (
+from jointplay.base.errors import MissingName
+from jointplay.physics.joints.materials import (
     Oil,
     material,
     materials,

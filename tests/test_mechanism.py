@@ -6,8 +6,8 @@ import pytest
 from conftest import body, gaps, joint, journal_axis
 
 from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
-from jointplay.kernel import Command, Status
 from jointplay.paper import scara
+from jointplay.physics.kernel import Command, Status
 from jointplay.scenario.robot import robot_scenario
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation

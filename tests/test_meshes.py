@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.mechanism import meshes
-from jointplay.mechanism.meshes import parts_of, surface
-from jointplay.mechanism.survey import survey
-from jointplay.mechanism.visuals import look, mesh_folders
+from jointplay.model import meshes
+from jointplay.model.meshes import parts_of, surface
+from jointplay.model.survey import survey
+from jointplay.model.visuals import look, mesh_folders
 
 
 @pytest.fixture(autouse=True)

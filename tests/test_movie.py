@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from warm import JOINTPLAY
 
 import jointplay as jp
-from jointplay import player
 from jointplay.paper import scara
-from jointplay.player import movie, save_movie
-from jointplay.player.movie import KINDS, Shot, pace, speed_for
+from jointplay.show import player
+from jointplay.show.player import movie, save_movie
+from jointplay.show.player.movie import KINDS, Shot, pace, speed_for
 
 SMALL = {"size": (320, 240), "frames_per_second": 10.0}
 

@@ -65,7 +65,7 @@ def test_every_target_exists_and_survivors_are_explained_where_they_are():
 
 @pytest.mark.nightly
 def test_a_wrong_factor_dies_and_the_same_factor_lives():
-    module = "contact/hertzian.py"
+    module = "physics/contact/hertzian.py"
     text = (mutation.PACKAGE / module).read_text("utf-8")
     tests = ["tests/contact/test_restitution.py"]
     flores = "lambda c: 1.6 * (1.0 - c) / c,"

@@ -40,7 +40,7 @@ def test_nothing_else_is_shown_after_use():
     assert {name for name in said.stdout.split() if name[0] != "_"} == set(jp.__all__)
 
 
-@pytest.mark.parametrize("module", [jp, jp.joints, jp.analysis, jp.motion])
+@pytest.mark.parametrize("module", [jp, jp.physics.joints, jp.analysis, jp.simulation.motion])
 def test_a_name_that_never_was_is_an_attribute_error(module):
     with pytest.raises(AttributeError, match="nothing"):
         _ = module.nothing

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.nonlinear import lyapunov, poincare, steady_motion
-from jointplay.nonlinear.poincare import attractors, once_per_turn, repeats_after
 from jointplay.scenario import Scenario
+from jointplay.study.nonlinear import lyapunov, poincare, steady_motion
+from jointplay.study.nonlinear.poincare import attractors, once_per_turn, repeats_after
 
 
 def logistic(r, number, start=0.3, settle=2000):
@@ -208,14 +208,14 @@ def test_ideal_slider_crank_gives_one_point_and_the_closed_form():
     ],
 )
 def test_axes_of_figures_have_words_and_units(text, label):
-    from jointplay.nonlinear.rows import Varied
+    from jointplay.study.nonlinear.rows import Varied
 
     assert Varied.parse(text).label == label
 
 
 def test_a_bifurcation_names_quantity_unit_and_turns(tmp_path, monkeypatch):
     from jointplay import cli
-    from jointplay.plots import nonlinear
+    from jointplay.show.plots import nonlinear
 
     drawn = []
     made = nonlinear.bifurcation
@@ -240,7 +240,7 @@ def test_a_bifurcation_names_quantity_unit_and_turns(tmp_path, monkeypatch):
 
 
 def test_decades_of_a_waterfalls_colours_are_plain_text():
-    from jointplay.plots.nonlinear import waterfall
+    from jointplay.show.plots.nonlinear import waterfall
 
     amplitudes = np.geomspace(1.0, 1e4, 30).reshape(3, 10)
     figure = waterfall(np.arange(3.0), np.arange(10.0), amplitudes, "speed [rpm]", "force [N]")

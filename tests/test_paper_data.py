@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.core.units import convert
-from jointplay.geometry import CONTACT_TOLERANCE_M, touch_cylinder
-from jointplay.mechanism.urdf import shipped
+from jointplay.base.units import convert
+from jointplay.model.urdf import shipped
+from jointplay.physics.geometry import CONTACT_TOLERANCE_M, touch_cylinder
 
 ARMS = {  # Table 2: length m, mass kg, Jxx, Jyy, Jzz, Jxy, Jxz, Jyz kg m2
     "arm1": (0.329, 5.78, 2.569, 3.080, 2.537, 2.002e-5, 2.384, 0.007e-5),

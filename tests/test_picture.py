@@ -8,8 +8,8 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.mechanism.picture import picture
-from jointplay.mechanism.robots import robot_urdf
+from jointplay.model.robots import robot_urdf
+from jointplay.show.picture import picture
 
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 1e-4}
 

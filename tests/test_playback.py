@@ -17,13 +17,13 @@ from hypothesis import strategies as st
 from warm import JOINTPLAY
 
 import jointplay as jp
-from jointplay import player
-from jointplay.mechanism.meshes import surface
-from jointplay.mechanism.robots import robot_urdf
+from jointplay.model.meshes import surface
+from jointplay.model.robots import robot_urdf
 from jointplay.paper import scara
-from jointplay.player.scene import quaternions
-from jointplay.player.server import Server
-from jointplay.player.tracks import (
+from jointplay.show import player
+from jointplay.show.player.scene import quaternions
+from jointplay.show.player.server import Server
+from jointplay.show.player.tracks import (
     Packer,
     impacts,
     peaks,
@@ -422,8 +422,8 @@ def test_timeline_is_dragged_clicked_and_not_filled(browser, cases, tmp_path):
 
 
 def test_modes_are_called_and_coloured_as_in_figures(browser, page, tmp_path):
-    from jointplay.plots.names import MODE_TERMS, MODES
-    from jointplay.plots.palette import MODE_COLOURS
+    from jointplay.show.plots.names import MODE_TERMS, MODES
+    from jointplay.show.plots.palette import MODE_COLOURS
 
     path = tmp_path / "a.html"
     path.write_bytes(page[0])

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from jointplay import analysis, plots
-from jointplay.geometry import Mode
+from jointplay import analysis
 from jointplay.paper import scara
-from jointplay.plots import figures
-from jointplay.plots.chart import Axis, Chart, Curve, Panel
-from jointplay.plots.draw import draw
+from jointplay.physics.geometry import Mode
+from jointplay.show import plots
+from jointplay.show.plots import figures
+from jointplay.show.plots.chart import Axis, Chart, Curve, Panel
+from jointplay.show.plots.draw import draw
 
 
 def shortened(clearance, duration):
@@ -64,8 +65,8 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
 
 
 def test_the_ideal_mechanism_is_red_wherever_it_stands(cases):
-    from jointplay.plots.palette import COLOURS
-    from jointplay.plots.palette import colours as colours_of
+    from jointplay.show.plots.palette import COLOURS
+    from jointplay.show.plots.palette import colours as colours_of
 
     last = {"0.2 mm": cases["0.2 mm"], "0.5 mm": cases["0.5 mm"], "ideal": cases["ideal"]}
     assert colours_of(last) == [COLOURS[1], COLOURS[2], COLOURS[0]]
@@ -89,7 +90,7 @@ def test_a_tool_on_a_straight_line_has_no_path_and_one_row(coarse, tmp_path):
 
 @pytest.mark.parametrize(("number", "smallest"), [(400, 2.0), (30, 4.0)])
 def test_points_of_a_bifurcation_can_be_seen(number, smallest):
-    from jointplay.plots.nonlinear import bifurcation
+    from jointplay.show.plots.nonlinear import bifurcation
 
     values = np.linspace(0.0, 1.0, number)
     samples = np.zeros((number, 3))
@@ -289,7 +290,7 @@ def test_ticks_of_orbits_do_not_overlap_however_small(cases):
 def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
     from matplotlib.figure import Figure
 
-    from jointplay.plots.style import style
+    from jointplay.show.plots.style import style
 
     with style():
         figure = plots.FIGURES["tool_velocity"](cases)
@@ -311,7 +312,7 @@ def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
 def test_letters_that_the_usual_typeface_has_not_come_from_one_that_is_installed(monkeypatch):
     from matplotlib import font_manager
 
-    from jointplay.plots import style as module
+    from jointplay.show.plots import style as module
 
     monkeypatch.setattr(font_manager, "get_font_names", lambda: ["DejaVu Sans", "PingFang SC"])
     module._fallbacks.cache_clear()

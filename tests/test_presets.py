@@ -8,10 +8,10 @@ import pytest
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.design.causes import CAUSES
-from jointplay.design.error_budget import budget
-from jointplay.design.robot_errors import CLASSES
+from jointplay.accuracy.causes import CAUSES
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.robot_errors import CLASSES
+from jointplay.base.errors import JointplayError, MissingName
 from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_for, preset_of, presets
 
 ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,

@@ -13,7 +13,7 @@ from contextlib import suppress
 import pytest
 from warm import JOINTPLAY
 
-from jointplay.core import progress
+from jointplay.base import progress
 from jointplay.simulation.progress import Bar
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from truth import random_cases as cases
 
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS
-from jointplay.result.certificate import Certificate, CertifiedFigure
+from jointplay.physics.contact import FRICTION_LAWS, NORMAL_LAWS
+from jointplay.simulation.result.certificate import Certificate, CertifiedFigure
 
 
 def test_every_mechanism_and_law_is_drawn_about_as_often_as_any_other():

@@ -13,7 +13,7 @@ from test_identify import CLEARANCE, FRICTION, about, arm, planar, seen
 
 from jointplay import JointplayError, Mechanism, Recording, identify
 from jointplay.cli import main
-from jointplay.identification import measurement
+from jointplay.estimate import measurement
 
 assert arm  # a fixture
 

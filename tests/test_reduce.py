@@ -17,11 +17,11 @@ from jointplay import (
     RevoluteClearance,
     Simulation,
 )
+from jointplay.bridges.reduced_files import to_json, to_urdf, to_yaml
+from jointplay.bridges.reduced_mjcf import compile_robot, follow, load_mujoco
+from jointplay.bridges.reduction import reduce
 from jointplay.cli import main
-from jointplay.design.reduced_files import to_json, to_urdf, to_yaml
-from jointplay.design.reduced_mjcf import compile_robot, follow, load_mujoco
-from jointplay.design.reduction import reduce
-from jointplay.loads.drive import Prescribed, Servo
+from jointplay.simulation.loads.drive import Prescribed, Servo
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
 GRAVITY = 9.81

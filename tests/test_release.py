@@ -141,7 +141,7 @@ def test_an_extract_of_share_alike_data_stays_share_alike():
 
 
 def test_plotly_is_the_version_that_is_declared():
-    page = files("jointplay.reports") / "page"
+    page = files("jointplay.show.reports") / "page"
     declared = tomllib.loads((page / "plotly.toml").read_text())
     script = (page / "plotly-basic.min.js").read_bytes()
     assert hashlib.sha256(script).hexdigest() == declared["sha256"]

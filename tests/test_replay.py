@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.analysis.replay import follow, largest_impacts, replay, window
 from jointplay.paper import scara
+from jointplay.simulation.analysis.replay import follow, largest_impacts, replay, window
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from conftest import body, joint
 from warm import JOINTPLAY
 
 import jointplay as jp
-from jointplay import reports
 from jointplay.paper import scara
+from jointplay.show import reports
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -115,7 +115,7 @@ def test_what_is_no_result_is_named(make, text, tmp_path):
 
 def certified(folder, peak, error):
     """The run with 0.2 mm, whose certificate says so of its peak force."""
-    from jointplay.result.certificate import Certificate, CertifiedFigure
+    from jointplay.simulation.result.certificate import Certificate, CertifiedFigure
 
     result = jp.Result.load(folder / "worn.nc")
     figure = CertifiedFigure("peak joint force", peak, error, "N")
@@ -292,7 +292,7 @@ def distance(points, line):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_left_out_of_long_records_is_near_the_line(seed):
-    from jointplay.reports.charts import MAX_RECORDS, Thinning
+    from jointplay.show.reports.charts import MAX_RECORDS, Thinning
 
     number = 7 * MAX_RECORDS
     time = np.linspace(0.0, 1.0, number)

@@ -7,7 +7,7 @@ import pytest
 
 from jointplay import JointplayError, Result
 from jointplay.paper import scara
-from jointplay.result import FORMAT, netcdf
+from jointplay.simulation.result import FORMAT, netcdf
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import pytest
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.core.schema import fields_of
-from jointplay.design.causes import CAUSES
-from jointplay.design.error_budget import budget
-from jointplay.design.robot_errors import CLASSES, ERROR_CLASSES, JointErrors, RobotErrors
+from jointplay.accuracy.causes import CAUSES
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.robot_errors import CLASSES, ERROR_CLASSES, JointErrors, RobotErrors
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.schema import fields_of
 from jointplay.scenario import Scenario
 from jointplay.study.keys import kinds
 

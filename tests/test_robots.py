@@ -15,11 +15,11 @@ from jointplay import (
     Simulation,
     simulate,
 )
-from jointplay.analysis import inputs
+from jointplay.base.errors import MissingName
 from jointplay.cli import main
-from jointplay.core.errors import MissingName
-from jointplay.mechanism import robots
-from jointplay.mechanism.survey import survey
+from jointplay.model import robots
+from jointplay.model.survey import survey
+from jointplay.simulation.analysis import inputs
 
 STEP = 2e-6
 """The weight of an arm jams the journal of a shoulder; at 1e-5 s its friction feeds energy [s]."""
@@ -294,7 +294,7 @@ def test_a_robot_is_run_by_name(tmp_path):
 
 def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, monkeypatch):
     from jointplay.cli import parser
-    from jointplay.commands.inputs import scenario_of
+    from jointplay.cli.commands.inputs import scenario_of
 
     line = ["run", "ur5", "--out", "o", "--joint", "elbow_joint=0.3mm", "--joint", "wrist_1_joint"]
     options = parser().parse_args([*line, "--clearance", "0.1 mm", "--axial-clearance", "0.2 mm"])
@@ -307,7 +307,7 @@ def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, 
 
 def test_how_a_robot_is_stepped_is_chosen_and_said():
     from jointplay.cli import parser
-    from jointplay.commands.inputs import scenario_of
+    from jointplay.cli.commands.inputs import scenario_of
 
     line = ["run", "so101", "--out", "o", "--joint", "elbow_flex",
             "--allow-unphysical", "gripper_frame_link"]  # fmt: skip
@@ -343,7 +343,7 @@ def test_a_robot_in_one_variant_is_found_by_its_name_and_others_are_proposed():
 
 
 def test_a_motion_that_nobody_gave_keeps_from_the_limits():
-    from jointplay.mechanism.urdf import read
+    from jointplay.model.urdf import read
     from jointplay.scenario.robot import robot_scenario
 
     scenario = robot_scenario("panda", ["panda_joint4"])

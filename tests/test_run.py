@@ -11,8 +11,8 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay.commands import name_and_value
-from jointplay.kernel import Status
+from jointplay.cli.commands import name_and_value
+from jointplay.physics.kernel import Status
 from jointplay.scenario.places import dotted
 from jointplay.scenario.settings import parse
 from jointplay.simulation.working_files import CHECKPOINT

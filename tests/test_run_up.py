@@ -7,7 +7,7 @@ import pytest
 
 import jointplay as jp
 from jointplay.cli import main
-from jointplay.nonlinear.run_up import RunUp
+from jointplay.study.nonlinear.run_up import RunUp
 
 
 def test_speed_ramps_have_the_speeds_that_were_meant_and_go_on():

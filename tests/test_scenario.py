@@ -13,17 +13,24 @@ import pytest
 
 import jointplay as jp
 from jointplay.cli import main
-from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, CustomBristle, Dahl, LuGre
-from jointplay.joints import JOINT_WORDS
-from jointplay.kernel import Status
-from jointplay.loads.drive import DRIVES
 from jointplay.paper import CASES, CONDITIONS, scara
-from jointplay.result import Result
+from jointplay.physics.contact import (
+    FILM_LAWS,
+    FRICTION_LAWS,
+    NORMAL_LAWS,
+    CustomBristle,
+    Dahl,
+    LuGre,
+)
+from jointplay.physics.joints import JOINT_WORDS
+from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import lines
 from jointplay.scenario.schema import schema
 from jointplay.scenario.summary import summary
+from jointplay.simulation.loads.drive import DRIVES
+from jointplay.simulation.result import Result
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEMPLATE = Path(jp.__file__).parent / "scenario" / "template.toml"
@@ -450,7 +457,7 @@ CARTESIAN = ARM[: ARM.index("[motion]")] + (
 
 
 @pytest.mark.skipif(
-    find_spec("jointplay.motion.cartesian") is None, reason="no Cartesian motions here"
+    find_spec("jointplay.simulation.motion.cartesian") is None, reason="no Cartesian motions here"
 )
 def test_cartesian_waypoints_are_reached_and_unreachable_ones_named():
     for start, sign in (("60 deg", 1), ("-60 deg", -1)):
@@ -473,7 +480,7 @@ def test_waypoints_of_wrong_size_are_named():
     assert 'line 11, motion.tool_position[2]: ["510 mm", 0.1] are not three' in message
     assert "1 waypoints for 2 times" in refusal(
         changed(', ["510 mm", 0.1, -0.2]', "", CARTESIAN)
-    ) or (find_spec("jointplay.motion.cartesian") is None)
+    ) or (find_spec("jointplay.simulation.motion.cartesian") is None)
 
 
 def test_robots_of_example_robot_data():

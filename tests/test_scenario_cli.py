@@ -10,9 +10,9 @@ import trimesh
 from warm import JOINTPLAY
 
 from jointplay import Result
-from jointplay.commands.run_scenario import file_names
-from jointplay.kernel import Status
-from jointplay.mechanism.urdf import shipped
+from jointplay.cli.commands.run_scenario import file_names
+from jointplay.model.urdf import shipped
+from jointplay.physics.kernel import Status
 
 
 def jointplay(*arguments, cwd=None):

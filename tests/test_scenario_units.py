@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay.commands import quantity
-from jointplay.core.errors import JointplayError
-from jointplay.core.units import WORDS, convert, plain_number, readable
+from jointplay.base.errors import JointplayError
+from jointplay.base.units import WORDS, convert, plain_number, readable
+from jointplay.cli.commands import quantity
 from jointplay.scenario.load import Scenario
 
 
@@ -95,7 +95,7 @@ def test_values_are_shown_with_handy_prefixes(value, unit, text):
 
 def test_usual_units_are_what_pint_says():
     """Those that need no pint give bit for bit what it gives."""
-    from jointplay.core import units
+    from jointplay.base import units
 
     for text, (goal, factor) in units.COMMON.items():
         unit = units.unit_of(text)

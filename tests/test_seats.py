@@ -9,14 +9,14 @@ import pytest
 
 import jointplay as jp
 from jointplay import cli
-from jointplay.contact.resultant import NoFriction
-from jointplay.core.errors import JointplayError
-from jointplay.design import poses
-from jointplay.design.causes import CAUSES
-from jointplay.design.error_budget import budget
-from jointplay.loads.drive import Prescribed
-from jointplay.mechanism.urdf import shipped
+from jointplay.accuracy import poses
+from jointplay.accuracy.causes import CAUSES
+from jointplay.accuracy.error_budget import budget
+from jointplay.base.errors import JointplayError
+from jointplay.model.urdf import shipped
+from jointplay.physics.contact.resultant import NoFriction
 from jointplay.scenario import Scenario
+from jointplay.simulation.loads.drive import Prescribed
 
 RADIAL, AXIAL, TILT, TORSION = 2e7, 1e7, 4e3, 3e3
 SOFT = jp.Elasticity(radial=RADIAL, axial=AXIAL, tilt=TILT, torsion=TORSION)
@@ -298,7 +298,7 @@ def test_a_scenario_has_seats_and_a_result_keeps_them(tmp_path, arm, scenario_fi
 
 
 def test_views_show_a_joint_in_its_seat(tmp_path, arm):
-    from jointplay.player import save_html
+    from jointplay.show.player import save_html
 
     robot = arm(replace(PIN, seat=SOFT))
     result = jp.simulate(robot, None, drive="free", duration=0.01, estimate=False)
@@ -333,7 +333,7 @@ def test_names_that_a_seat_needs_must_be_free(tmp_path, arm):
 
 
 def test_allocation_decides_on_play_and_leaves_seats_as_given(arm):
-    from jointplay.design.allocation import allocate
+    from jointplay.accuracy.allocation import allocate
 
     tip = {"axis": "0 1 0", "centre": "0.1 0.05 0"}
     seated, plain = (

@@ -22,15 +22,16 @@ from conftest import body, joint
 from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
-from jointplay import JointplayError, player, reports
+from jointplay import JointplayError
 from jointplay.cli import main
-from jointplay.contact import CustomNormalForce, NormalForceLaw
-from jointplay.contact.trust import trusting
-from jointplay.mechanism import viewer
-from jointplay.mechanism.impact import elastic_energy
-from jointplay.mechanism.visuals import find_mesh, mesh_folders
-from jointplay.player.server import Server
-from jointplay.result import netcdf
+from jointplay.model import viewer
+from jointplay.model.impact import elastic_energy
+from jointplay.model.visuals import find_mesh, mesh_folders
+from jointplay.physics.contact import CustomNormalForce, NormalForceLaw
+from jointplay.physics.contact.trust import trusting
+from jointplay.show import player, reports
+from jointplay.show.player.server import Server
+from jointplay.simulation.result import netcdf
 from jointplay.study.courses import traces
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -507,7 +508,7 @@ def test_no_markup_is_made_of_text_that_was_put_together():
 SHOWING = """
 import time
 import jointplay as jp
-from jointplay.mechanism.urdf import shipped
+from jointplay.model.urdf import shipped
 if __name__ == "__main__":
     viewer = jp.Mechanism(shipped("scara.urdf")).visualizer().viewer
     print(viewer.window.server_proc.pid, viewer.url(), viewer.window.zmq_url, flush=True)

@@ -106,13 +106,16 @@ def kinds_told_apart(tree, classes, words):
 
 def test_nobody_outside_joints_tells_kinds_of_joint_apart():
     """They ask what a kind can do; `jointplay urdf` takes one, and a URDF has its own."""
-    from jointplay.joints import JOINT_KINDS
+    from jointplay.physics.joints import JOINT_KINDS
 
     classes = {kind.__name__ for kind in JOINT_KINDS.values()}
     asking = []
     for path in SOURCES:
         place = path.relative_to(ROOT / "jointplay").as_posix()
-        if place.startswith("joints/") or place in ("commands/urdf.py", "mechanism/urdf.py"):
+        if place.startswith("physics/joints/") or place in (
+            "cli/commands/urdf.py",
+            "model/urdf.py",
+        ):
             continue
         lines = kinds_told_apart(
             ast.parse(path.read_text(encoding="utf-8")), classes, set(JOINT_KINDS)
@@ -124,23 +127,25 @@ def test_nobody_outside_joints_tells_kinds_of_joint_apart():
 
 
 WIDE = {
-    "analysis/certification.py:errors_if_possible": "the run is finished and kept: said",
-    "contact/custom.py:_check_elastic": "a user's law that may run compiled only: not checked",
-    "contact/compiled.py:compiled_function": "numba raises whatever its own parts do: said",
-    "contact/trust.py:_load": "a user's module raises anything: said",
-    "core/processes.py:_portable": "an error that cannot be sent: said in another's words",
-    "core/processes.py:_serve": "sent to the other process, which raises it",
-    "core/files.py:arrays": "zipfile and numpy on damaged bytes: said",
-    "core/hdf5.py:_main": "HDF5 on damaged bytes: said",
-    "core/processes.py:run": "raised again, with the name of the item",
-    "commands/run_scenario.py:_run_parallel": "raised again after cleaning up",
-    "commands/run_scenario.py:_stop_workers": "another error came first, and is raised",
-    "loads/controller.py:sampler": "a user's controller raises anything: said",
-    "loads/controller.py:torques": "a user's controller raises anything: said",
-    "live/workers.py:_answer": "said on the page, with its lines on the standard error",
-    "mechanism/meshes.py:_read": "trimesh on damaged bytes: said",
-    "motion/rosbag.py:opened": "its libraries on damaged bytes: said",
-    "result/netcdf.py:_examined": "HDF5 on damaged bytes: said",
+    "simulation/analysis/certification.py:errors_if_possible": "the run is finished and kept: said",
+    "physics/contact/custom.py:_check_elastic": (
+        "a user's law that may run compiled only: not checked"
+    ),
+    "physics/contact/compiled.py:compiled_function": "numba raises whatever its own parts do: said",
+    "physics/contact/trust.py:_load": "a user's module raises anything: said",
+    "base/processes.py:_portable": "an error that cannot be sent: said in another's words",
+    "base/processes.py:_serve": "sent to the other process, which raises it",
+    "base/files.py:arrays": "zipfile and numpy on damaged bytes: said",
+    "base/hdf5.py:_main": "HDF5 on damaged bytes: said",
+    "base/processes.py:run": "raised again, with the name of the item",
+    "cli/commands/run_scenario.py:_run_parallel": "raised again after cleaning up",
+    "cli/commands/run_scenario.py:_stop_workers": "another error came first, and is raised",
+    "simulation/loads/controller.py:sampler": "a user's controller raises anything: said",
+    "simulation/loads/controller.py:torques": "a user's controller raises anything: said",
+    "show/live/workers.py:_answer": "said on the page, with its lines on the standard error",
+    "model/meshes.py:_read": "trimesh on damaged bytes: said",
+    "simulation/motion/rosbag.py:opened": "its libraries on damaged bytes: said",
+    "simulation/result/netcdf.py:_examined": "HDF5 on damaged bytes: said",
     "study/case.py:run": "a user's measure raises anything: the case failed, and why is kept",
     "study/cluster.py:__init__": "raised again after cleaning up",
     "study/cluster.py:_check": "the cluster's connection: said",
@@ -151,7 +156,7 @@ WIDE = {
     "study/run.py:run_plan": "raised again after cleaning up",
     "study/store.py:__init__": "raised again after cleaning up",
     "study/store.py:writing": "chunks beside one that could not be written, which is said",
-    "core/units.py:unit_of": "pint's parser raises whatever Python's own does: said",
+    "base/units.py:unit_of": "pint's parser raises whatever Python's own does: said",
 }
 """Functions that catch every exception, each with the reason; what is said to the user is said."""
 

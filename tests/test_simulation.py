@@ -8,11 +8,11 @@ import pytest
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.core.schema import fields_of
-from jointplay.kernel import Status
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import ComputedTorque
+from jointplay.base.schema import fields_of
 from jointplay.paper import Condition, scara
+from jointplay.physics.kernel import Status
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import ComputedTorque
 
 LOADED = Condition("loaded", "consistent")
 
@@ -164,7 +164,7 @@ def test_friction_that_the_step_cannot_follow_is_warned_of():
 
 
 def test_friction_step_limit_is_that_of_a_damper():
-    from jointplay.mechanism.impact import effective_mass, friction_step_limit
+    from jointplay.model.impact import effective_mass, friction_step_limit
 
     simulation = scara(2e-4)
     mechanism = simulation.mechanism

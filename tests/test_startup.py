@@ -149,8 +149,8 @@ def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
 
 
 def test_names_of_figures_are_those_that_are_drawn():
-    from jointplay.plots.figures import FIGURES
-    from jointplay.plots.names import NAMES
+    from jointplay.show.plots.figures import FIGURES
+    from jointplay.show.plots.names import NAMES
 
     assert tuple(FIGURES) == NAMES
 

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
-from jointplay.design.error_model import Line
-from jointplay.geometry import touch
-from jointplay.joints.play import BlockPlay, JournalPlay
+from jointplay.accuracy.error_model import Line
+from jointplay.physics.geometry import touch
+from jointplay.physics.joints.play import BlockPlay, JournalPlay
 
 LENGTHS = st.floats(1e-6, 5e-4)
 NUMBERS = st.floats(-1.0, 1.0)

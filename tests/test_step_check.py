@@ -7,12 +7,12 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.kernel import Status
-from jointplay.loads.drive import Free
-from jointplay.mechanism.impact import tooth_duration
-from jointplay.mechanism.urdf import shipped
+from jointplay.model.impact import tooth_duration
+from jointplay.model.urdf import shipped
 from jointplay.paper import scara
+from jointplay.physics.kernel import Status
 from jointplay.simulation import step_check
+from jointplay.simulation.loads.drive import Free
 
 RATTLING = jp.Gear(play=2e-3, rotor_inertia=0.5, stiffness=2e5, damping=5.0)
 """Controlled by what the joint does, the motor rattles in its play."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import jointplay
-from jointplay.geometry import Form, Mode
 from jointplay.paper import METHODS, Findings, Found, early_peak, errors_table, scara
 from jointplay.paper.cases import EARLY, EARLY_S
 from jointplay.paper.page import (
@@ -20,6 +19,7 @@ from jointplay.paper.page import (
     peaks_table,
     rim_reading,
 )
+from jointplay.physics.geometry import Form, Mode
 
 SOURCE = Path(jointplay.__file__).parent
 

@@ -67,7 +67,7 @@ def test_cases_are_those_that_single_runs_give(done):
         "integration": {"seed": 1},
     }
     result = jp.Scenario.load(path).simulation(changes=changes).run()
-    from jointplay.analysis import accuracy, deviation, shares, twin
+    from jointplay.simulation.analysis import accuracy, deviation, shares, twin
 
     error = accuracy(deviation(result, twin(result)))
     assert float(found["tool_error_rms_total"]) == pytest.approx(error.rms[3], rel=1e-12)
@@ -157,7 +157,7 @@ def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
 
 
 def test_legends_of_sweeps_list_what_ran(done):
-    from jointplay.plots.sweep import draw
+    from jointplay.show.plots.sweep import draw
 
     dataset = jp.open_sweep(done[0]).load()
     every = draw(dataset, "clearance", "peak_force", "friction").axes[0].get_legend()
@@ -287,7 +287,7 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     found = jp.sweep(path, tmp_path / "s.zarr")
     number = found.sizes["sample"]
     assert 4 < number < 512
-    from jointplay.analysis.uncertainty import estimate
+    from jointplay.simulation.analysis.uncertainty import estimate
 
     values = found["tool_error_rms_total"].values
     assert estimate(values).relative <= 0.06

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.analysis.uncertainty import (
+from jointplay.simulation.analysis.uncertainty import (
     Until,
     convergence,
     enough,

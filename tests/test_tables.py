@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay.core.tables import Column, Table
-from jointplay.core.units import displayed
+from jointplay.base.tables import Column, Table
+from jointplay.base.units import displayed
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ import pytest
 from conftest import body, joint
 
 from jointplay import Mechanism, shipped
-from jointplay.mechanism import urdf as reader
-from jointplay.mechanism.robots import robot_urdf
-from jointplay.mechanism.tool import choose_tool
+from jointplay.model import urdf as reader
+from jointplay.model.robots import robot_urdf
+from jointplay.model.tool import choose_tool
 
 
 def fixed(name, parent):
@@ -88,9 +88,9 @@ def test_the_tool_is_one_that_the_joint_with_play_moves(urdf):
 
 def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
     from jointplay.cli import parser
-    from jointplay.commands.inputs import scenario_of
-    from jointplay.commands.mechanism import task
-    from jointplay.joints import RevoluteClearance
+    from jointplay.cli.commands.inputs import scenario_of
+    from jointplay.cli.commands.mechanism import task
+    from jointplay.physics.joints import RevoluteClearance
 
     path = str(urdf(*TWO_ARMS))
     made = Mechanism(path, {"right_a": RevoluteClearance(radial_clearance=1e-4)})
@@ -105,7 +105,7 @@ def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
 
 def test_a_tool_that_no_loose_joint_moves_is_said(urdf):
     from jointplay.cli import parser
-    from jointplay.commands.inputs import scenario_of
+    from jointplay.cli.commands.inputs import scenario_of
     from jointplay.scenario.assumptions import decisive
 
     line = ["run", str(urdf(*TWO_ARMS)), "--joint", "left_a", "--tool", "right_2", "--out", "o"]

@@ -8,11 +8,11 @@ import pytest
 from conftest import joint
 
 import jointplay as jp
-from jointplay.joints import PrismaticClearance, SphericalClearance
-from jointplay.kernel import Status
-from jointplay.mechanism.loop import PROXIMAL, Loop, misfit
-from jointplay.mechanism.tree import BodyMotion, Tree
-from jointplay.result.histories import histories
+from jointplay.model.loop import PROXIMAL, Loop, misfit
+from jointplay.model.tree import BodyMotion, Tree
+from jointplay.physics.joints import PrismaticClearance, SphericalClearance
+from jointplay.physics.kernel import Status
+from jointplay.simulation.result.histories import histories
 
 RECORDS = 40
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}

@@ -9,9 +9,9 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, shipped
-from jointplay.mechanism.model import parse
-from jointplay.mechanism.robots import robot_urdf, robots
-from jointplay.mechanism.urdf import elements, impossible_inertias, read
+from jointplay.model.builder import parse
+from jointplay.model.robots import robot_urdf, robots
+from jointplay.model.urdf import elements, impossible_inertias, read
 from jointplay.scenario.robot import robot_scenario
 
 
@@ -180,7 +180,7 @@ def test_pictures_are_not_looked_at(urdf):
 
 def test_the_slow_reader_comes_with_the_first_question_only():
     code = (
-        "import sys; from jointplay import shipped; from jointplay.mechanism.urdf import read; "
+        "import sys; from jointplay import shipped; from jointplay.model.urdf import read; "
         "d = read(shipped('scara.urdf')); early = 'yourdfpy' in sys.modules; "
         "d.joints['joint_a'].upper; print(early, 'yourdfpy' in sys.modules)"
     )

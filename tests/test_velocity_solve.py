@@ -7,8 +7,8 @@ import pytest
 from numba import njit
 
 import jointplay as jp
-from jointplay.kernel import Command, layout
-from jointplay.kernel.solve import find_velocity_forces, solve_velocity
+from jointplay.physics.kernel import Command, layout
+from jointplay.physics.kernel.solve import find_velocity_forces, solve_velocity
 
 
 @njit(error_model="numpy")

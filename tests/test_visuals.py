@@ -8,10 +8,10 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.mechanism.robots import robot_urdf
-from jointplay.mechanism.visuals import look
+from jointplay.model.robots import robot_urdf
+from jointplay.model.visuals import look
 from jointplay.paper import scara
-from jointplay.plots.figures import _skeleton
+from jointplay.show.plots.figures import _skeleton
 
 SHAPE = """<{tag}><origin xyz="0.1 0.2 0.3" rpy="0.1 0.2 0.3"/>
   <geometry><{form}/></geometry></{tag}>"""

@@ -5,11 +5,11 @@ import pytest
 from conftest import body, joint
 
 from jointplay import Mechanism, Motion, robot_scenario
-from jointplay.core.errors import JointplayError
-from jointplay.motion.completion import complete_motion
+from jointplay.base.errors import JointplayError
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import complete
 from jointplay.scenario.settings import parse
+from jointplay.simulation.motion.completion import complete_motion
 
 
 def mimicking(name, parent, child, leader, multiplier=1.0, offset=0.0):

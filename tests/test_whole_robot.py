@@ -11,16 +11,16 @@ import pytest
 import yourdfpy
 from conftest import body, joint
 
+from jointplay.base.errors import JointplayError
+from jointplay.bridges.random_copies import draw, drawn, intervals
+from jointplay.bridges.reduced_files import reach, to_sdf, to_urdf
+from jointplay.bridges.reduced_mjcf import compile_robot, find_play, find_reach
+from jointplay.bridges.reduction import Reduction, reduce_all
 from jointplay.cli import main
-from jointplay.core.errors import JointplayError
-from jointplay.design.random_copies import draw, drawn, intervals
-from jointplay.design.reduced_files import reach, to_sdf, to_urdf
-from jointplay.design.reduced_mjcf import compile_robot, find_play, find_reach
-from jointplay.design.reduction import Reduction, reduce_all
-from jointplay.joints import RevoluteClearance
-from jointplay.loads.drive import Servo
-from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.model.gear import Gear
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import RevoluteClearance
+from jointplay.simulation.loads.drive import Servo
 
 PLAYS = {"a": 6e-3, "b": 4e-3}
 
@@ -202,7 +202,7 @@ def test_the_sdf_stands_where_the_robot_stands_and_has_all_play(mechanism, reduc
 
 def test_usd_has_the_play_in_newtons_attributes(mechanism, reductions):
     pytest.importorskip("newton_usd_schemas")
-    from jointplay.design.usd import load_usd, to_usd
+    from jointplay.bridges.usd import load_usd, to_usd
 
     _, _, _, usd, geom, physics = load_usd()
     stage = usd.Stage.CreateInMemory()

@@ -39,7 +39,7 @@ def warm() -> None:
         importlib.import_module(module.name)
     for name in ALSO:
         importlib.import_module(name)
-    from jointplay.core import units
+    from jointplay.base import units
 
     units.convert("1 mm*s/s", "m")
     clearance = {"joint_b": jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)}

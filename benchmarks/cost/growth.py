@@ -12,8 +12,8 @@ from cost.mechanism_cost import JOINT, LINK
 from cost.scale import LONG_S, SHORT_S, bookkeeping, gain, messages, pairs
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.kernel import Status
+from jointplay.base.files import temporary
+from jointplay.physics.kernel import Status
 
 PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
 DURATIONS = (0.2, 0.5, 1.0, 2.0, 3.0)

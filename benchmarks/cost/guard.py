@@ -19,8 +19,8 @@ import numpy as np
 from common import Case
 from cost import scale
 
-from jointplay.analysis.certification import figures
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
+from jointplay.simulation.analysis.certification import figures
 
 BASELINE = Path(__file__).with_name("baseline.json")
 

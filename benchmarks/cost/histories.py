@@ -16,9 +16,9 @@ from cost.mechanism_cost import scara, slider_crank
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.kernel import Status
-from jointplay.result import histories, variables
-from jointplay.result.variables import LoadWrenches
+from jointplay.physics.kernel import Status
+from jointplay.simulation.result import histories, variables
+from jointplay.simulation.result.variables import LoadWrenches
 
 WHOLE, MOTION, FORCES = "whole result", "motion of the bodies", "forces in the joints"
 

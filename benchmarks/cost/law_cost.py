@@ -22,8 +22,8 @@ from cost.step_cost import CHUNK, touching
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
-from jointplay.contact.line_contact import LineContactLaw
+from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
+from jointplay.physics.contact.line_contact import LineContactLaw
 
 PAPER = "lankarani-nikravesh, ambrosio"
 VISCOSITY = 0.05

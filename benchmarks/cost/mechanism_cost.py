@@ -27,8 +27,8 @@ from cost.step_cost import CHUNK, inertia, seconds_per_call
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.mechanism.survey import survey
+from jointplay.base.files import temporary
+from jointplay.model.survey import survey
 
 SHIPPED_STEP = 1e-6
 """Step of the slider-crank's own scenario [s]: at 10 µs its impacts last few steps."""

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import jointplay as jp
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
 from jointplay.study.journal import Outcome

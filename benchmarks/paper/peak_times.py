@@ -17,9 +17,9 @@ import numpy as np
 from common import Benchmark, new_figure
 
 import jointplay as jp
-from jointplay.analysis.claims import Verdict, judge, measure
-from jointplay.core.progress import ProgressBar
+from jointplay.base.progress import ProgressBar
 from jointplay.paper.cases import CASES, scara
+from jointplay.simulation.analysis.claims import Verdict, judge, measure
 
 PRINTED = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the peaks of the contact force along the world axes (Section 5, Figures 13-15) [s]."""

@@ -16,7 +16,7 @@ from common import DOCS
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.mechanism.picture import picture
+from jointplay.show.picture import picture
 
 FOLDER = DOCS / "gallery"
 SHIPPED = ("scara", "slider_crank", "four_bar", "delta", "three_rrr")

@@ -20,8 +20,8 @@ import numpy as np
 from common import DOCS, folder_of, require
 
 import jointplay as jp
-from jointplay.analysis.uncertainty import sobol_indices, standard_error
-from jointplay.contact import Ambrosio
+from jointplay.physics.contact import Ambrosio
+from jointplay.simulation.analysis.uncertainty import sobol_indices, standard_error
 from jointplay.study.axes import points
 
 SCENARIO = DOCS / "gallery" / "jansen.toml"

@@ -436,7 +436,7 @@ def write_card(card, found, folder, quick):
     more = "lubrication.md" if card.family == "film" else "theory.md"
     page = f"""# {TITLES[card.family]}: `{card.name}`
 
-`jointplay.contact.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md),
+`jointplay.physics.contact.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md),
 [{more}](../{more}).
 
 $${law.formula}$$

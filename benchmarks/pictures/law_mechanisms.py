@@ -9,7 +9,7 @@ from cost.mechanism_cost import SPEED, slider_crank
 from pictures.law_probes import build
 
 import jointplay as jp
-from jointplay.mechanism.impact import effective_mass
+from jointplay.model.impact import effective_mass
 
 SCARA, CRANK = "SCARA", "slider-crank"
 PAPER = ("normal", "lankarani-nikravesh")

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 import jointplay as jp
-from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
-from jointplay.contact.compiled import MAX_PARAMETERS, compiled_law
-from jointplay.core.files import temporary
-from jointplay.mechanism.impact import impact_duration
+from jointplay.base.files import temporary
+from jointplay.model.impact import impact_duration
+from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
+from jointplay.physics.contact.compiled import MAX_PARAMETERS, compiled_law
 
 REGISTRIES = {"normal": NORMAL_LAWS, "friction": FRICTION_LAWS, "film": FILM_LAWS}
 """All laws, by family and name."""

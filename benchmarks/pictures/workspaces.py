@@ -13,8 +13,8 @@ import numpy as np
 from common import DOCS
 
 import jointplay as jp
-from jointplay.design import budget
-from jointplay.motion import cartesian_motion, reachable
+from jointplay.accuracy import budget
+from jointplay.simulation.motion import cartesian_motion, reachable
 
 FOLDER = DOCS / "gallery"
 

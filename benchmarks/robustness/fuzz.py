@@ -34,7 +34,7 @@ from typing import Any
 from common import ROOT
 from tqdm import tqdm
 
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
 
 TESTS = ROOT / "tests"
 LIMIT_S = 120.0
@@ -74,7 +74,7 @@ def warm(folder: Path) -> None:
     import twins
 
     import jointplay
-    from jointplay.core import units
+    from jointplay.base import units
 
     mpl.use("Agg")
     if (pid := os.fork()) == 0:  # zarr and pools of processes begin there only

@@ -32,7 +32,7 @@ from pathlib import Path
 
 from common import ROOT
 
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
 
 PACKAGE = ROOT / "src" / "jointplay"
 EXPLAINED = Path(__file__).with_name("mutation_survivors.toml")
@@ -43,21 +43,21 @@ QUICK = "geometry"
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
         (
-            "geometry/cylinder.py",
-            "geometry/contacts.py",
+            "physics/geometry/cylinder.py",
+            "physics/geometry/contacts.py",
         ),
         ("tests/test_geometry.py", "tests/test_geometry_properties.py"),
     ),
     "laws": (
         (
-            "contact/hertzian.py",
-            "contact/line_contact.py",
-            "contact/linear.py",
+            "physics/contact/hertzian.py",
+            "physics/contact/line_contact.py",
+            "physics/contact/linear.py",
         ),
         LAWS,
     ),
     "friction": (
-        ("contact/friction.py", "contact/bristle.py"),
+        ("physics/contact/friction.py", "physics/contact/bristle.py"),
         (
             "tests/test_contact_laws.py",
             "tests/contact/test_friction.py",
@@ -65,15 +65,15 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ),
     ),
     "film": (
-        ("contact/film.py",),
+        ("physics/contact/film.py",),
         ("tests/test_film.py",),
     ),
     "audit": (
-        ("result/audit.py",),
+        ("simulation/result/audit.py",),
         ("tests/test_audit_figures.py", "tests/test_audit.py"),
     ),
     "solver": (
-        ("kernel/solve.py",),
+        ("physics/kernel/solve.py",),
         (
             "tests/physics/test_multi_rate.py",
             "tests/physics/test_oil.py",

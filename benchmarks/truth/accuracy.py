@@ -25,7 +25,7 @@ from common import COLOURS, JOINT, MARKERS, Benchmark, ensembles, motion, new_fi
 from scipy.stats import t as student
 
 import jointplay as jp
-from jointplay.mechanism.robots import robot_urdf
+from jointplay.model.robots import robot_urdf
 
 QUANTITIES = {
     "half_N": "peak joint force, first half [N]",

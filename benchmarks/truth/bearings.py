@@ -17,9 +17,9 @@ import pinocchio as pin
 from scipy.optimize import linprog, root
 
 import jointplay as jp
-from jointplay.contact import elastic, resultant
-from jointplay.core.files import temporary
-from jointplay.core.tables import Table
+from jointplay.base.files import temporary
+from jointplay.base.tables import Table
+from jointplay.physics.contact import elastic, resultant
 from jointplay.simulation.run import Run
 
 ISO = "MASTA"

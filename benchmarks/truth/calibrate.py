@@ -20,8 +20,8 @@ from common import COLOURS, Benchmark, new_figure
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.identification import StaticPoses
+from jointplay.base.files import temporary
+from jointplay.estimate import StaticPoses
 
 LINK = """
   <link name="link{i}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>

@@ -20,12 +20,12 @@ import numpy as np
 from common import folder_of, require
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.design.error_budget import budget
-from jointplay.design.poses import along_motion, over_workspace
-from jointplay.design.reduced_mjcf import compile_robot, follow
-from jointplay.design.reduction import reduce
-from jointplay.mechanism.robots import robot_urdf
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.poses import along_motion, over_workspace
+from jointplay.base.files import temporary
+from jointplay.bridges.reduced_mjcf import compile_robot, follow
+from jointplay.bridges.reduction import reduce
+from jointplay.model.robots import robot_urdf
 from jointplay.study.courses import dynamic_error
 
 UR5 = (
@@ -168,8 +168,8 @@ def reductions(quick: bool) -> list[str]:
 
 
 def figure(rows: list[dict[str, float]], path: Path) -> None:
-    from jointplay.plots.palette import COLOURS
-    from jointplay.plots.style import new_figure, style
+    from jointplay.show.plots.palette import COLOURS
+    from jointplay.show.plots.style import new_figure, style
 
     with style():
         drawn = new_figure(5.5, 4.2)

@@ -33,8 +33,8 @@ import numpy as np
 from common import folder_of
 
 import jointplay as jp
-from jointplay.contact import Ambrosio, Flores
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
+from jointplay.physics.contact import Ambrosio, Flores
 
 LENGTHS = {"ground": 3.0, "crank": 1.0, "coupler": 4.0, "rocker": 2.5}
 """[m]; each link is a rod of 1 kg."""

@@ -3,7 +3,7 @@
     python benchmarks friction_at_rest
     python benchmarks friction_at_rest --cases "ur5 elbow" --states 20000 --friction 0.1
 
-The search shares nothing with `jointplay.design.rest`. A journal is put in random places where
+The search shares nothing with `jointplay.accuracy.rest`. A journal is put in random places where
 some of its rims and end faces touch; of each it is asked whether contact forces within their
 cones of friction balance gravity there (non-negative least squares, exactly: to 1e-8 of the load).
 Gravity and levers are Pinocchio's of the displaced machine. From states that balance it goes on
@@ -31,9 +31,9 @@ import pinocchio as pin
 from scipy.optimize import minimize, nnls
 
 import jointplay as jp
-from jointplay.design import poses
-from jointplay.design.error_budget import budget
-from jointplay.mechanism.robots import robot_urdf
+from jointplay.accuracy import poses
+from jointplay.accuracy.error_budget import budget
+from jointplay.model.robots import robot_urdf
 
 RIGID = 1e14
 """Stiffness of contacts [N/m^1.5]."""

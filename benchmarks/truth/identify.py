@@ -31,9 +31,9 @@ from common import COLOURS, Benchmark, new_figure
 from truth import elastic
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.identification import Identification, Measurement
-from jointplay.identification.identification import identify
+from jointplay.base.files import temporary
+from jointplay.estimate import Identification, Measurement
+from jointplay.estimate.identification import identify
 
 DATA = Path(__file__).parent / "validation" / "data"
 LINK = """

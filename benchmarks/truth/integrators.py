@@ -30,7 +30,7 @@ from matplotlib.ticker import NullFormatter
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.physics.kernel.integrators import DEFAULT, INTEGRATORS
 
 CLEARANCES = (0.2e-3, 0.5e-3)
 STEPS = (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)

@@ -35,10 +35,10 @@ import numpy as np
 from common import COLOURS, DOCS, new_figure
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.identification import Calibration, StaticPoses, Term, calibrate, encoder_differences
-from jointplay.identification.static_poses import rigid_body, rotation_vectors
-from jointplay.mechanism.payload import Payload
+from jointplay.base.files import temporary
+from jointplay.estimate import Calibration, StaticPoses, Term, calibrate, encoder_differences
+from jointplay.estimate.static_poses import rigid_body, rotation_vectors
+from jointplay.model.payload import Payload
 
 PICTURES = DOCS / "images" / "measured"
 

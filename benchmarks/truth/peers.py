@@ -36,10 +36,10 @@ from truth.peer_engines.jointplay_engine import run_jointplay
 from truth.peer_engines.text import TEXT
 from truth.peer_engines.trace import Impact, Trace, impacts, offset
 
-from jointplay.contact.hertzian import effective_restitution
-from jointplay.core.errors import JointplayError
-from jointplay.loads.tables import REFERENCE_NODE_S
-from jointplay.result.stored import versions
+from jointplay.base.errors import JointplayError
+from jointplay.physics.contact.hertzian import effective_restitution
+from jointplay.simulation.loads.tables import REFERENCE_NODE_S
+from jointplay.simulation.result.stored import versions
 
 ENGINES = ("mujoco", "exudyn", "siconos", "drake")
 RIGID = ("Siconos", "Pinocchio, ADMM", "Pinocchio, PGS")

@@ -34,15 +34,15 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.analysis.certification import certify, figures
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS, FrictionLaw, NormalForceLaw
-from jointplay.core.processes import cores
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.loads.drive import ComputedTorque
-from jointplay.mechanism import urdf
-from jointplay.mechanism.impact import effective_mass
-from jointplay.result.audit import Audit
-from jointplay.result.certificate import COUNTS, HEADLINE
+from jointplay.base.processes import cores
+from jointplay.model import urdf
+from jointplay.model.impact import effective_mass
+from jointplay.physics.contact import FRICTION_LAWS, NORMAL_LAWS, FrictionLaw, NormalForceLaw
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.simulation.analysis.certification import certify, figures
+from jointplay.simulation.loads.drive import ComputedTorque
+from jointplay.simulation.result.audit import Audit
+from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 
 TARGETS = {name: 0.02 if name == "peak joint force" else 0.005 for name in HEADLINE}
 """Largest error that a run may have without saying so, relative."""

@@ -17,8 +17,8 @@ from common import COLOURS, ROOT, Benchmark, new_figure
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.identification import Measurement, identify
+from jointplay.base.files import temporary
+from jointplay.estimate import Measurement, identify
 
 ARM = """<robot name="arm"><link name="base"/>
   <link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>

@@ -22,10 +22,10 @@ import numpy as np
 import pinocchio as pin
 
 import jointplay as jp
-from jointplay.design import poses
-from jointplay.design.error_budget import budget
-from jointplay.design.rest import AGREES_M
-from jointplay.mechanism.robots import robot_urdf
+from jointplay.accuracy import poses
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.rest import AGREES_M
+from jointplay.model.robots import robot_urdf
 
 BEARING = {
     "bearing_radius": 25e-3, "bearing_length": 50e-3,

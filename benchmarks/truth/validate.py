@@ -17,7 +17,7 @@ from common import DOCS, folder_of
 from tqdm import tqdm
 from truth.validation import CASES, Case, Outcome, load
 
-from jointplay.result.stored import versions
+from jointplay.simulation.result.stored import versions
 
 HEADS = {
     "theory": "Theory",

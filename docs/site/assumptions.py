@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jointplay.reports.sections import page_section
+from jointplay.show.reports.sections import page_section
 
 PAGE = Path(__file__).parents[1] / "assumptions.md"
 BEGIN, END = "<!-- begin: written by docs/site/assumptions.py -->\n", "<!-- end -->\n"

@@ -9,7 +9,7 @@ import mkdocs_gen_files
 
 import jointplay
 from jointplay.cli import parser
-from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
+from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 
 ROOT = Path(__file__).parents[2]
 COPIED = {

@@ -5,9 +5,8 @@ import re
 from pathlib import Path
 from typing import get_args
 
-from jointplay.contact.film import FilmLaw
-from jointplay.contact.law import FrictionLaw, NormalForceLaw
-from jointplay.core.schema import (
+from jointplay.accuracy.robot_errors import JointErrors, RobotErrors
+from jointplay.base.schema import (
     Preset,
     explanations,
     family_of,
@@ -15,13 +14,12 @@ from jointplay.core.schema import (
     is_word,
     names_of,
 )
-from jointplay.design.robot_errors import JointErrors, RobotErrors
-from jointplay.joints import Clearance
-from jointplay.loads import Load
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.beams import FlexibleLink
-from jointplay.mechanism.gear import Gearing
-from jointplay.mechanism.heat import Heat, JointHeat, LinkHeat
+from jointplay.model.beams import FlexibleLink
+from jointplay.model.gear import Gearing
+from jointplay.model.heat import Heat, JointHeat, LinkHeat
+from jointplay.physics.contact.film import FilmLaw
+from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
+from jointplay.physics.joints import Clearance
 from jointplay.scenario.model import (
     HeldPayload,
     IntegrationTable,
@@ -30,6 +28,8 @@ from jointplay.scenario.model import (
     Output,
     Robot,
 )
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.drive import Drive, JointFriction
 
 PAGE = Path(__file__).parents[1] / "scenarios.md"
 SECTION = re.compile(

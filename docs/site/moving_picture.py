@@ -6,8 +6,8 @@ python docs/site/moving_picture.py
 from pathlib import Path
 
 import jointplay as jp
-from jointplay import player
-from jointplay.player.movie import Shot
+from jointplay.show import player
+from jointplay.show.player.movie import Shot
 
 TARGET = Path(__file__).parents[1] / "images" / "ur5.webp"
 

@@ -1,12 +1,12 @@
 """What methods of lower layers do with upper ones, each imported when it is first called."""
 
-from jointplay.core.imports import provide
+from jointplay.base.imports import provide
 
 
 @provide
 def plots() -> object:
     """Of `Result.plot`."""
-    from jointplay.plots import Plots
+    from jointplay.show.plots import Plots
 
     return Plots
 
@@ -14,7 +14,7 @@ def plots() -> object:
 @provide
 def dataframe() -> object:
     """Of `Result.to_dataframe`."""
-    from jointplay.exports.table import dataframe
+    from jointplay.bridges.table import dataframe
 
     return dataframe
 
@@ -22,7 +22,7 @@ def dataframe() -> object:
 @provide
 def export() -> object:
     """Of `Result.export`."""
-    from jointplay.exports import export
+    from jointplay.bridges import export
 
     return export
 
@@ -30,7 +30,7 @@ def export() -> object:
 @provide
 def notebook_page() -> object:
     """Of a result in a notebook."""
-    from jointplay.exports.notebook import page
+    from jointplay.bridges.notebook import page
 
     return page
 
@@ -46,6 +46,6 @@ def simulation() -> object:
 @provide
 def errors_of_run() -> object:
     """Of `Simulation.run`."""
-    from jointplay.analysis.certification import errors_if_possible
+    from jointplay.simulation.analysis.certification import errors_if_possible
 
     return errors_if_possible

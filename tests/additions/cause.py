@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jointplay.design.causes import Cause, JointAt
-from jointplay.design.error_model import Box, Contribution
+from jointplay.accuracy.causes import Cause, JointAt
+from jointplay.accuracy.error_model import Box, Contribution
 
 
 @dataclass(frozen=True)

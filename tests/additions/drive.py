@@ -1,6 +1,6 @@
 """A drive of one's own: torque against the swing, as the joint's encoder sees it."""
 
-from jointplay.loads import Controller
+from jointplay.simulation.loads import Controller
 
 
 def braked(time, q, v, p, out):

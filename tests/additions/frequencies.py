@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jointplay.identification import LeastSquares, Unknown
+from jointplay.estimate import LeastSquares, Unknown
 
 REACH = 0.5
 """Of the payload from the joint [m]."""

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jointplay.core.schema import add
-from jointplay.joints import Clearance, Outline, RoundClearance
+from jointplay.base.schema import add
+from jointplay.physics.joints import Clearance, Outline, RoundClearance
 
 
 def touch(k, pose, bearing_radius, journal_radius):

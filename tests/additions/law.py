@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from jointplay.contact import NormalForceLaw
-from jointplay.contact.hertzian import HysteresisLaw
-from jointplay.core.schema import add
+from jointplay.base.schema import add
+from jointplay.physics.contact import NormalForceLaw
+from jointplay.physics.contact.hertzian import HysteresisLaw
 
 
 @dataclass(frozen=True)

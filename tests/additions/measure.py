@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jointplay.geometry import Mode
+from jointplay.physics.geometry import Mode
 
 
 def longest_flight(result):

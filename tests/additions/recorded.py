@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from jointplay.core.schema import add
-from jointplay.loads import WORLD, Load
-from jointplay.loads.base import OnFrame, Series, between, frame
+from jointplay.base.schema import add
+from jointplay.simulation.loads import WORLD, Load
+from jointplay.simulation.loads.base import OnFrame, Series, between, frame
 
 
 def nothing(time, x, dx, p, out):

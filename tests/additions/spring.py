@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from jointplay.core.schema import add, quantity
-from jointplay.loads import Load
-from jointplay.loads.base import OnJoint
+from jointplay.base.schema import add, quantity
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.base import OnJoint
 
 
 def hardened(time, x, dx, p, out):

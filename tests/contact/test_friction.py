@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import FRICTION_LAWS
+from jointplay.physics.contact import FRICTION_LAWS
 
 ALL = pytest.mark.parametrize(
     "law", [law() for law in FRICTION_LAWS.values() if not law.bristles], ids=lambda x: x.name

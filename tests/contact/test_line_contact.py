@@ -9,8 +9,13 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import NORMAL_LAWS, ContactProperties
-from jointplay.contact.line_contact import CHANGE_M, LARGEST_S, LineContactLaw, pereira_exponent
+from jointplay.physics.contact import NORMAL_LAWS, ContactProperties
+from jointplay.physics.contact.line_contact import (
+    CHANGE_M,
+    LARGEST_S,
+    LineContactLaw,
+    pereira_exponent,
+)
 
 IMPLICIT = [law() for law in NORMAL_LAWS.values() if issubclass(law, LineContactLaw)]
 CYLINDRICAL = [*IMPLICIT, jp.contact.Pereira(), jp.contact.Liu()]

@@ -9,15 +9,15 @@ import pytest
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import (
+from jointplay.base.errors import MissingName
+from jointplay.physics.contact import (
     FRICTION_LAWS,
     NORMAL_LAWS,
     ContactProperties,
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.contact.trust import trusting
-from jointplay.core.errors import MissingName
+from jointplay.physics.contact.trust import trusting
 
 NEEDED = {"kelvin-voigt": {"damping": 30.0}, "anagnostopoulos": {"mass": 2.0}}
 EVERY = [(NormalForceLaw, name) for name in NORMAL_LAWS] + [

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.contact import NORMAL_LAWS
-from jointplay.contact.hertzian import HysteresisLaw, effective_restitution, exact_factor
+from jointplay.physics.contact import NORMAL_LAWS
+from jointplay.physics.contact.hertzian import HysteresisLaw, effective_restitution, exact_factor
 
 FAMILY = [law for law in NORMAL_LAWS.values() if issubclass(law, HysteresisLaw)]
 GRID = np.linspace(0.02, 1.0, 99)

@@ -7,7 +7,7 @@ import pytest
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import NORMAL_LAWS
+from jointplay.physics.contact import NORMAL_LAWS
 
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
 GENTLE = {"max_depth": 5e-6, "max_speed": 1e-3}

@@ -8,7 +8,7 @@ import pytest
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact import (
+from jointplay.physics.contact import (
     FILM_LAWS,
     FRICTION_LAWS,
     NORMAL_LAWS,
@@ -17,8 +17,8 @@ from jointplay.contact import (
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.contact.compiled import address, compiled_law, parameter_names
-from jointplay.contact.film import FilmProperties
+from jointplay.physics.contact.compiled import address, compiled_law, parameter_names
+from jointplay.physics.contact.film import FilmProperties
 
 NEEDED = {
     "kelvin-voigt": {"damping": 30.0},

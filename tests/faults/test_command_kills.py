@@ -27,7 +27,7 @@ TELLING = """
 import os, sys
 from contextlib import contextmanager
 from jointplay import cli
-from jointplay.core import signals
+from jointplay.base import signals
 listening = signals.listening
 @contextmanager
 def telling():

@@ -16,8 +16,8 @@ import pytest
 from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
-from jointplay.core import signals
-from jointplay.kernel import Status
+from jointplay.base import signals
+from jointplay.physics.kernel import Status
 
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
@@ -170,7 +170,7 @@ def test_workers_of_the_study_end_with_a_parent_that_is_killed(tmp_path):
 SLOW = """
 import sys
 from jointplay import cli
-from jointplay.result import netcdf
+from jointplay.simulation.result import netcdf
 pack = netcdf.pack
 def slowly(dataset):
     print("packing", flush=True)

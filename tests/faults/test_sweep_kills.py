@@ -288,7 +288,7 @@ from pathlib import Path
 import numpy as np
 import zarr
 
-from jointplay.core.errors import JointplayError
+from jointplay.base.errors import JointplayError
 from jointplay.study.store import writing
 
 try:

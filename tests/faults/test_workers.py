@@ -8,7 +8,7 @@ import pytest
 from test_kills import gone, needs_proc
 from warm import PYTHON
 
-from jointplay.core import processes
+from jointplay.base import processes
 
 
 @needs_proc
@@ -22,7 +22,7 @@ def test_a_pool_that_is_closed_leaves_no_process():
 
 PARENT = """
 import os, sys, time
-from jointplay.core import processes
+from jointplay.base import processes
 if sys.argv[1] == "watch":
     processes.end_with_parent = lambda number: None
 if __name__ == "__main__":
@@ -48,7 +48,7 @@ def test_a_worker_ends_with_its_parent_with_and_without_the_kernels_help(way):
 
 LISTENS = """
 import os, signal, sys
-from jointplay.core import signals
+from jointplay.base import signals
 signal.signal(signal.SIGHUP, getattr(signal, sys.argv[1]))
 with signals.listening():
     try:

@@ -34,10 +34,10 @@ import numpy as np
 import twins
 
 from jointplay import cli
-from jointplay.commands.inputs import _READERS, FLAGS
-from jointplay.core.errors import JointplayError
-from jointplay.mechanism.urdf import shipped
-from jointplay.result import netcdf
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands.inputs import _READERS, FLAGS
+from jointplay.model.urdf import shipped
+from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.working_files import CHECKPOINT
 
@@ -276,7 +276,9 @@ TOML_MUST = (
 
 
 def _template() -> str:
-    return (Path(cli.__file__).parent / "scenario" / "template.toml").read_text(encoding="utf-8")
+    return (Path(cli.__file__).parents[1] / "scenario" / "template.toml").read_text(
+        encoding="utf-8"
+    )
 
 
 def _toml(seed: int, rng: random.Random, folder: Path) -> Case:

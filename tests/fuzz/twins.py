@@ -20,10 +20,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError
-from jointplay.kernel import Status
-from jointplay.result.audit import ENERGY_WARNING
+from jointplay.base.errors import JointplayError
+from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
+from jointplay.simulation.result.audit import ENERGY_WARNING
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 

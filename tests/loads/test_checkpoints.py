@@ -5,7 +5,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.loads import Controller, LoadedFriction, Spring, Stop, Wrench
+from jointplay.simulation.loads import Controller, LoadedFriction, Spring, Stop, Wrench
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 METHODS = ({}, {"tolerance": 1e-3}, {"integrator": "rk4"}, {"integrator": "semi-implicit-euler"})

@@ -8,8 +8,8 @@ from conftest import body, joint
 from scipy.linalg import expm
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import Controller
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import Controller
 
 QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 INERTIA, KP, KD = 0.02, 8.0, 0.2

@@ -5,7 +5,7 @@ import pytest
 from conftest import body
 
 import jointplay as jp
-from jointplay.loads import Controller
+from jointplay.simulation.loads import Controller
 
 LIMITED = """
   <joint name="a" type="{kind}"><parent link="base"/><child link="disc"/>

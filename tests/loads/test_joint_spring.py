@@ -5,8 +5,8 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import Stop, TorsionSpring
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import Stop, TorsionSpring
 
 QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 

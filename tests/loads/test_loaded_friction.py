@@ -6,8 +6,8 @@ from conftest import body, joint
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import LoadedFriction, Wrench
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import LoadedFriction, Wrench
 
 QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 

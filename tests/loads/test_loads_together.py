@@ -6,7 +6,14 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.loads import Controller, LoadedFriction, Spring, Stop, TorsionSpring, Wrench
+from jointplay.simulation.loads import (
+    Controller,
+    LoadedFriction,
+    Spring,
+    Stop,
+    TorsionSpring,
+    Wrench,
+)
 
 QUIET = {"joint_friction": {}}
 FREE = {**QUIET, "drive": jp.loads.Free()}

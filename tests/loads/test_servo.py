@@ -9,8 +9,8 @@ from conftest import body, joint
 from scipy.linalg import expm
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import Servo
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import Servo
 
 QUIET = {"joint_friction": {}, "estimate": False}
 SERVO = Servo.of("STS3215", voltage=7.4, p_gain=30.0, d_gain=0.5)

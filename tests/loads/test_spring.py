@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import CurveSpring, Spring
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import CurveSpring, Spring
 
 QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 

@@ -6,8 +6,8 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.loads import Controller, CurveSpring, Spring, Stop, TorsionSpring, Wrench
-from jointplay.simulation.loads import load_site
+from jointplay.simulation.acting import load_site
+from jointplay.simulation.loads import Controller, CurveSpring, Spring, Stop, TorsionSpring, Wrench
 from jointplay.simulation.statics import StaticLoads
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}

@@ -5,8 +5,8 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads import Wrench, WrenchFunction, WrenchOverTime
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads import Wrench, WrenchFunction, WrenchOverTime
 
 QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 
@@ -98,7 +98,7 @@ def test_a_users_function_is_named_in_files_and_not_run_untrusted(urdf, tmp_path
     monkeypatch.syspath_prepend(str(tmp_path))
     import my_wrench_of_tests
 
-    from jointplay.contact import trust
+    from jointplay.physics.contact import trust
 
     loads = {"pull": WrenchFunction("cart", my_wrench_of_tests.pull, (1.0,))}
     result = jp.simulate(slider(urdf), duration=0.01, loads=loads, **QUIET)

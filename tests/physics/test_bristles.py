@@ -12,7 +12,7 @@ from conftest import body, joint
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.contact import BristleLaw, CustomBristle, Dahl, GonthierFriction, LuGre
+from jointplay.physics.contact import BristleLaw, CustomBristle, Dahl, GonthierFriction, LuGre
 
 MASS = 2.0
 WEIGHT = MASS * 9.81

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.kernel import Command, Status
+from jointplay.physics.kernel import Command, Status
 
 PLAY = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 SLIDERS = (

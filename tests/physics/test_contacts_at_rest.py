@@ -8,7 +8,7 @@ from conftest import body, joint
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.contact import NORMAL_LAWS
+from jointplay.physics.contact import NORMAL_LAWS
 from jointplay.simulation.assemble import REST_SPEED
 
 MASS, GRAVITY = 1.51, 9.80665

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
-from jointplay.mechanism.gear import Gear
+from jointplay.model.gear import Gear
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
 from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
@@ -343,7 +343,7 @@ def test_a_drive_that_carries_far_more_than_its_journal_stays_stable():
     for options in ({}, {"step": 1e-6, "record_every": 100}, {"tolerance": 1e-3}):
         run = jp.Run(jp.Simulation(arm, motion, duration=0.1, **options))
         result = run.finish()
-        assert result.status == jp.kernel.Status.COMPLETED
+        assert result.status == jp.physics.kernel.Status.COMPLETED
         assert result.audit.relative_energy_residual < 1e-4
         peaks.append(np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max())
         if not options:

@@ -15,18 +15,18 @@ from jointplay import (
     analysis,
     nonlinear,
 )
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.jacobians import displaced_configuration, tool_place
+from jointplay.base.errors import MissingName
+from jointplay.bridges.trajectory import joint_trajectory
 from jointplay.cli import main
-from jointplay.core.errors import MissingName
-from jointplay.design.error_budget import budget
-from jointplay.design.jacobians import displaced_configuration, tool_place
-from jointplay.exports.trajectory import joint_trajectory
-from jointplay.loads import Wrench
-from jointplay.loads.drive import Prescribed, Torque
-from jointplay.mechanism import free_base
-from jointplay.mechanism.loop import Loop
-from jointplay.mechanism.payload import Payload
-from jointplay.nonlinear.lyapunov import stretching
+from jointplay.model import free_base
+from jointplay.model.loop import Loop
+from jointplay.model.payload import Payload
 from jointplay.simulation import Run
+from jointplay.simulation.loads import Wrench
+from jointplay.simulation.loads.drive import Prescribed, Torque
+from jointplay.study.nonlinear.lyapunov import stretching
 
 BASE = body("base", 2.0, "0.01 0.02 -0.01", 2e-2)
 LOOSE = {"hip": RevoluteClearance(radial_clearance=2e-4)}

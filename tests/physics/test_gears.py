@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads.drive import ComputedTorque, Free, Prescribed
-from jointplay.mechanism.gear import GEARS, Gear, Gearing
+from jointplay.model.gear import GEARS, Gear, Gearing
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads.drive import ComputedTorque, Free, Prescribed
 
 ARCMIN = math.pi / 10800.0
 QUIET = {"joint_friction": {}, "estimate": False}
@@ -297,7 +297,7 @@ def test_reduce_takes_every_kind(pendulum):
 
 
 def test_identification_says_which_gears_it_knows(pendulum):
-    from jointplay.identification.machine import compliances
+    from jointplay.estimate.machine import compliances
 
     with pytest.raises(jp.JointplayError, match=r"strain-wave.*backlash"):
         compliances(pendulum(WAVE), {})

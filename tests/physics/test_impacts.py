@@ -8,11 +8,11 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS
-from jointplay.contact.hertzian import HysteresisLaw
-from jointplay.contact.line_contact import LineContactLaw
-from jointplay.kernel import Status
-from jointplay.mechanism.impact import impact_depth
+from jointplay.model.impact import impact_depth
+from jointplay.physics.contact import FRICTION_LAWS, NORMAL_LAWS
+from jointplay.physics.contact.hertzian import HysteresisLaw
+from jointplay.physics.contact.line_contact import LineContactLaw
+from jointplay.physics.kernel import Status
 
 FAMILY = [law() for law in NORMAL_LAWS.values() if issubclass(law, HysteresisLaw)]
 CYLINDRICAL = [law for law in FAMILY if isinstance(law, (LineContactLaw, jp.contact.Pereira))]

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
-from jointplay.joints import CylindricalClearance, PrismaticClearance, SphericalClearance
-from jointplay.kernel import Status
-from jointplay.mechanism.loop import Loop
+from jointplay.model.loop import Loop
+from jointplay.physics.joints import CylindricalClearance, PrismaticClearance, SphericalClearance
+from jointplay.physics.kernel import Status
 
 PLAY = 2e-4
 FREE = {"drive": {}, "joint_friction": {}}

@@ -7,7 +7,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.mechanism.loop import SHARE, Loop, misfit
+from jointplay.model.loop import SHARE, Loop, misfit
 
 LENGTH, REACH = 0.1, 0.3
 SLIDER = jp.PrismaticClearance(clearance=2e-4, clearance_y=3e-4, lock_tilt=True)

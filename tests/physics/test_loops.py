@@ -6,10 +6,10 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.joints import SphericalClearance
-from jointplay.kernel.integrators import INTEGRATORS
-from jointplay.loads.drive import ComputedTorque, Prescribed
-from jointplay.mechanism.loop import Loop, assemble, follow, misfit
+from jointplay.model.loop import Loop, assemble, follow, misfit
+from jointplay.physics.joints import SphericalClearance
+from jointplay.physics.kernel.integrators import INTEGRATORS
+from jointplay.simulation.loads.drive import ComputedTorque, Prescribed
 
 FLAT = (0.0, 0.0, 0.0)
 R, L = 0.05, 0.12

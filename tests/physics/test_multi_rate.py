@@ -10,8 +10,8 @@ from scipy.optimize import root
 from test_loops import RPM, slider_crank, turning
 
 import jointplay as jp
-from jointplay.contact import BrownMcPhee, Coulomb, LuGre
-from jointplay.kernel import Status
+from jointplay.physics.contact import BrownMcPhee, Coulomb, LuGre
+from jointplay.physics.kernel import Status
 
 STEP = 1e-5
 

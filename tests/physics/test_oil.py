@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.contact import CustomFilm, PinkusSternlicht, ShortBearing
+from jointplay.physics.contact import CustomFilm, PinkusSternlicht, ShortBearing
 
 C, RADIUS, LENGTH = 1e-4, 10e-3, 8e-3
 FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}

@@ -8,7 +8,7 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay.joints import PrismaticClearance, SphericalClearance
+from jointplay.physics.joints import PrismaticClearance, SphericalClearance
 from jointplay.scenario import Scenario
 from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, weight_curvature
 

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from jointplay.geometry import Form
-from jointplay.kernel import Status
 from jointplay.paper import CONDITIONS, Condition, scara
+from jointplay.physics.geometry import Form
+from jointplay.physics.kernel import Status
 
 LOADED = Condition("loaded", "consistent")
 ARM_2, ARM_3, REACH = 4.35, 3.03, 0.275  # kg, kg, m: masses beyond joint B and the arm's length

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.geometry import Form
+from jointplay.physics.geometry import Form
 
 MASS, OVERHANG = 4.0, 0.25
 WEIGHT = MASS * 9.81

@@ -2,7 +2,7 @@
 
 The mechanism is read here from the URDF's text, and the contact forces are written down once more,
 so that an engine and jointplay share numbers but not code. One exception: the gaps of the tilting
-cylinder are those of `jointplay.geometry` for all.
+cylinder are those of `jointplay.physics.geometry` for all.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 import jointplay as jp
-from jointplay.joints import VIRTUAL_LINK
+from jointplay.physics.joints import VIRTUAL_LINK
 
 ARMATURE = 1e8
 """Inertia that keeps a crank turning at constant speed where an engine cannot prescribe motion."""

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
-from jointplay.geometry import touch_cylinder
-from jointplay.loads.tables import REFERENCE_NODE_S
+from jointplay.physics.geometry import touch_cylinder
+from jointplay.simulation.loads.tables import REFERENCE_NODE_S
 
 
 @njit(cache=True)

@@ -56,7 +56,7 @@ def run(task, duration: float, speed: float, *, accuracy: float = 0.0, step: flo
     from truth.peer_engines.common import ARMATURE
     from truth.peer_engines.trace import Trace
 
-    from jointplay.core.files import temporary
+    from jointplay.base.files import temporary
 
     given = {
         "links": [

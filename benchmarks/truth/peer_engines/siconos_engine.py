@@ -45,7 +45,7 @@ def run(task, step: float, duration: float, every: int, restitution: float):
         "steps": round(duration / step),
         "every": every,
     }
-    from jointplay.core.files import temporary
+    from jointplay.base.files import temporary
 
     with temporary("siconos") as folder:
         out = Path(folder) / "trace.npz"

@@ -36,7 +36,7 @@ def run(step: float, duration: float, interval: float) -> np.ndarray:
     """Simulate; see `record` for the columns."""
     from truth.peer_engines.common import siconos_python
 
-    from jointplay.core.files import temporary
+    from jointplay.base.files import temporary
 
     with temporary("siconos") as folder:
         out = Path(folder) / "rows.npy"

@@ -7,7 +7,7 @@ TEXT = {
         "`urdf/scara.toml`, clearance 0.2 mm in joint B, weight balanced). The engines are given "
         "numbers, not code: the mechanism is read from the URDF's text by the benchmark, and "
         "where a law is applied from outside, the benchmark implements it again. The gaps of the "
-        "SCARA's tilting cylinder are `jointplay.geometry`'s for all, and its drive "
+        "SCARA's tilting cylinder are `jointplay.physics.geometry`'s for all, and its drive "
         "(feed-forward torques and gains) is jointplay's table. Friction of the slider-crank is "
         "a ramp from rest to 0.01 at 10 mm/s (the shipped ramp begins at 1 mm/s), because "
         "Exudyn's ramp begins at rest.",

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 import jointplay as jp
-from jointplay.core.files import temporary
+from jointplay.base.files import temporary
 
 FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
 

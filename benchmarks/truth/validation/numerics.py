@@ -18,7 +18,7 @@ from truth.validation.mechanisms import FREE, body, joint, urdf
 from truth.validation.pendulum import ARM, GRAVITY, INERTIA, MASS, Pendulum, resting
 
 import jointplay as jp
-from jointplay.nonlinear.lyapunov import exponent, stretching
+from jointplay.study.nonlinear.lyapunov import exponent, stretching
 
 METHODS = ("multi-rate", "semi-implicit-euler", "rk4")
 MACRO = 4

@@ -17,9 +17,9 @@ from common import COLOURS, Case, new_figure
 from truth.validation import Outcome, case
 
 import jointplay as jp
-from jointplay.core.files import temporary
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.result import FORMAT
+from jointplay.base.files import temporary
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.simulation.result import FORMAT
 
 CHILD = """
 import sys

@@ -14,8 +14,8 @@ from truth.validation import Outcome, case
 from truth.validation.mechanisms import FREE, body, joint, urdf
 
 import jointplay as jp
-from jointplay.contact import NORMAL_LAWS
-from jointplay.mechanism.impact import impact_duration
+from jointplay.model.impact import impact_duration
+from jointplay.physics.contact import NORMAL_LAWS
 
 SOUND_DEPTH = (5.0 / 4.0) ** 0.4
 """Depth of a Hertz impact is this times (m v^2/k)^(2/5)."""

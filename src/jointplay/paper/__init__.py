@@ -1,4 +1,7 @@
-"""The paper's study: its cases, its figures and its claims."""
+"""The paper's study: its cases, its figures and its claims.
+
+Nothing but the command line imports it.
+"""
 
 import lazy_loader
 

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.certification import add_certificate, figures
-from jointplay.analysis.claims import Measures, measure
-from jointplay.core import signals
-from jointplay.kernel import Status
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.mechanism.urdf import GRAVITY as GRAVITY
-from jointplay.mechanism.urdf import shipped
+from jointplay.base import signals
+from jointplay.model.urdf import GRAVITY as GRAVITY
+from jointplay.model.urdf import shipped
 from jointplay.paper.outputs import FILES as FILES
 from jointplay.paper.outputs import JOINT as JOINT
-from jointplay.result.result import Result
+from jointplay.physics.kernel import Status
+from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.scenario import Scenario
+from jointplay.simulation.analysis.certification import add_certificate, figures
+from jointplay.simulation.analysis.claims import Measures, measure
+from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
 from jointplay.simulation.simulation import Simulation

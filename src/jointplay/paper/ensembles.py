@@ -10,13 +10,11 @@ from operator import call
 from pathlib import Path
 from typing import Any
 
-from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
-from jointplay.core import files
-from jointplay.core.processes import Pool, number_of
-from jointplay.core.progress import current
-from jointplay.core.tables import Table
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.mechanism.urdf import GRAVITY
+from jointplay.base import files
+from jointplay.base.processes import Pool, number_of
+from jointplay.base.progress import current
+from jointplay.base.tables import Table
+from jointplay.model.urdf import GRAVITY
 from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
@@ -28,9 +26,11 @@ from jointplay.paper.cases import (
     length,
     perturbed,
 )
-from jointplay.result.settings import START_UP
-from jointplay.result.stored import versions
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.simulation.analysis.claims import ISOLATED, Measures, Verdict, judge
 from jointplay.simulation.initial import PERTURBATION
+from jointplay.simulation.result.settings import START_UP
+from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Memory, Study
 
 _LOOK_S = 0.2

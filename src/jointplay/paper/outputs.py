@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_whole
-from jointplay.core.processes import number_of
-from jointplay.plots.names import file_names
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.processes import number_of
+from jointplay.show.plots.names import file_names
 
 JOINT = "joint_b"
 FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay import analysis
-from jointplay.core import files
-from jointplay.core.tables import Table
-from jointplay.geometry import Form, Mode
+from jointplay.base import files
+from jointplay.base.tables import Table
 from jointplay.paper.cases import CASES, JOINT, scara
 from jointplay.paper.ensembles import made_with
 from jointplay.paper.outputs import DRAWINGS, PAGE
-from jointplay.result.result import AXES, Result
-from jointplay.result.settings import START_UP
+from jointplay.physics.geometry import Form, Mode
+from jointplay.simulation import analysis
+from jointplay.simulation.result.result import AXES, Result
+from jointplay.simulation.result.settings import START_UP
 
 if TYPE_CHECKING:
     from jointplay.paper.run import Findings
@@ -31,24 +31,32 @@ PEAKS_APART_S = 0.1
 """Peaks that are nearer to each other count as one."""
 
 EQUATIONS: tuple[tuple[str, str, str], ...] = (
-    ("1", "C_r = R_i - R_j", "joints/base.py, RoundClearance.cr"),
-    ("2, 3", "C_a = (L_i - L_j)/2", "joints/revolute.py, RevoluteClearance.dimensions"),
-    ("4, 7", "radial gap of a tilted, of a parallel journal", "geometry/cylinder.py, radial_gap"),
-    ("5, 6", "axial gap of a tilted, of a parallel journal", "geometry/cylinder.py, axial_gap"),
-    ("8, 9", "gap > 0, = 0, < 0; Table 1", "geometry/contacts.py, classify_mode"),
-    ("10", "F_n = k δ^n + b δ^p δ'^q", "contact/hertzian.py, HuntCrossley"),
-    ("11", "k of two spheres", "joints/base.py, SlidingClearance.hertz"),
-    ("12", "σ = (1 - ν²)/(π E)", "joints/base.py, Material.compliance"),
-    ("13", "R = R_i R_j/(R_i - R_j)", "joints/base.py, RoundClearance.hertz_stiffness"),
-    ("14", "b, with the approach speed", "kernel/contact.py, _normal_force"),
-    ("15", "Hertz", "contact/hertzian.py, Hertz"),
-    ("16", "linear spring", "contact/linear.py, LinearSpring"),
-    ("17", "Kelvin-Voigt", "contact/linear.py, KelvinVoigt"),
-    ("18, 19", "Lankarani-Nikravesh", "contact/hertzian.py, LankaraniNikravesh"),
-    ("20", "friction against the sliding", "kernel/contact.py, add_contact_forces"),
-    ("21", "coefficient over speed", "contact/friction.py, Ambrosio"),
-    ("22", "M, C, G of the arm", "simulation/loop.py; mechanism/mechanism.py, mass_matrix"),
-    ("23", "with F_C on the right", "kernel/multirate.py; kernel/singlerate.py"),
+    ("1", "C_r = R_i - R_j", "physics/joints/base.py, RoundClearance.cr"),
+    ("2, 3", "C_a = (L_i - L_j)/2", "physics/joints/revolute.py, RevoluteClearance.dimensions"),
+    (
+        "4, 7",
+        "radial gap of a tilted, of a parallel journal",
+        "physics/geometry/cylinder.py, radial_gap",
+    ),
+    (
+        "5, 6",
+        "axial gap of a tilted, of a parallel journal",
+        "physics/geometry/cylinder.py, axial_gap",
+    ),
+    ("8, 9", "gap > 0, = 0, < 0; Table 1", "physics/geometry/contacts.py, classify_mode"),
+    ("10", "F_n = k δ^n + b δ^p δ'^q", "physics/contact/hertzian.py, HuntCrossley"),
+    ("11", "k of two spheres", "physics/joints/base.py, SlidingClearance.hertz"),
+    ("12", "σ = (1 - ν²)/(π E)", "physics/joints/base.py, Material.compliance"),
+    ("13", "R = R_i R_j/(R_i - R_j)", "physics/joints/base.py, RoundClearance.hertz_stiffness"),
+    ("14", "b, with the approach speed", "physics/kernel/contact.py, _normal_force"),
+    ("15", "Hertz", "physics/contact/hertzian.py, Hertz"),
+    ("16", "linear spring", "physics/contact/linear.py, LinearSpring"),
+    ("17", "Kelvin-Voigt", "physics/contact/linear.py, KelvinVoigt"),
+    ("18, 19", "Lankarani-Nikravesh", "physics/contact/hertzian.py, LankaraniNikravesh"),
+    ("20", "friction against the sliding", "physics/kernel/contact.py, add_contact_forces"),
+    ("21", "coefficient over speed", "physics/contact/friction.py, Ambrosio"),
+    ("22", "M, C, G of the arm", "simulation/loop.py; model/mechanism.py, mass_matrix"),
+    ("23", "with F_C on the right", "physics/kernel/multirate.py; physics/kernel/singlerate.py"),
 )
 """Number, what it says, and where it stands under src/jointplay."""
 
@@ -331,8 +339,8 @@ def page(study: Findings, setting: str, pictures: str = "") -> str:
 
 def write_page(study: Findings, setting: str, out: Path) -> None:
     """Write ``paper.md`` and its drawings."""
-    from jointplay.plots import drawings
-    from jointplay.plots.names import MARK
+    from jointplay.show.plots import drawings
+    from jointplay.show.plots.names import MARK
 
     for name, draw in zip(DRAWINGS, (drawings.joint_drawings, drawings.contact_forms), strict=True):
         files.picture(out / name, draw(), mark=MARK)

@@ -7,13 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jointplay.analysis.certification import further_runs
-from jointplay.analysis.claims import Verdict
-from jointplay.core import files, signals
-from jointplay.core.progress import printing, whole
-from jointplay.core.tables import Table
-from jointplay.core.units import displayed
-from jointplay.kernel.integrators import DEFAULT
+from jointplay.base import files, signals
+from jointplay.base.progress import printing, whole
+from jointplay.base.tables import Table
+from jointplay.base.units import displayed
 from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
@@ -29,8 +26,11 @@ from jointplay.paper.cases import (
 from jointplay.paper.ensembles import Ensembles, made_with, write_claims
 from jointplay.paper.outputs import folder
 from jointplay.paper.page import write_page
-from jointplay.result.certificate import CertifiedFigure
-from jointplay.result.result import Result
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.simulation.analysis.certification import further_runs
+from jointplay.simulation.analysis.claims import Verdict
+from jointplay.simulation.result.certificate import CertifiedFigure
+from jointplay.simulation.result.result import Result
 
 
 def errors_table(
@@ -175,7 +175,7 @@ def run_study(
             be used.
         KeyboardInterrupt: after Ctrl-C, when all that was computed has been written.
     """
-    from jointplay import plots
+    from jointplay.show import plots
 
     out = folder(out, runs, jobs)
     # The first case has the kernels compiled and cached; from then on all cores can work.

@@ -1,4 +1,8 @@
-"""Scenario files: what to simulate, in TOML, with units."""
+"""Scenario files: what to simulate, in TOML, with units.
+
+A scenario is read, its cases merged and checked, and built into simulations; presets and bare
+robots become scenarios, too. Nothing here runs anything.
+"""
 
 import lazy_loader
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from jointplay.contact.law import FrictionLaw
-from jointplay.core.schema import fields_of
-from jointplay.core.units import readable
-from jointplay.joints import Clearance, SlidingClearance
+from jointplay.base.schema import fields_of
+from jointplay.base.units import readable
+from jointplay.physics.contact.law import FrictionLaw
+from jointplay.physics.joints import Clearance, SlidingClearance
 
 if TYPE_CHECKING:
-    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.load import Scenario
     from jointplay.simulation.simulation import Simulation
 

@@ -12,30 +12,30 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.contact import trust
-from jointplay.core.errors import JointplayError, MissingName, require_positive, within
-from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
-from jointplay.core.units import Measured, ask_degrees, expected, named, readable, toml_text
-from jointplay.design.robot_errors import RobotErrors, refuse_misfit
-from jointplay.joints import JOINT_WORDS, Clearance
-from jointplay.joints.base import RoundClearance
-from jointplay.loads import Load
-from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
-from jointplay.mechanism.beams import FlexibleLink
-from jointplay.mechanism.fixing import with_fixed
-from jointplay.mechanism.flexible import end_of_tool
-from jointplay.mechanism.heat import warmed
-from jointplay.mechanism.loop import Loop, refuse_name
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.payload import Payload
-from jointplay.mechanism.robots import resolve
-from jointplay.mechanism.tool import choose_tool
-from jointplay.mechanism.urdf import Description, read
-from jointplay.motion.cartesian import cartesian_path
-from jointplay.motion.completion import complete_motion
-from jointplay.motion.reference import INTERPOLATIONS, Motion
-from jointplay.result.settings import Integration, Limited, Recording
+from jointplay.accuracy.robot_errors import RobotErrors, refuse_misfit
+from jointplay.base.errors import JointplayError, MissingName, require_positive, within
+from jointplay.base.schema import Draft, Preset, fields_of, unknown_key
+from jointplay.base.units import Measured, ask_degrees, expected, named, readable, toml_text
+from jointplay.model.beams import FlexibleLink
+from jointplay.model.fixing import with_fixed
+from jointplay.model.flexible import end_of_tool
+from jointplay.model.heat import warmed
+from jointplay.model.loop import Loop, refuse_name
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.payload import Payload
+from jointplay.model.robots import resolve
+from jointplay.model.tool import choose_tool
+from jointplay.model.urdf import Description, read
+from jointplay.physics.contact import trust
+from jointplay.physics.joints import JOINT_WORDS, Clearance
+from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction, Torque
+from jointplay.simulation.motion.cartesian import cartesian_path
+from jointplay.simulation.motion.completion import complete_motion
+from jointplay.simulation.motion.reference import INTERPOLATIONS, Motion
+from jointplay.simulation.result.settings import Integration, Limited, Recording
 from jointplay.simulation.simulation import Simulation
 
 # What builders of scenarios share: laws beside the file, places of errors, units of joints.

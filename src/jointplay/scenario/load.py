@@ -12,20 +12,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.contact.trust import trusting
-from jointplay.core.errors import JointplayError, MissingName, require_a
-from jointplay.core.files import is_file, read_text
-from jointplay.core.schema import check, fields_of, make, unknown_key
-from jointplay.core.tables import Overview, few
-from jointplay.core.units import not_lost, toml_text
-from jointplay.mechanism.robots import SHIPPED, is_robot, resolve
+from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.files import is_file, read_text
+from jointplay.base.schema import check, fields_of, make, unknown_key
+from jointplay.base.tables import Overview, few
+from jointplay.base.units import not_lost, toml_text
+from jointplay.model.robots import SHIPPED, is_robot, resolve
+from jointplay.physics.contact.trust import trusting
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree, with_names
 
 if TYPE_CHECKING:
-    from jointplay.design.robot_errors import RobotErrors
-    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.accuracy.robot_errors import RobotErrors
+    from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.build import Built
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation

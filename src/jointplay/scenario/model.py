@@ -8,19 +8,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
-from jointplay.core.schema import choice, quantity
-from jointplay.design.robot_errors import RobotErrors
-from jointplay.joints import Clearance
-from jointplay.loads import Load
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.beams import FlexibleLink
-from jointplay.mechanism.free_base import BASES, HELD
-from jointplay.mechanism.gear import Gearing
-from jointplay.mechanism.heat import Heat
-from jointplay.mechanism.payload import Payload, Vector
-from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
-from jointplay.motion.reference import INTERPOLATIONS
-from jointplay.result.settings import Integration, Limited, Recording
+from jointplay.accuracy.robot_errors import RobotErrors
+from jointplay.base.schema import choice, quantity
+from jointplay.model.beams import FlexibleLink
+from jointplay.model.free_base import BASES, HELD
+from jointplay.model.gear import Gearing
+from jointplay.model.heat import Heat
+from jointplay.model.payload import Payload, Vector
+from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
+from jointplay.physics.joints import Clearance
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.drive import Drive, JointFriction
+from jointplay.simulation.motion.reference import INTERPOLATIONS
+from jointplay.simulation.result.settings import Integration, Limited, Recording
 
 PATHS = ("joint", "line")
 """Ways between Cartesian waypoints."""

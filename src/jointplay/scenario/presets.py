@@ -20,13 +20,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.mechanism.urdf import Description
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.model.urdf import Description
 from jointplay.scenario.settings import Setting
 
 if TYPE_CHECKING:
-    from jointplay.loads.drive import Drive
-    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.simulation.loads.drive import Drive
 
 __all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_for", "preset_of", "presets"]
 
@@ -141,8 +141,8 @@ class Preset:
 
     def drives(self, description: Description) -> dict[str, Drive]:
         """Drives that it knows, by joint; see `tables`."""
-        from jointplay.core.schema import read as make
-        from jointplay.loads.drive import Drive
+        from jointplay.base.schema import read as make
+        from jointplay.simulation.loads.drive import Drive
 
         tables = self.tables(description).get("drives", {})
         return {name: make(Drive, one) for name, one in tables.items()}

@@ -8,18 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError, require_a, require_names
-from jointplay.core.schema import Preset, one_of
-from jointplay.core.tables import few
-from jointplay.core.units import round_below
-from jointplay.joints import JOINT_WORDS, UNNAMED_KIND, Clearance, SlidingClearance, replacing
-from jointplay.kernel.integrators import DEFAULT
-from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve
-from jointplay.mechanism.urdf import Description, read
-from jointplay.result.settings import Integration, Recording
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, require_a, require_names
+from jointplay.base.schema import Preset, one_of
+from jointplay.base.tables import few
+from jointplay.base.units import round_below
+from jointplay.model.robots import PREFIX, SHIPPED, resolve
+from jointplay.model.urdf import Description, read
+from jointplay.physics.joints import (
+    JOINT_WORDS,
+    UNNAMED_KIND,
+    Clearance,
+    SlidingClearance,
+    replacing,
+)
+from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, inline, tree, with_names
+from jointplay.simulation.result.settings import Integration, Recording
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -95,7 +101,7 @@ def description_of(path: Path, settings: Sequence[Setting]) -> Description:
     robot = tree(settings).get("robot", {})
     names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
     allowed, fix = (one if isinstance(one, list) else [] for one in names.values())
-    from jointplay.mechanism.fixing import with_fixed  # imports Pinocchio
+    from jointplay.model.fixing import with_fixed  # imports Pinocchio
 
     return with_fixed(read(path, allowed), fix)
 
@@ -218,10 +224,10 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     Raises:
         JointplayError: links that joints move have no mass, or so little that no step would do.
     """
-    from jointplay.contact.resultant import HOLDING
-    from jointplay.kernel import WELL_RESOLVED_STEPS
-    from jointplay.mechanism.impact import contact_duration, effective_mass
-    from jointplay.mechanism.massless import require_inertia
+    from jointplay.model.impact import contact_duration, effective_mass
+    from jointplay.model.massless import require_inertia
+    from jointplay.physics.contact.resultant import HOLDING
+    from jointplay.physics.kernel import WELL_RESOLVED_STEPS
     from jointplay.simulation.assemble import MIN_CONTACT_STEPS
 
     simulation = scenario.simulation()
@@ -276,7 +282,7 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
 
     Those are its own, of position and speed, and those of the joints that mimic it and follow.
     """
-    from jointplay.mechanism.model import parse
+    from jointplay.model.builder import parse
 
     followers: dict[str, list[str]] = {}
     for name, entry in description.joints.items():

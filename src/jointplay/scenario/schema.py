@@ -7,7 +7,7 @@ import types
 from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 
-from jointplay.core.schema import (
+from jointplay.base.schema import (
     Family,
     Field,
     explanations,

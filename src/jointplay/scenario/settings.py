@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from jointplay.core.errors import JointplayError
-from jointplay.core.units import not_lost, toml_text
+from jointplay.base.errors import JointplayError
+from jointplay.base.units import not_lost, toml_text
 from jointplay.scenario.places import Key, dotted
 
 

@@ -6,19 +6,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from jointplay.contact.law import Law
-from jointplay.core.schema import fields_of
-from jointplay.core.units import readable
-from jointplay.design.robot_errors import RobotErrors
-from jointplay.joints import RollingBearing
-from jointplay.loads import Load
-from jointplay.loads.drive import assign
-from jointplay.loads.limits import LIMITS
-from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.impact import contact_duration
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.accuracy.robot_errors import RobotErrors
+from jointplay.base.schema import fields_of
+from jointplay.base.units import readable
+from jointplay.model.gear import Gear
+from jointplay.model.impact import contact_duration
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.contact.law import Law
+from jointplay.physics.joints import RollingBearing
 from jointplay.scenario.build import errors_of
 from jointplay.scenario.load import Scenario
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.drive import assign
+from jointplay.simulation.loads.limits import LIMITS
 from jointplay.simulation.run import Run
 
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from jointplay import kernel
-from jointplay.contact import elastic, resultant
-from jointplay.contact.compiled import address, check_parameters
-from jointplay.contact.law import Law
-from jointplay.core.errors import JointplayError
-from jointplay.kernel import layout
-from jointplay.kernel.sites import JointSite
-from jointplay.mechanism.impact import (
+from jointplay.base.errors import JointplayError
+from jointplay.model.impact import (
     REFERENCE_SPEED,
     contact_duration,
     effective_mass,
     tooth_duration,
 )
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics import kernel
+from jointplay.physics.contact import elastic, resultant
+from jointplay.physics.contact.compiled import address, check_parameters
+from jointplay.physics.contact.law import Law
+from jointplay.physics.kernel import layout
+from jointplay.physics.kernel.sites import JointSite
 
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused.

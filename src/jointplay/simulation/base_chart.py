@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError
-from jointplay.kernel.workspace import Workspace
-from jointplay.mechanism.free_base import (
+from jointplay.base.errors import JointplayError
+from jointplay.model.free_base import (
     ANGLES,
     STEEPEST_START,
     angles_of,
@@ -19,7 +18,8 @@ from jointplay.mechanism.free_base import (
     rotation,
     turning,
 )
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loop import TimeLoop
 
 LOOK_S = 1e-3

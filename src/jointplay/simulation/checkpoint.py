@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError, damaged
-from jointplay.core.schema import differences, short
-from jointplay.kernel.sources import fingerprint
-from jointplay.result.stored import versions
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, damaged
+from jointplay.base.schema import differences, short
+from jointplay.physics.kernel.sources import fingerprint
+from jointplay.simulation.result.stored import versions
 from jointplay.simulation.working_files import CHECKPOINT
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ def check_replaceable(path: Path) -> None:
     Raises:
         JointplayError: another file is there.
     """
-    from jointplay.kernel import Status
-    from jointplay.result.result import Result
+    from jointplay.physics.kernel import Status
+    from jointplay.simulation.result.result import Result
 
     if not os.path.lexists(path):
         return

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite
-from jointplay.joints import VIRTUAL_LINK, Coordinate
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.loop import (
+from jointplay.base.errors import JointplayError, MissingName, require_finite
+from jointplay.model.loop import (
     ASSEMBLY_TOLERANCE_M,
     assemble,
     closing_rows,
     consistent_velocity,
     misfit,
 )
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
+from jointplay.simulation.loads.drive import Drive, JointFriction
 from jointplay.simulation.statics import (
     ElasticJoint,
     Rest,
@@ -30,7 +30,7 @@ from jointplay.simulation.statics import (
 )
 
 if TYPE_CHECKING:
-    from jointplay.kernel.workspace import Workspace
+    from jointplay.physics.kernel.workspace import Workspace
     from jointplay.simulation.simulation import Simulation
 
 PERTURBATION = 0.5

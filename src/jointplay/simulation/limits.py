@@ -7,12 +7,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
-from jointplay.kernel.integrators import DEFAULT, Integrator
-from jointplay.loads import limits as limits_of_joints
-from jointplay.loads.drive import JointFriction
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.result.netcdf import MEMORY_SHARE, memory
+from jointplay.base.errors import JointplayError, MissingName, require_positive, require_whole
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.kernel.integrators import DEFAULT, Integrator
+from jointplay.simulation.loads import limits as limits_of_joints
+from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.result.netcdf import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import REACHED, Command, compiled, entry_of, layout
-from jointplay.kernel.adaptive import STABLE_TURN
-from jointplay.kernel.integrators import Integrator
-from jointplay.kernel.sites import CarriedFrame, JointSite, LoadSite
-from jointplay.kernel.workspace import Workspace
-from jointplay.mechanism.loop import PROXIMAL
-from jointplay.mechanism.model import Frame
-from jointplay.mechanism.tree import Tree
+from jointplay.model.builder import Frame
+from jointplay.model.loop import PROXIMAL
+from jointplay.model.tree import Tree
+from jointplay.physics.kernel import REACHED, Command, compiled, entry_of, layout
+from jointplay.physics.kernel.adaptive import STABLE_TURN
+from jointplay.physics.kernel.integrators import Integrator
+from jointplay.physics.kernel.sites import CarriedFrame, JointSite, LoadSite
+from jointplay.physics.kernel.workspace import Workspace
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""

@@ -6,7 +6,7 @@ import math
 import time
 from typing import Any
 
-from jointplay.core.progress import ProgressBar, current
+from jointplay.base.progress import ProgressBar, current
 
 
 class Bar:

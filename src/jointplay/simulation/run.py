@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core import signals
-from jointplay.core.errors import (
+from jointplay.base import signals
+from jointplay.base.errors import (
     JointplayError,
     MissingName,
     require_a,
@@ -25,24 +25,20 @@ from jointplay.core.errors import (
     require_vector,
     require_whole,
 )
-from jointplay.joints import Coordinate
-from jointplay.kernel import Status
-from jointplay.kernel.integrators import Integrator, integrator
-from jointplay.kernel.sites import LoadSite
-from jointplay.kernel.workspace import Workspace
-from jointplay.loads.drive import Drive, JointFriction, Servo, assign
-from jointplay.loads.tables import table_nodes, tabulate
-from jointplay.mechanism.impact import tooth_duration
-from jointplay.mechanism.massless import require_inertia
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.result.audit import Judgement
-from jointplay.result.histories import histories
-from jointplay.result.variables import Phase, Records
-from jointplay.simulation import base_chart, checkpoint, initial, limits, step_check
-from jointplay.simulation import loads as acting
+from jointplay.model.impact import tooth_duration
+from jointplay.model.massless import require_inertia
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import Coordinate
+from jointplay.physics.kernel import Status
+from jointplay.physics.kernel.integrators import Integrator, integrator
+from jointplay.physics.kernel.sites import LoadSite
+from jointplay.physics.kernel.workspace import Workspace
+from jointplay.simulation import acting, base_chart, checkpoint, initial, limits, step_check
+from jointplay.simulation.acting import Events, LoadSchedule
 from jointplay.simulation.assemble import check_step, joint_site
 from jointplay.simulation.base_chart import BaseChart
-from jointplay.simulation.loads import Events, LoadSchedule
+from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
+from jointplay.simulation.loads.tables import table_nodes, tabulate
 from jointplay.simulation.loop import (
     LONGEST_ADAPTIVE_MACRO_STEP_S,
     LONGEST_MACRO_STEP_S,
@@ -53,11 +49,14 @@ from jointplay.simulation.loop import (
     TimeLoop,
 )
 from jointplay.simulation.progress import Bar
+from jointplay.simulation.result.audit import Judgement
+from jointplay.simulation.result.histories import histories
+from jointplay.simulation.result.variables import Phase, Records
 from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
 from jointplay.simulation.statics import StaticLoads
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
+    from jointplay.simulation.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
 

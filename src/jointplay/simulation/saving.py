@@ -10,14 +10,14 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.core import files, signals
-from jointplay.core.errors import JointplayError
-from jointplay.kernel import Status
-from jointplay.result.histories import HistoryBuilder
-from jointplay.result.netcdf import GrowingDataset
-from jointplay.result.result import Result
+from jointplay.base import files, signals
+from jointplay.base.errors import JointplayError
+from jointplay.physics.kernel import Status
 from jointplay.simulation import checkpoint, working_files
 from jointplay.simulation.progress import Writing
+from jointplay.simulation.result.histories import HistoryBuilder
+from jointplay.simulation.result.netcdf import GrowingDataset
+from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.working_files import working_paths
 

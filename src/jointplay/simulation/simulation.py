@@ -12,28 +12,28 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
-from jointplay.contact.trust import trusting
-from jointplay.core.errors import JointplayError, require_a, require_non_negative, require_table
-from jointplay.core.imports import provided
-from jointplay.core.schema import check_fields, unknown_key
-from jointplay.core.tables import Overview, few
-from jointplay.core.units import readable
-from jointplay.kernel import Status
-from jointplay.loads import Load
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.payload import Payload
-from jointplay.motion.completion import complete_motion
-from jointplay.motion.reference import Motion
-from jointplay.result.inputs import Inputs
-from jointplay.result.settings import START_UP
+from jointplay.base.errors import JointplayError, require_a, require_non_negative, require_table
+from jointplay.base.imports import provided
+from jointplay.base.schema import check_fields, unknown_key
+from jointplay.base.tables import Overview, few
+from jointplay.base.units import readable
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.payload import Payload
+from jointplay.physics.contact.trust import trusting
+from jointplay.physics.kernel import Status
 from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
+from jointplay.simulation.loads import Load
+from jointplay.simulation.loads.drive import Drive, JointFriction
+from jointplay.simulation.motion.completion import complete_motion
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.inputs import Inputs
+from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
+    from jointplay.simulation.result.result import Result
 
 _TURNS = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(turns?|s)\s*")
 

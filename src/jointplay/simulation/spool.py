@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError
-from jointplay.kernel.layout import Quantity
-from jointplay.kernel.workspace import Workspace
-from jointplay.result.audit import PORTION
-from jointplay.result.variables import Records
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
+from jointplay.physics.kernel.layout import Quantity
+from jointplay.physics.kernel.workspace import Workspace
+from jointplay.simulation.result.audit import PORTION
+from jointplay.simulation.result.variables import Records
 from jointplay.simulation.working_files import RECORDS
 
 # Records of a run on disk, one after the other as they are made.

@@ -13,19 +13,19 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact import elastic, resultant
-from jointplay.contact.calls import call_normal
-from jointplay.contact.compiled import MAX_PARAMETERS, address
-from jointplay.core.compiler import njit, pointer
-from jointplay.geometry import classify_many, touch
-from jointplay.joints import VIRTUAL_LINK, Clearance, Coordinate
-from jointplay.kernel.sites import Carriers, LoadSite
-from jointplay.kernel.sources import stamp
-from jointplay.loads.base import Load, compiled_law
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.impact import elastic_energy
-from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.base.compiler import njit, pointer
+from jointplay.model.impact import elastic_energy
+from jointplay.model.loop import ANGLE_ARM_M, closing_rows, misfit
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.contact import elastic, resultant
+from jointplay.physics.contact.calls import call_normal
+from jointplay.physics.contact.compiled import MAX_PARAMETERS, address
+from jointplay.physics.geometry import classify_many, touch
+from jointplay.physics.joints import VIRTUAL_LINK, Clearance, Coordinate
+from jointplay.physics.kernel.sites import Carriers, LoadSite
+from jointplay.physics.kernel.sources import stamp
+from jointplay.simulation.loads.base import Load, compiled_law
+from jointplay.simulation.loads.drive import Drive, JointFriction
 
 # Downhill in a few coordinates: where a potential with corners is lowest.
 

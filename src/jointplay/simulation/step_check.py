@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core import signals
-from jointplay.core.errors import JointplayError
-from jointplay.kernel import Status
-from jointplay.kernel.integrators import integrator
-from jointplay.result.audit import STEP_WARNING
+from jointplay.base import signals
+from jointplay.base.errors import JointplayError
+from jointplay.physics.kernel import Status
+from jointplay.physics.kernel.integrators import integrator
 from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
+from jointplay.simulation.result.audit import STEP_WARNING
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
+    from jointplay.simulation.result.result import Result
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jointplay.core import files
+from jointplay.base import files
 
 CHECKPOINT = b"jointplay checkpoint 3\n"
 """How a checkpoint begins."""

@@ -1,6 +1,8 @@
-"""Sweeps: many cases of a scenario on all cores or a cluster, in one store that loses nothing.
+"""Many runs: a plan of variations, measures of each, and a store that loses nothing.
 
-Modules are loaded when a name is first used: workers need neither the store nor statistics.
+Sweeps, ensembles, shares and Sobol indices, ISO 9283, wear and maintenance are plans with measures;
+`nonlinear` has sections, exponents and bifurcations. Modules are loaded when a name is first used:
+workers need neither the store nor statistics. Nothing here draws.
 """
 
 import lazy_loader

@@ -1,3 +1,4 @@
+from . import nonlinear as nonlinear
 from .plan import Plan as Plan
 from .plan import plan_of as plan_of
 from .run import run_plan as run_plan

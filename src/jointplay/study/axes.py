@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, closest, require_positive, require_whole
-from jointplay.core.schema import one_of, unknown_key
-from jointplay.core.units import convert, toml_text
+from jointplay.base.errors import JointplayError, closest, require_positive, require_whole
+from jointplay.base.schema import one_of, unknown_key
+from jointplay.base.units import convert, toml_text
 from jointplay.scenario.places import Key, dotted
 from jointplay.study.keys import is_whole, kinds, path_of, units_of
 

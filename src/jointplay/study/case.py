@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.twins import ideal_simulation, task, tool_motion
-from jointplay.core.errors import JointplayError
-from jointplay.core.files import temporary
-from jointplay.kernel import Status
-from jointplay.mechanism.robots import PREFIX, SHIPPED
-from jointplay.motion.reference import Motion
-from jointplay.result.result import Result
-from jointplay.result.stored import versions
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import temporary
+from jointplay.model.robots import PREFIX, SHIPPED
+from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting
+from jointplay.simulation.analysis.twins import ideal_simulation, task, tool_motion
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.stored import versions
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.journal import DONE, FAILED, History, Index, Outcome
 from jointplay.study.measures import (
@@ -184,7 +184,7 @@ class Bench:
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         if self._certified(changes):
-            from jointplay.analysis.certification import errors_if_possible
+            from jointplay.simulation.analysis.certification import errors_if_possible
 
             certificate = errors_if_possible(result, True, simulation=simulation)
             if certificate is not None:

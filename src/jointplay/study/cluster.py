@@ -10,9 +10,9 @@ from contextlib import suppress
 from itertools import islice
 from typing import Any, Generic
 
-from jointplay.core.errors import JointplayError, one_line
-from jointplay.core.imports import extra
-from jointplay.result.stored import versions
+from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.imports import extra
+from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Item, Value
 
 BATCH_S = 2.0

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.twins import ideal_simulation
-from jointplay.contact.trust import files_of
-from jointplay.core.errors import JointplayError, require_whole
-from jointplay.core.processes import number_of
-from jointplay.mechanism.impact import fitting_step
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.payload import Payload
-from jointplay.motion.reference import Motion
-from jointplay.result.result import Result
-from jointplay.result.settings import START_UP
+from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.processes import number_of
+from jointplay.model.impact import fitting_step
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.payload import Payload
+from jointplay.physics.contact.trust import files_of
+from jointplay.simulation.analysis.twins import ideal_simulation
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.lines import Arrays, Lines
 from jointplay.study.study import Measure, Memory, Study

@@ -8,12 +8,12 @@ from contextlib import closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from jointplay.core.errors import require_a
-from jointplay.kernel import Status
+from jointplay.base.errors import require_a
+from jointplay.physics.kernel import Status
 from jointplay.study.study import Study
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
+    from jointplay.simulation.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
 BAR_AFTER_S = 2.0

@@ -47,14 +47,14 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from jointplay.analysis.tool_error import Stop, rotations, stops
-from jointplay.analysis.twins import ideal_simulation
-from jointplay.analysis.uncertainty import IntervalEstimate
-from jointplay.core.errors import JointplayError, require_a, require_positive
-from jointplay.core.tables import Table
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.cartesian import cartesian_path
-from jointplay.motion.reference import GOES_ON, Motion
+from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.tables import Table
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.analysis.tool_error import Stop, rotations, stops
+from jointplay.simulation.analysis.twins import ideal_simulation
+from jointplay.simulation.analysis.uncertainty import IntervalEstimate
+from jointplay.simulation.motion.cartesian import cartesian_path
+from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces

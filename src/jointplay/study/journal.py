@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
 
 JOURNAL = "journal"
 """Name of the journal within the store."""

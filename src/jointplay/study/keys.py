@@ -10,9 +10,9 @@ from copy import deepcopy
 from dataclasses import is_dataclass
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
-from jointplay.core.errors import JointplayError
-from jointplay.core.schema import Field, family_of, fields_of, unknown_key
-from jointplay.core.units import toml_text
+from jointplay.base.errors import JointplayError
+from jointplay.base.schema import Field, family_of, fields_of, unknown_key
+from jointplay.base.units import toml_text
 from jointplay.scenario.model import Model
 from jointplay.scenario.places import Key, dotted
 

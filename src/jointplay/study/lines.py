@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
 from jointplay.study.journal import Journal, entries
 from jointplay.study.study import Memory
 

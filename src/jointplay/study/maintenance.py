@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from jointplay.analysis.uncertainty import standard_error
-from jointplay.core.errors import JointplayError, require_a, require_finite, require_positive
-from jointplay.core.tables import Column, Table
-from jointplay.design.error_budget import budget
-from jointplay.design.poses import along_motion, start_of
-from jointplay.joints import RollingBearing
+from jointplay.accuracy.error_budget import budget
+from jointplay.accuracy.poses import along_motion, start_of
+from jointplay.base.errors import JointplayError, require_a, require_finite, require_positive
+from jointplay.base.tables import Column, Table
+from jointplay.physics.joints import RollingBearing
+from jointplay.simulation.analysis.uncertainty import standard_error
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.wear import (
     Depths,

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.bearings import bearing_life
-from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
-from jointplay.analysis.twins import rolls
-from jointplay.contact.trust import function_in_folder, imported, is_beside
-from jointplay.core.errors import JointplayError
-from jointplay.geometry import Mode
-from jointplay.motion.reference import Motion
-from jointplay.result.result import Result
-from jointplay.result.variables import LOSSES
+from jointplay.base.errors import JointplayError
+from jointplay.physics.contact.trust import function_in_folder, imported, is_beside
+from jointplay.physics.geometry import Mode
+from jointplay.simulation.analysis.bearings import bearing_life
+from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation, stops
+from jointplay.simulation.analysis.twins import rolls
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.variables import LOSSES
 
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.uncertainty import Until, read_until
-from jointplay.core.errors import JointplayError, MissingName, require_whole
-from jointplay.core.files import is_file, read_text
-from jointplay.core.schema import one_of, unknown_key
-from jointplay.core.units import convert, toml_text
-from jointplay.mechanism.robots import resolve
+from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.base.files import is_file, read_text
+from jointplay.base.schema import one_of, unknown_key
+from jointplay.base.units import convert, toml_text
+from jointplay.model.robots import resolve
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
+from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
 from jointplay.study.journal import Coordinate, Index
 from jointplay.study.keys import put

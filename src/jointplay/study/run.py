@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointplay import kernel
-from jointplay.core.errors import JointplayError, require_a
-from jointplay.core.processes import MOST_DEATHS, Pool, number_of
-from jointplay.core.progress import ProgressBar
-from jointplay.core.schema import one_of
-from jointplay.core.units import toml_text
+from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.processes import MOST_DEATHS, Pool, number_of
+from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import one_of
+from jointplay.base.units import toml_text
+from jointplay.physics import kernel
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.study.axes import Axis

@@ -33,7 +33,7 @@ from urllib.parse import unquote
 from zarr.abc.store import ByteRequest, Store
 from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
 
-from jointplay.core.errors import JointplayError, damaged
+from jointplay.base.errors import JointplayError, damaged
 
 FORMAT = 4
 """Version of the format of stores."""

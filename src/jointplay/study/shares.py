@@ -25,9 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.twins import ideal_simulation, state_without_play
-from jointplay.analysis.uncertainty import SobolIndices, salib, sobol_indices, standard_error
-from jointplay.core.errors import (
+from jointplay.accuracy.jacobians import GEAR
+from jointplay.base.errors import (
     JointplayError,
     require_a,
     require_finite,
@@ -35,9 +34,15 @@ from jointplay.core.errors import (
     require_positive,
     require_whole,
 )
-from jointplay.core.tables import Column, Table
-from jointplay.design.jacobians import GEAR
-from jointplay.joints import RollingBearing
+from jointplay.base.tables import Column, Table
+from jointplay.physics.joints import RollingBearing
+from jointplay.simulation.analysis.twins import ideal_simulation, state_without_play
+from jointplay.simulation.analysis.uncertainty import (
+    SobolIndices,
+    salib,
+    sobol_indices,
+    standard_error,
+)
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.axes import points
 from jointplay.study.courses import (

@@ -41,9 +41,9 @@ import xarray as xr
 import zarr
 from zarr.core.sync import sync
 
-from jointplay.core import files
-from jointplay.core.errors import JointplayError, damaged, require_a
-from jointplay.result.stored import versions
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, damaged, require_a
+from jointplay.simulation.result.stored import versions
 from jointplay.study import sealed
 from jointplay.study.journal import (
     FAILED,

@@ -13,11 +13,11 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from jointplay.core.processes import Pool, Serial, number_of
-from jointplay.core.progress import ProgressBar
+from jointplay.base.processes import Pool, Serial, number_of
+from jointplay.base.progress import ProgressBar
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
+    from jointplay.simulation.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
 Item = TypeVar("Item")
@@ -152,7 +152,7 @@ class Study(Generic[Item, Value]):
         """So many processes of this machine; one is this one."""
         if number == 1:
             return Serial(self.measure, name=self.name)
-        from jointplay import kernel
+        from jointplay.physics import kernel
 
         kernel.compiled()  # once, for all of them
         return Pool(self.measure, number, kept=self.store.kept, name=self.name)

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointplay.analysis.uncertainty import (
+from jointplay.base.errors import JointplayError, MissingName, require_a, require_share
+from jointplay.base.tables import Column, Table
+from jointplay.simulation.analysis.uncertainty import (
     SobolIndices,
     convergence,
     enough,
     estimate,
     sobol_indices,
 )
-from jointplay.core.errors import JointplayError, MissingName, require_a, require_share
-from jointplay.core.tables import Column, Table
 from jointplay.study.journal import FAILED
 from jointplay.study.measures import BEARING
 from jointplay.study.plan import REPEAT, SAMPLE
@@ -157,7 +157,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
     Raises:
         JointplayError: no such dimension or value.
     """
-    from jointplay.core.units import convert
+    from jointplay.base.units import convert
 
     for name, text in only.items():
         if name not in dataset.sizes or name not in dataset.attrs["sizes"]:

@@ -24,24 +24,24 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from jointplay.analysis.uncertainty import standard_error
-from jointplay.core.errors import (
+from jointplay.base.errors import (
     JointplayError,
     MissingName,
     require_a,
     require_positive,
     require_whole,
 )
-from jointplay.core.progress import ProgressBar
-from jointplay.core.tables import Table
-from jointplay.joints import RollingBearing
-from jointplay.joints.base import BoreWear
-from jointplay.kernel import AZIMUTHS
+from jointplay.base.progress import ProgressBar
+from jointplay.base.tables import Table
+from jointplay.physics.joints import RollingBearing
+from jointplay.physics.joints.base import BoreWear
+from jointplay.physics.kernel import AZIMUTHS
+from jointplay.simulation.analysis.uncertainty import standard_error
 from jointplay.study.courses import MOST_RUNS, check_numbers
 from jointplay.study.study import Measure, Study
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
+    from jointplay.simulation.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
 Depths = Mapping[str, np.ndarray]

@@ -1,0 +1,8 @@
+"""The tool's error by statics: its causes, budgets, and which may be how large.
+
+Nothing here steps through time, and nothing knows of files.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,2 @@
+from .allocation import allocate as allocate
+from .error_budget import budget as budget

@@ -1,0 +1,769 @@
+"""What must be how large, or better: the cheapest sizes and bearings that keep a tolerance.
+
+Clearances of any size, parts of causes that remain, and bearings, which are bought by class, are
+chosen together (`cheapest`). A clearance's play has a second order: it is found anew at each
+solution until both agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from jointplay.accuracy.causes import CAUSES, Cause, cause_model, named, told_apart
+from jointplay.accuracy.cheapest import (
+    COSTS,
+    FITS,
+    SAMPLES,
+    Error,
+    Key,
+    Problem,
+    Quantile,
+    RootMeanSquare,
+    Sizes,
+    Unreachable,
+    WorstCase,
+    spread,
+)
+from jointplay.accuracy.error_model import ErrorModel, play_model
+from jointplay.accuracy.jacobians import configurations, force_on_tool
+from jointplay.accuracy.robot_errors import RobotErrors
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    require_a,
+    require_non_negative,
+    require_positive,
+    require_share,
+    require_whole,
+)
+from jointplay.base.progress import ProgressBar
+from jointplay.base.tables import Column, Table
+from jointplay.base.units import readable
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import Clearance, RollingBearing
+from jointplay.physics.joints.bearings import PRELOADED
+
+LEAST_M, MOST_M = 2e-6, 1e-3
+"""Clearances that can be bought, unless others are given [m]."""
+LIMIT = 0.1
+"""Part of a cause that remains at least, unless it is given: assumed."""
+PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1": 1.0,
+          PRELOADED: 2.0}  # fmt: skip
+"""Price of a class relative to the usual one, unless it is given: assumed, of no catalogue."""
+PATIENCE_S = 2.0
+"""What takes longer has a bar [s]."""
+_MM = 1e3
+"""Costs are of clearances in millimetres."""
+_RENEWALS = 12
+_USED, _USED_ROUGH = 1e-6, 5e-4
+"""Part of the target that may be left, and where the error is not convex."""
+_SETTLED = 1e-3
+"""Relative change of sizes below which plays, of the second order, are as they were."""
+_LISTED = 2e-3
+"""Part of the error below which a cause has no line of its own."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A bearing that can be bought for a joint."""
+
+    name: str
+    """Of the class."""
+    joint: Clearance
+    price: float
+
+
+def offers_of(
+    joint: RollingBearing, prices: Mapping[str, float] | None = None
+) -> tuple[Offer, ...]:
+    """What can be bought instead of a bearing: all classes of its size, and a pair preloaded.
+
+    Args:
+        joint: the bearing.
+        prices: by class; those of `PRICES` where not given.
+
+    Raises:
+        MissingName: a price of a class that does not exist.
+        JointplayError: a negative price; a bearing of whose size no classes are known.
+    """
+    known = dict(PRICES)
+    for name, price in (prices or {}).items():
+        if name not in known:
+            raise MissingName("class of clearance", name, known)
+        known[name] = require_non_negative(f"price of {name!r}", price, "")
+    return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in joint.of_classes().items())
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen of a cause at a joint."""
+
+    joint: str
+    cause: str
+    remaining: float
+    """How large it is, as a part of what it was."""
+    clearance: float
+    """Radial (across x, of a slider), NaN if it is none [m]."""
+    offer: Offer | None
+    """The bearing, if one was chosen."""
+    before: float
+    """What it added to the error as it was [m]."""
+    after: float
+    """What it adds in the end [m]."""
+    gain: float
+    """Error per clearance, where the target binds."""
+    price: float
+    saved: float
+    """What the last micrometre of the clearance costs: saved by one more [1/um]."""
+    held: str
+    """``target``, ``least``, ``most``, of causes ``limit``, ``as is`` where nothing is bought, or
+    ``kept``; ``class`` of bearings."""
+    order: int
+    """Of causes, which is bought first: rank by what the first of its price saves, from 1 on; 0
+    where nothing is bought."""
+
+
+@dataclass(frozen=True)
+class Allocation:
+    """Sizes and bearings that keep a target."""
+
+    target: float
+    """Largest error of the tool [m]."""
+    kind: str
+    """What the error is: a worst case, a quantile or the root mean square, in words."""
+    cost: str
+    """How clearances are paid for."""
+    whole: bool
+    """Whether causes were improved; else only clearances and bearings."""
+    choices: tuple[Choice, ...]
+    was: float
+    """The error as it was [m]."""
+    error: float
+    """What is reached, by the static model with its second order [m]."""
+    spread: tuple[float, float]
+    """95 % interval of a quantile, for it is of samples; else the error itself [m]."""
+    free: float
+    """Price without a target."""
+    relief: float
+    """Price saved by a target one metre wider [1/m]."""
+    mechanism: Mechanism
+    """With these sizes and bearings; of causes the clearances alone."""
+    notes: tuple[str, ...]
+    """What was given and assumed, and what stays as it is, lines of text."""
+
+    def each(self, what: str) -> np.ndarray:
+        """A number of all choices, such as their ``price``; one of the fields of `Choice`."""
+        return np.array([getattr(one, what) for one in self.choices])
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Of the choices."""
+        return tuple(one.joint for one in self.choices)
+
+    @property
+    def clearance(self) -> np.ndarray:
+        """Radial clearances, NaN of what is none [m]."""
+        return self.each("clearance")
+
+    @property
+    def total(self) -> float:
+        """Price of all."""
+        return float(self.each("price").sum())
+
+    @property
+    def parts(self) -> dict[Key, float]:
+        """What remains by joint and cause, where less than all: `remaining` of `budget`."""
+        return {(o.joint, o.cause): o.remaining for o in self.choices if o.remaining < 1.0}
+
+    def table(self) -> Table:
+        """A row for each; of causes those that matter, first those that were bought first."""
+        if not self.whole:
+            return replace(self.data(), notes=self._notes())
+        small = [abs(o.before) <= _LISTED * self.was and not o.order for o in self.choices]
+        kept = [one for one, left in zip(self.choices, small, strict=True) if not left]
+        shown = self._rows(sorted(kept, key=lambda one: (one.order == 0, -one.before)))
+        more = []
+        if any(small):
+            sums = {head: self.each(head)[small].sum() for head in ("before", "after")}
+            others = [sums.get(one.head) for one in shown.columns[1:]]
+            more = [(f"{sum(small)} more", *others)]
+        return replace(shown, totals=more, notes=self._notes())
+
+    def data(self) -> Table:
+        """The same of all, in their order."""
+        return self._rows(self.choices)
+
+    def _rows(self, kept: Sequence[Choice]) -> Table:
+        def numbers(what: str) -> list[Any]:
+            return [getattr(one, what) for one in kept]
+
+        total = self.total or 1.0
+        offers = [one.offer for one in kept]
+        free = [None if one is None else one.joint.travel for one in offers]
+        columns = [Column("joint", numbers("joint"))]
+        if self.whole:
+            columns.append(Column("cause", numbers("cause")))
+        elif self._sized:
+            columns.append(Column("clearance", numbers("clearance"), "m", fine=True))
+        if any(offers):
+            columns.append(Column("class", [None if o is None else o.name for o in offers]))
+            for way, axis in (("across", "x"), ("along", "z")):
+                far = [None if one is None else one[axis] for one in free]
+                columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
+        if self.whole:
+            columns += [
+                Column("before", numbers("before"), "m"),
+                Column("after", numbers("after"), "m"),
+                Column("remains", numbers("remaining"), key="remaining"),
+                Column("price", numbers("price"), digits=4),
+                Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
+                Column("bought", [one.order or None for one in kept]),
+                Column("held by", numbers("held")),
+            ]
+            return Table(columns)
+        if self._sized:
+            columns.append(Column("error per clearance", numbers("gain")))
+        columns.append(Column("adds", numbers("after"), "m", fine=True))
+        if any(offers):
+            columns.append(Column("price", numbers("price"), digits=4))
+        if self._sized:
+            saved = Column("a um more saves", numbers("saved"), key="saved_by_a_micrometre")
+            columns += [saved, Column("held by", numbers("held"))]
+        return Table(columns)
+
+    @property
+    def _sized(self) -> bool:
+        return not np.isnan(self.clearance).all()
+
+    def _notes(self) -> list[str]:
+        """The outcome, what was given and what was assumed, in lines."""
+        if self.whole:
+            line = (
+                f"{self.kind} {1e3 * self.error:.4f} mm of {1e3 * self.target:.4f} mm (as it is "
+                f"{1e3 * self.was:.4f} mm)"
+            )
+            if self.total == 0.0:
+                line += ": within the target already, nothing is spent"
+            else:
+                line += f"; price {self.total:.5g}; a target 1 % wider saves "
+                line += f"{0.01 * self.target * self.relief:.4g}"
+            return [line, *self.notes]
+        low, high = self.spread
+        interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
+        line = f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; "
+        if self._sized:
+            line += f"cost {self.total:.5g} ({self.cost}); a target one um wider saves "
+            line += f"{1e-6 * self.relief:.4g}"
+        else:
+            line += f"price {self.total:g} (without a target {self.free:g})"
+        return [line, *self.notes]
+
+    def __str__(self) -> str:
+        """The table."""
+        return str(self.table())
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """What is to be allocated: a machine by what remains of its causes and by its bearings."""
+
+    mechanism: Mechanism
+    q: np.ndarray
+    driven: Sequence[str] | None
+    causes: Mapping[str, Cause] | None
+    """None: play alone."""
+    force: np.ndarray
+    errors: RobotErrors
+    kind: str
+    offers: Mapping[str, Sequence[Offer]]
+
+    def made(
+        self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
+    ) -> tuple[Mechanism, ErrorModel]:
+        """The mechanism with clearances that remain and bearings that are chosen, and its error."""
+        joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
+        if self.causes is not None:
+            other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
+            return cause_model(
+                other, self.q, self.force, self.causes, self.errors, self.kind, remaining
+            )
+        joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
+        other = self.mechanism.with_clearance(joints)
+        return other, play_model(other, self.q, driven=self.driven, loops=True)
+
+    def with_offers(
+        self, remaining: Mapping[Key, float], keys: Sequence[Key]
+    ) -> tuple[ErrorModel, list[int]]:
+        """The error with all bearings that are offered, and which choice each contribution is."""
+        first = dict(
+            zip(self.offers, np.cumsum([0, *map(len, self.offers.values())]), strict=False)
+        )
+        models, of = [], []
+        for k in range(max(map(len, self.offers.values()), default=1)):
+            chosen = {name: own[min(k, len(own) - 1)] for name, own in self.offers.items()}
+            _, model = self.made(remaining, chosen)
+            own = [self._offered(one.joint, one.cause, one.gear) for one in model.contributions]
+            kept = [
+                i
+                for i, one in enumerate(model.contributions)
+                if (k < len(self.offers[one.joint]) if own[i] else k == 0)
+            ]
+            models.append(model.subset(kept))
+            of += [
+                len(keys) + int(first[model.contributions[i].joint]) + k
+                if own[i]
+                else self.choice(model, keys)[i]
+                for i in kept
+            ]
+        if len(models) > 1 and models[0].tied:
+            raise JointplayError(
+                "plays that constrain each other in a closed loop are no sum over joints: choose "
+                "the classes by trying (jointplay budget)"
+            )
+        return ErrorModel.join(models), of
+
+    def choice(self, model: ErrorModel, keys: Sequence[Key]) -> list[int]:
+        """Which of the sizes each contribution is, -1 for none."""
+        place = {key: i for i, key in enumerate(keys)}
+        return [
+            place.get((one.joint, one.cause), -1)
+            if one.proportional and not (one.gear and self.causes is None)
+            else -1
+            for one in model.contributions
+        ]
+
+    def _offered(self, joint: str, cause: str, gear: bool) -> bool:
+        """Whether a contribution is that of a bearing that is to be chosen."""
+        return joint in self.offers and cause in ("play", "elasticity") and not gear
+
+    def sizable(self, model: ErrorModel, keep: Collection[str]) -> list[Key]:
+        """Joints and causes whose size can be chosen."""
+        found = dict[Key, None]()
+        for one in model.contributions:
+            free = one.proportional and not {one.joint, one.cause} & {*keep}
+            if self.causes is None:
+                free = free and not one.gear
+            if free and not self._offered(one.joint, one.cause, one.gear):
+                found[one.joint, one.cause] = None
+        return list(found)
+
+
+def allocate(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    target: float,
+    *,
+    causes: Collection[str | Cause] | None = None,
+    statistical: bool = False,
+    quantile: float | None = None,
+    keep: Collection[str] = (),
+    offers: Mapping[str, Sequence[Offer]] | None = None,
+    prices: Mapping[str, float] | None = None,
+    weights: Mapping[str, float] | None = None,
+    limits: Mapping[str, float] | None = None,
+    cost: str = COSTS[0],
+    least: float = LEAST_M,
+    most: float = MOST_M,
+    force: Sequence[float] = (0.0, 0.0, 0.0),
+    errors: RobotErrors | None = None,
+    kind: str | None = None,
+    seed: int = 0,
+    driven: Sequence[str] | None = None,
+    progress: bool = False,
+) -> Allocation:
+    """The cheapest sizes and bearings with which the tool's error keeps `target` at all poses.
+
+    By play alone: clearances of any size, whose ratio of axial to radial clearance stays, and the
+    classes of rolling bearings, together. By several causes: the part of each that remains at each
+    joint, and rolling bearings for which there are `offers`.
+
+    Args:
+        mechanism: the play of its gears, and what has no play, stays unless causes are improved.
+        poses: as for `budget`.
+        target: largest distance of the tool from where it should be [m].
+        causes: as for `budget`; None: play alone.
+        statistical: of several causes: the target is of the root mean square, not of the worst
+            case.
+        quantile: by play alone: the part of states that must keep it, such as 0.99; None: the worst
+            case.
+        keep: joints and causes that count but stay as they are.
+        offers: bearings for joints; of play alone `offers_of` all rolling bearings that are not
+            named, as of a joint with an empty list. Of several causes, how a joint gives way goes
+            with its bearing, and is no size of its own.
+        prices: by class of bearing, `PRICES` where not given; of halving a cause, by cause, 1 where
+            not given.
+        weights: of joints, which multiply the prices of their sizes; 1 where not given.
+        limits: part of a cause that remains at least, by cause; `LIMIT` where not given.
+        cost: of clearances, one of `COSTS`.
+        least, most: clearances that can be bought [m].
+        force, errors, kind: of several causes, as for `budget`.
+        seed: of the sampled states.
+        driven: joints of loops that stand; see `budget`.
+        progress: show a count of the rounds on standard error, if it takes long.
+
+    Raises:
+        JointplayError: a target that cannot be reached, which says what can be, and what prevents
+            it; nothing to allocate; values that cannot be; see `budget`.
+        MissingName: no such cost, joint, cause or class.
+    """
+    require_a("mechanism", mechanism, "Mechanism")
+    target = require_positive("target", target, "m")
+    seed = require_whole("seed", seed)
+    whole = causes is not None
+    prices, weights, limits = dict(prices or {}), dict(weights or {}), dict(limits or {})
+    own = named(causes or ())
+    _check(mechanism, own if whole else None, keep, prices, weights, limits)
+    if quantile is not None:
+        require_share("the quantile", quantile)
+    if whole and mechanism.loops:
+        raise JointplayError("causes can be improved only of robots without closed loops")
+    given = RobotErrors() if errors is None else errors
+    kind = kind or given.assumed or "industrial"
+    classes = {name: price for name, price in prices.items() if name not in own}
+    machine = _Machine(
+        mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
+        force_on_tool(force), given, kind, _offers(mechanism, offers, classes, keep, whole),
+    )  # fmt: skip
+    _, first = machine.made({}, {})
+    keys = machine.sizable(first, keep)
+    if whole:
+        weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
+        low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
+        sizes = Sizes(tuple(keys), np.array(weight), np.array(low), ones, ones, COSTS[0])
+    else:
+        sizes = _clearances(mechanism, keys, cost, weights, least, most, quantile)
+    if not keys and not machine.offers:
+        _refuse_nothing(mechanism, whole)
+    if quantile is not None and machine.offers:
+        raise JointplayError("a quantile is for clearances that can be any, not for classes")
+    make: Any = RootMeanSquare if statistical else WorstCase
+    if quantile is not None:
+        make = partial(Quantile, quantile=quantile, seed=seed)
+    bar = ProgressBar(
+        desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
+    )
+    with bar:
+        try:
+            return _allocated(machine, sizes, first, target, make, bar, prices, limits)
+        except Unreachable as unreachable:
+            raise _refusal(machine, sizes, make, unreachable) from None
+
+
+def _allocated(
+    machine: _Machine,
+    sizes: Sizes,
+    first: ErrorModel,
+    target: float,
+    make: Any,
+    bar: Any,
+    *given: Mapping[str, float],
+) -> Allocation:
+    """Allocate, again with the play as it is at each solution until both agree."""
+    keys, count = sizes.keys, len(sizes.keys)
+    x, aim = np.ones(count), target * (1.0 - FITS)
+    curved = any(cause == "play" for _, cause in keys)
+    offers = list(machine.offers.values())
+    start = last = make(first, machine.choice(first, keys), x)
+    for _ in range(_RENEWALS):
+        before, error = x, last
+        if offers:
+            now = np.append(x, np.ones(sum(map(len, offers))))
+            error = make(*machine.with_offers(_remaining(keys, x), keys), now)
+        own = [np.array([one.price for one in some]) for some in offers]
+        problem = Problem(error, sizes, own, aim, bar)
+        try:
+            z = problem.solve()
+        except Unreachable as refused:
+            least = refused.z[:count]
+            if not curved or np.allclose(x, least, rtol=_SETTLED):
+                raise
+            x = least  # where plays may be smaller than in proportion
+            _, model = machine.made(_remaining(keys, x), {})
+            last = make(model, machine.choice(model, keys), x)
+            continue
+        x = z[:count]
+        taken = {
+            name: some[k]
+            for (name, some), k in zip(machine.offers.items(), problem.chosen(z), strict=True)
+        }
+        mechanism, model = machine.made(_remaining(keys, x), taken)
+        if isinstance(error, Quantile):  # its states stay, in the first order
+            reached, ends = spread(model, error.quantile, error.seed)
+        else:
+            last = make(model, machine.choice(model, keys), x)
+            reached = last.at(x) if last.convex else float(model.farthest().size.max())
+            ends = reached, reached
+        left = _USED if error.convex else _USED_ROUGH
+        settled = (
+            not curved or not error.convex or np.abs(x / before - 1.0).max(initial=0.0) < _SETTLED
+        )
+        used = reached >= target * (1.0 - left) or "target" not in sizes.held(x)
+        if settled and used and reached <= target:
+            break
+        if settled:
+            aim *= target / reached * (1.0 - 0.5 * left)
+    else:
+        raise JointplayError(
+            f"the allocation did not settle within {100 * abs(reached / target - 1.0):.2g} % of "
+            "the target; keep play, or allocate clearances first"
+        )
+    whole = machine.causes is not None
+    free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if whole else 0.0)
+    return Allocation(
+        target,
+        _words(machine, last),
+        sizes.cost,
+        whole,
+        tuple(_choices(machine, problem, z, taken, start, last)),
+        start.at(np.ones(count)),
+        reached,
+        ends,
+        float(free),
+        problem.relief,
+        mechanism,
+        tuple(_notes(machine, first, sizes, *given)) if whole else (),
+    )
+
+
+def _remaining(keys: Sequence[Key], x: np.ndarray) -> dict[Key, float]:
+    """What is not as it was."""
+    return {key: float(part) for key, part in zip(keys, x, strict=True) if part != 1.0}
+
+
+def _choices(
+    machine: _Machine,
+    problem: Problem,
+    z: np.ndarray,
+    taken: Mapping[str, Offer],
+    start: Error,
+    last: Error,
+) -> list[Choice]:
+    """What was chosen, by joint and cause; `start` and `last` are the error as it was and is."""
+    sizes, whole = problem.sizes, machine.causes is not None
+    count = len(sizes.keys)
+    x, ones = z[:count], np.ones(count)
+    before, after = (
+        _by_key(error.model, error.parts(at)) for error, at in ((start, ones), (last, x))
+    )
+    held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
+    paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
+    worth = start.slopes(ones) / sizes.weight
+    bought = [int(k) for k in np.argsort(-worth) if held[k] != "most"]
+    place = {key: k for k, key in enumerate(sizes.keys)}
+    of_joints = dict.fromkeys((name, "play") for name in machine.mechanism.clearance)
+    rows = [*before, *(key for key in of_joints if key[0] in taken and key not in before)]
+    if not whole:
+        rows = [key for key in of_joints if key in place or key[0] in taken]
+    found = []
+    for key in rows:
+        k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
+        adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
+        size, gain, saved, how, order = np.nan, np.nan, np.nan, "kept", 0
+        if offer is not None:
+            how = "class"
+        if k is not None:
+            how, cost = held[k], cost + float(paid[k])
+            if whole:
+                how = {"least": "limit", "most": "as is"}.get(how, how)
+                order = bought.index(k) + 1 if k in bought else 0
+            else:
+                unit = float(sizes.unit[k]) / _MM
+                size, gain, saved = unit * x[k], gains[k] / unit, -1e-6 * slopes[k] / unit
+                adds = gain * size
+        part = 1.0 if k is None else float(x[k])
+        found.append(
+            Choice(*key, part, size, offer, before.get(key, 0.0), adds, gain, cost, saved, how,
+                   order)
+        )  # fmt: skip
+    return found
+
+
+def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
+    """Sums of contributions by joint and cause."""
+    found = dict[Key, float]()
+    for one, part in zip(model.contributions, parts, strict=True):
+        key = one.joint, one.cause
+        found[key] = found.get(key, 0.0) + float(part)
+    return found
+
+
+def _words(machine: _Machine, error: Error) -> str:
+    """What an error is."""
+    if isinstance(error, Quantile):
+        return f"static {100 * error.quantile:g} % quantile, of {SAMPLES} states"
+    if isinstance(error, RootMeanSquare):
+        return "RMS"
+    return "static worst case" if machine.causes is None else "worst case"
+
+
+def _notes(
+    machine: _Machine,
+    first: ErrorModel,
+    sizes: Sizes,
+    prices: Mapping[str, float],
+    limits: Mapping[str, float],
+) -> list[str]:
+    """What was given and assumed of causes, prices and limits, and which plays stay."""
+    given, assumed = told_apart(first, machine.kind)
+    notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
+    causes = list(dict.fromkeys(cause for _, cause in sizes.keys))
+    if unpriced := [cause for cause in causes if cause not in prices]:
+        notes.append(
+            f"assumed: prices: halving costs 1 at each joint, of {', '.join(unpriced)} "
+            "(--price CAUSE=X, --weight JOINT=X)"
+        )
+    if unlimited := [cause for cause in causes if cause not in limits]:
+        notes.append(
+            f"assumed: limits: at least {LIMIT:g} remains, of {', '.join(unlimited)} "
+            "(--limit CAUSE=X)"
+        )
+    rolling = [
+        one.joint
+        for one in first.contributions
+        if not one.proportional and one.joint not in machine.offers
+    ]
+    if rolling:
+        notes.append(
+            f"kept: the play of the bearings of {', '.join(rolling)}, which is not proportional to "
+            "their clearance: allocate by class chooses theirs"
+        )
+    return notes
+
+
+def _refusal(
+    machine: _Machine, sizes: Sizes, make: Any, unreachable: Unreachable
+) -> JointplayError:
+    """What prevents a target."""
+    count, text = (
+        len(sizes.keys),
+        f"a target of {1e6 * unreachable.target:.4g} um cannot be reached",
+    )
+    error = f"the error is {1e6 * unreachable.bound:.4g} um at least"
+    if machine.causes is None:
+        least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
+        means = [f"{1e6 * least:.4g} um in every joint"] if count else []
+        means += ["the tightest bearings offered"] if machine.offers else []
+        return JointplayError(f"{text}: with {' and '.join(means)} {error}")
+    x = unreachable.z[:count]
+    _, model = machine.made(_remaining(sizes.keys, x), {})
+    last = make(model, machine.choice(model, sizes.keys), x)
+    sums, free = dict[str, float](), {cause for _, cause in sizes.keys}
+    for (_, cause), part in _by_key(model, last.parts(x)).items():
+        sums[cause] = sums.get(cause, 0.0) + part
+    kept = {key[1] for key in _by_key(model, np.zeros(len(model.contributions)))
+            if key not in sizes.keys}  # fmt: skip
+    kept |= {one.cause for one in model.contributions if not one.proportional}
+    limit = {cause: low for (_, cause), low in zip(sizes.keys, sizes.least, strict=True)}
+    words = []
+    for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
+        why = [f"at least {limit[cause]:g} of it remains"] if cause in free else []
+        why += ["kept"] if cause in kept else []
+        words.append(f"{cause} {1e6 * part:.4g} um ({' and '.join(why)})")
+    return JointplayError(
+        f"{text}: with all causes at their limits {error}, most of it by {'; then '.join(words)}"
+    )
+
+
+# What is refused.
+
+
+def _offers(
+    mechanism: Mechanism,
+    given: Mapping[str, Sequence[Offer]] | None,
+    prices: Mapping[str, float],
+    keep: Collection[str],
+    whole: bool,
+) -> dict[str, tuple[Offer, ...]]:
+    """What can be bought for each joint whose bearing is to be chosen."""
+    rolling = {n: one for n, one in mechanism.clearance.items() if isinstance(one, RollingBearing)}
+    for name in given or {}:
+        if name not in rolling:
+            raise MissingName("joint with a rolling bearing", name, rolling)
+    names = [name for name in rolling if name not in keep and (not whole or name in (given or {}))]
+    if prices and not names and not whole:
+        raise JointplayError(
+            f"prices of {', '.join(prices)} are for classes of rolling bearings, and no joint has "
+            "one; clearances have a cost and weights"
+        )
+    return {n: tuple((given or {}).get(n, ())) or offers_of(rolling[n], prices) for n in names}
+
+
+def _clearances(
+    mechanism: Mechanism,
+    keys: Sequence[Key],
+    cost: str,
+    weights: Mapping[str, float],
+    least: float,
+    most: float,
+    quantile: float | None,
+) -> Sizes:
+    """Clearances as parts of what they are."""
+    if cost not in COSTS:
+        raise MissingName("cost", cost, COSTS)
+    if quantile is not None and cost == "linear":
+        raise JointplayError(
+            "the cost 'linear' is possible for the worst case only, because a quantile is not "
+            "convex; use " + " or ".join(COSTS[:2])
+        )
+    most = require_positive("the most clearance", most, "m")
+    if require_positive("least clearance", least, "m") >= most:
+        raise JointplayError(
+            f"the least clearance {readable(least, 'm')} must be below the most, "
+            f"{readable(most, 'm')}"
+        )
+    names = [name for name, _ in keys]
+    for name in weights:
+        if name not in names:
+            raise MissingName("joint with clearance", name, names)
+    room = np.array([mechanism.clearance[name].radial_room for name in names])
+    weight = np.array([weights.get(name, 1.0) for name in names])
+    return Sizes(tuple(keys), weight, least / room, most / room, _MM * room, cost)
+
+
+def _check(
+    mechanism: Mechanism,
+    causes: Mapping[str, Cause] | None,
+    keep: Collection[str],
+    prices: Mapping[str, float],
+    weights: Mapping[str, float],
+    limits: Mapping[str, float],
+) -> None:
+    """Refuse names that there are not, and numbers that cannot be."""
+    joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
+    known = [*CAUSES, *(causes or {})]
+    if causes is None and limits:
+        raise JointplayError("limits are of causes: give these, too, or least and most clearances")
+    for name in keep:
+        if name not in (*known, *joints):
+            raise MissingName("cause of errors", name, known, " (nor is it a joint)")
+    for name in limits:
+        if name not in known:
+            raise MissingName("cause of errors", name, known)
+    for name in prices:
+        if causes is not None and name not in (*known, *PRICES):
+            raise MissingName("cause of errors", name, known)
+    for name in weights:
+        if name not in joints:
+            raise MissingName("joint with clearance", name, joints)
+    for noun, own in (("price of", prices), ("weight of", weights), ("limit of", limits)):
+        for name, value in own.items():
+            if noun != "price of" or name in known:
+                require_positive(f"{noun} {name!r}", value, "")
+    for name, value in limits.items():
+        if value > 1.0:
+            raise JointplayError(f"limit of {name!r}: a part of at most 1 remains, got {value:g}")
+
+
+def _refuse_nothing(mechanism: Mechanism, whole: bool) -> None:
+    """Say why nothing can be allocated."""
+    if whole:
+        raise JointplayError("no cause is left that may be improved: keep fewer")
+    for name, joint in mechanism.clearance.items():
+        if not joint.clearances:
+            raise JointplayError(f"joint {name!r} is {joint.kind}: it has no clearance to allocate")
+    raise JointplayError("no joint has clearance to allocate")

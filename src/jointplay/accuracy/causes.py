@@ -1,0 +1,391 @@
+"""Causes of a tool's error, one class each: what each does at a joint.
+
+Beside play an arm gives way under its weight, its payload and a force; encoders have a resolution
+and a zero, gears an error of their own; links and axes are not where the drawing has them, and all
+of it grows with heat. What is not given of a robot is taken from a class of robots
+(`robot_errors`), and said to be assumed.
+
+A cause of one's own is a class like these, in any file, of which an object is given to `budget` or
+`allocate` among their `causes`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from jointplay.accuracy.error_model import (
+    Box,
+    Contribution,
+    ErrorModel,
+    Line,
+    play_of_gear,
+    play_of_joint,
+)
+from jointplay.accuracy.jacobians import jacobians
+from jointplay.accuracy.rest import compliance_shift
+from jointplay.accuracy.robot_errors import (
+    CLASSES,
+    ERROR_CLASSES,
+    JointErrors,
+    RobotErrors,
+    refuse_misfit,
+)
+from jointplay.base.errors import JointplayError, MissingName, require_positive
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import RollingBearing
+
+_TURNING = ("encoder", "zero_offset", "gear_error")
+"""What robots and their classes have of joints that turn."""
+_PINION = 0.01
+"""Radius of the pinion by which a slider has what a class has of joints that turn [m]."""
+
+
+@dataclass(frozen=True)
+class JointAt:
+    """A joint at n poses, as a cause sees it."""
+
+    mechanism: Mechanism
+    name: str
+    load: np.ndarray
+    """What it bears at rest, about its centre, its axes, (n, 6) [N, N m]."""
+    arm: np.ndarray
+    """From it to the next joint on the way to the tool, or to the tool, its axes, (n, 3) [m]."""
+    given: RobotErrors
+    """What is known of the robot."""
+    kind: str
+    """Class of robots from which all else is taken, of `ERROR_CLASSES`."""
+
+    @property
+    def mount(self) -> bool:
+        """Whether it cannot move, and gives way."""
+        return self.name in self.mechanism.mounts
+
+    @property
+    def slides(self) -> bool:
+        """Whether it slides."""
+        return not self.mount and self.mechanism.description.joints[self.name].slides
+
+    @property
+    def about(self) -> int:
+        """Component of a displacement that the drive moves: along or about z."""
+        return 2 if self.slides else 5
+
+    @property
+    def unit(self) -> str:
+        """Unit of that component."""
+        return "m" if self.slides else "rad"
+
+    def driven(self, size: float) -> tuple[float, ...]:
+        """A displacement of that component alone, six."""
+        return tuple(size if k == self.about else 0.0 for k in range(6))
+
+    def size(self, key: str) -> tuple[float, str]:
+        """A number of `JointErrors` or `RobotErrors`, and whether it was given or assumed."""
+        own = getattr(self.given.joints.get(self.name), key, None)
+        turns = self.slides and key in _TURNING
+        if own is None and not turns:
+            own = getattr(self.given, key)
+        if own is not None:
+            return float(own), "given"
+        return getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0), "assumed"
+
+    def origin(self, parts: Mapping[str, str], others: Sequence[str] = ()) -> str:
+        """Where numbers come from, by their texts, those that are assumed first."""
+        found = []
+        for origin, head in (("assumed", f"class {self.kind!r}, assumed"), ("given", "given")):
+            if any(own == origin for own in parts.values()):
+                texts = [text for text, own in parts.items() if own == origin]
+                found.append(f"{head}: {', '.join(texts)}")
+        return "; ".join([*found, *others])
+
+
+class Cause(ABC):
+    """What makes a tool miss its target, at each joint."""
+
+    name: ClassVar[str]
+    """In tables and options."""
+    of_mounts: ClassVar[bool] = False
+    """Whether it acts at mounts, too, which cannot move and give way."""
+
+    @abstractmethod
+    def at(self, joint: JointAt) -> Iterable[Contribution]:
+        """What it does at a joint; nothing where it does nothing."""
+
+
+class Play(Cause):
+    """The clearances of joints, and the backlash of gears."""
+
+    name = "play"
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        """Of the joint and of its gear."""
+        if joint.name in joint.mechanism.clearance:
+            yield play_of_joint(joint.mechanism, joint.name)
+        if joint.name in joint.mechanism.gears:
+            yield play_of_gear(joint.mechanism, joint.name)
+
+
+class Compliance(Cause):
+    """Bearings, gears, links and mounts give way under weight, payload and force."""
+
+    name = "elasticity"
+    of_mounts = True
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        """A shift whose stiffness is uncertain."""
+        shift, words, parts = np.zeros((len(joint.load), 6)), list[str](), dict[str, str]()
+        own = joint.mechanism.clearance.get(joint.name)
+        carried = joint.load.copy()
+        if not joint.mount:
+            carried[:, joint.about] = 0.0
+        if own is not None and own.springs is not None:
+            shift += own.springs.displacements(carried)
+            words.append("its springs")
+        elif isinstance(own, RollingBearing):
+            play = own.play(second_order=False)
+            for i, one in enumerate(carried):
+                point = play.support(one[None]).point[0]
+                shift[i] += own.deflection(one[:3], one[3:]) - point
+            words.append("its bearing")
+        elif own is not None:
+            play = own.play(second_order=False)
+            pressed = play.pressed(carried, play.support(carried).point)
+            if pressed is not None:
+                shift += compliance_shift(own, pressed)
+                words.append("its contacts")
+        if not joint.mount:
+            self._housing(joint, carried, shift, parts)
+            self._drive(joint, shift, parts, words)
+        spread, origin = joint.size("stiffness_spread")
+        parts[f"either way {100 * spread:g} %"] = origin
+        yield Contribution(joint.name, self.name, None, shift, spread, joint.origin(parts, words))
+
+    def _housing(
+        self, joint: JointAt, carried: np.ndarray, shift: np.ndarray, parts: dict[str, str]
+    ) -> None:
+        """Add what housing and link give way by, without the drive."""
+        own = joint.given.joints.get(joint.name, JointErrors())
+        if own.elasticity is not None:
+            shift += own.elasticity.displacements(carried)
+            parts[own.elasticity.words] = "given"
+        elif joint.name not in joint.mechanism.clearance:
+            stiffness, origin = joint.size("tilt_stiffness")
+            shift[:, 3:5] += carried[:, 3:5] / stiffness
+            parts[f"{stiffness:g} N m/rad in tilt"] = origin
+
+    def _drive(
+        self, joint: JointAt, shift: np.ndarray, parts: dict[str, str], words: list[str]
+    ) -> None:
+        """Add what gear, shaft and drive give way by."""
+        own = joint.given.joints.get(joint.name, JointErrors())
+        gear, load = joint.mechanism.gears.get(joint.name), joint.load[:, joint.about]
+        if own.torsional_stiffness is None and gear is not None:
+            shift[:, joint.about] += np.sign(load) * gear.curve().depth(np.abs(load))
+            words.append("its gear")
+            return
+        if own.torsional_stiffness is not None or not joint.slides:
+            stiffness, origin = joint.size("torsional_stiffness")
+            shift[:, joint.about] += load / stiffness
+            unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
+            parts[f"{stiffness:g} {unit}"] = origin
+
+
+class Encoder(Cause):
+    """An encoder's resolution, and where its zero is."""
+
+    name = "encoder"
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        """Half a step, and the whole offset, either way."""
+        for key, part, word in (
+            ("encoder", 0.5, "resolution"),
+            ("zero_offset", 1.0, "zero offset"),
+        ):
+            size, origin = joint.size(key)
+            words = joint.origin({f"{word} {size:.4g} {joint.unit}": origin})
+            box = Box(joint.driven(part * size))
+            yield Contribution(joint.name, self.name, box, origin=words)
+
+
+class GearError(Cause):
+    """What a gear's output is off while its input turns evenly."""
+
+    name = "gear error"
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        """A wave of unknown phase, with the gear's own amplitude unless another is given."""
+        size, origin = joint.size("gear_error")
+        words = joint.origin({f"amplitude {size:.4g} {joint.unit}": origin})
+        gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
+        if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
+            size = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms)
+            words = "its gear"
+        wave = Line(joint.driven(size), wave=True)
+        yield Contribution(joint.name, self.name, wave, origin=words)
+
+
+class Geometry(Cause):
+    """Where the axis is, which is not where the drawing has it."""
+
+    name = "geometry"
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        """Each offset and tilt of its own."""
+        offset, offset_from = joint.size("axis_offset")
+        tilt, tilt_from = joint.size("axis_tilt")
+        words = {f"offset {offset:.4g} m": offset_from, f"tilt {tilt:.4g} rad": tilt_from}
+        box = Box((offset, offset, offset, tilt, tilt, 0.0))
+        yield Contribution(joint.name, self.name, box, origin=joint.origin(words))
+
+
+class Heat(Cause):
+    """Links that grow as they become warmer."""
+
+    name = "heat"
+
+    def at(self, joint: JointAt) -> Iterator[Contribution]:
+        """Half of the growth, either way by all of it."""
+        heating, heating_from = joint.size("heating")
+        expansion, expansion_from = joint.size("expansion")
+        grown = 0.5 * heating * expansion * joint.arm
+        words = {
+            f"up to {heating:g} K": heating_from,
+            f"{1e6 * expansion:.3g} um/(m K)": expansion_from,
+        }
+        shift = np.concatenate([grown, np.zeros_like(grown)], axis=1)
+        yield Contribution(joint.name, self.name, None, shift, 1.0, joint.origin(words))
+
+
+ALL: dict[str, Cause] = {
+    one.name: one for one in (Play(), Compliance(), Encoder(), GearError(), Geometry(), Heat())
+}
+"""Causes by name."""
+CAUSES = tuple(ALL)
+"""Their names."""
+
+
+def named(causes: Collection[str | Cause]) -> dict[str, Cause]:
+    """Causes by name, the known ones first and in their order, then one's own.
+
+    Raises:
+        MissingName: no such cause.
+    """
+    own = {one.name: one for one in causes if isinstance(one, Cause)}
+    for one in causes:
+        if isinstance(one, str) and one not in ALL:
+            raise MissingName("cause of errors", one, [*CAUSES, *own])
+    return {**{name: cause for name, cause in ALL.items() if name in causes}, **own}
+
+
+def cause_model(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    force: np.ndarray,
+    causes: Mapping[str, Cause],
+    errors: RobotErrors,
+    kind: str,
+    remaining: Mapping[tuple[str, str], float],
+) -> tuple[Mechanism, ErrorModel]:
+    """The error by causes at configurations q (n, nq) of a tree, and the mechanism as it remains.
+
+    Args:
+        mechanism: a tree.
+        q: journals centred.
+        force: on the tool, world axes, (3,) [N].
+        causes: those that count, by name.
+        errors: what is known.
+        kind: class of robots from which all else is taken.
+        remaining: parts of single causes that remain; see `budget`.
+    """
+    if kind not in ERROR_CLASSES:
+        raise MissingName("class of errors", kind, CLASSES)
+    refuse_misfit(errors, mechanism)
+    parts = _checked(mechanism, remaining, causes)
+    smaller = {
+        name: mechanism.clearance[name].scaled(part)
+        for (name, cause), part in parts.items()
+        if cause == "play" and is_proportional(mechanism, name)
+    }
+    if smaller:
+        mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
+    names = [*mechanism.joints, *mechanism.mounts]
+    found = jacobians(mechanism, q, names, force)
+    contributions: list[Contribution] = []
+    for k, name in enumerate(names):
+        if found.tool[k].any():
+            at = JointAt(mechanism, name, found.load[k], found.arm[k], errors, kind)
+            for cause in causes.values():
+                if cause.of_mounts or not at.mount:
+                    contributions += cause.at(at)
+    kept = [one for one in contributions if _counts(one)]
+    if not kept:
+        raise JointplayError("nothing moves the tool, or no cause is counted")
+    # A clearance has been made smaller already.
+    scale = [
+        1.0 if one.cause == "play" and not one.gear else parts.get((one.joint, one.cause), 1.0)
+        for one in kept
+    ]
+    return mechanism, ErrorModel.of(kept, names, found, scale)
+
+
+def _counts(one: Contribution) -> bool:
+    """Whether it can do anything; what is given as zero counts, too, play aside."""
+    if one.cause == "play":
+        return one.set is not None and max(one.set.reach) > 0.0
+    return one.set is not None or (one.shift is not None and bool(one.shift.any()))
+
+
+def is_proportional(mechanism: Mechanism, joint: str) -> bool:
+    """Whether a joint has a clearance to which its play is proportional, in the first order.
+
+    The play of a rolling bearing along its axis and in tilt grows with the root of its clearance.
+    """
+    return joint in mechanism.clearance and play_of_joint(mechanism, joint).proportional
+
+
+def _checked(
+    mechanism: Mechanism,
+    remaining: Mapping[tuple[str, str], float],
+    causes: Mapping[str, Cause],
+) -> dict[tuple[str, str], float]:
+    """What remains of causes by joint and cause."""
+    known = [*mechanism.joints, *mechanism.mounts]
+    parts = {}
+    for (name, cause), part in remaining.items():
+        if name not in known:
+            raise MissingName("joint", name, known)
+        if cause not in {**ALL, **causes}:
+            raise MissingName("cause of errors", cause, [*CAUSES, *causes])
+        parts[name, cause] = require_positive(f"part of {cause} of {name!r} that remains", part, "")
+        if cause == "play" and not is_proportional(mechanism, name):
+            own = mechanism.clearance.get(name)
+            if own is not None and max(own.play().reach) > 0.0 and name not in mechanism.gears:
+                raise JointplayError(
+                    f"the play of joint {name!r} ({own.kind}) is not proportional to its "
+                    "clearance; give the joint another class of bearing"
+                )
+    return parts
+
+
+def told_apart(model: ErrorModel, kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What was given and what was assumed of a robot, lines of text."""
+    assumed, stated = dict[str, None](), dict[str, list[str]]()
+    for one in model.contributions:
+        head, mark, told = one.origin.partition("given: ")
+        if mark:
+            line = f"{one.cause}: {told.partition(';')[0]}"
+            stated.setdefault(line, []).append(one.joint)
+        if head.startswith("class"):
+            told = head.partition(";")[0].partition("assumed: ")[2]
+            assumed[f"{one.cause}: {told} (class {kind!r})"] = None
+    moved = len({one.joint for one in model.contributions})
+    given = (
+        f"{line} ({'all joints' if len(names) == moved else ', '.join(names)})"
+        for line, names in stated.items()
+    )
+    return tuple(given), tuple(assumed)

@@ -1,0 +1,788 @@
+"""How far off the tool can be, at many poses, and which joint and which cause are to blame.
+
+No dynamics: a sum of sets and of variances (`error_model`). Of play alone, in closed loops too,
+with where the machine rests; or of all causes of a robot without loops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import overload
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy.causes import Cause, cause_model, named, told_apart
+from jointplay.accuracy.error_model import (
+    ErrorModel,
+    Farthest,
+    covering,
+    half_sphere,
+    play_model,
+)
+from jointplay.accuracy.jacobians import (
+    configurations,
+    displaced,
+    force_on_tool,
+    place,
+    tool_place,
+)
+from jointplay.accuracy.rest import AGREES_M, RestPositions
+from jointplay.accuracy.robot_errors import RobotErrors
+from jointplay.base.errors import JointplayError, require_a, require_finite
+from jointplay.base.tables import Column, Table
+from jointplay.model.closed_loops import ClosedLoops
+from jointplay.model.mechanism import Mechanism, frame_index
+from jointplay.simulation.loads.drive import ComputedTorque, Drive
+
+_LISTED = 2e-3
+"""Part of the worst case below which a contribution has no line of its own."""
+_LINEAR = 0.02
+"""Part of the worst case by which the exact kinematics may put it elsewhere."""
+_BEYOND = 0.01
+"""Part of a joint's largest error by which an error at rest exceeds its bound to be mentioned."""
+_DECIDES = 0.5
+"""Part of the error at rest by which friction decides it, if it can shift the tool so far."""
+_PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+_TRUE = 0.25
+"""Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
+FOLLOW = ComputedTorque()
+"""Drives of a run that says nothing of them."""
+AXES = ("x", "y", "z", "about x", "about y", "about z")
+"""Components of the tool's error, in world axes [m, rad]."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Error of the tool at n poses by k contributions; lengths in m, angles in rad.
+
+    `worst` is a bound that can be reached: no state of the contributions is worse, up to the second
+    order.
+    """
+
+    mechanism: Mechanism
+    q: np.ndarray
+    """Configurations, (n, nq)."""
+    model: ErrorModel
+    """What each contribution is, and how it moves the tool."""
+    force: np.ndarray
+    """On the tool, world axes, (3,) [N]."""
+    positions: np.ndarray
+    """Of the ideal tool, shape (n, 3)."""
+    farthest: Farthest
+    """The worst case at each pose."""
+
+    @property
+    def tool(self) -> str:
+        """Frame whose error this is."""
+        return self.mechanism.tool
+
+    @cached_property
+    def _worst_turn(self) -> Farthest:
+        return self.model.farthest(turn=True)
+
+    @property
+    def worst(self) -> np.ndarray:
+        """Largest distance of the tool from the ideal one, shape (n,)."""
+        return self.farthest.size
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Where to, unit vectors in world axes, shape (n, 3)."""
+        return self.farthest.direction
+
+    @property
+    def worst_parts(self) -> np.ndarray:
+        """What each contribution adds to `worst`, shape (n, k)."""
+        return self.farthest.parts.T
+
+    @property
+    def worst_turn(self) -> np.ndarray:
+        """Largest rotation of the tool, shape (n,)."""
+        return self._worst_turn.size
+
+    @property
+    def turn_parts(self) -> np.ndarray:
+        """What each contribution adds to `worst_turn`, shape (n, k)."""
+        return self._worst_turn.parts.T
+
+    @cached_property
+    def axis_worst(self) -> np.ndarray:
+        """Largest error along and about each world axis, by contribution, shape (n, k, 6)."""
+        both = [self.model.values(np.eye(3), turn) for turn in (False, True)]
+        return np.concatenate(both, axis=2).transpose(1, 0, 2)
+
+    @property
+    def worst_pose(self) -> int:
+        """Index of the pose with the largest error."""
+        return int(self.worst.argmax())
+
+
+@dataclass(frozen=True)
+class PlayBudget(Budget):
+    """Error of the tool by play alone, by j joints and gears.
+
+    No state of the journals without penetration is worse than `worst`. `rms` is of states without
+    friction. Where the machine rests is found when it is asked for (`rest`, `rest_interval`);
+    contacts give way there, so that it may be a little beyond `worst`.
+    """
+
+    rest_positions: RestPositions
+    """Where the machine rests at these poses."""
+    rms: np.ndarray
+    """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
+    rms_parts: np.ndarray
+    """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
+
+    @property
+    def relative_to(self) -> str | None:
+        """Body from which it is seen; None: the world."""
+        return self.rest_positions.relative_to
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Sources of play, gears last."""
+        return self.model.names
+
+    @property
+    def second_order(self) -> np.ndarray:
+        """What rotations of the second order can add to `worst` at most, shape (n,).
+
+        In closed loops no bound, but by how much the loops, closed exactly with the journals of
+        `worst`, put the tool elsewhere.
+        """
+        return self.rest_positions.second_order
+
+    @property
+    def loops(self) -> bool:
+        """Whether closed loops lead the play to the tool."""
+        return bool(self.mechanism.loops)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Each joint's share of the worst case at the worst pose, sum one, shape (j,)."""
+        parts = self.worst_parts[self.worst_pose]
+        return np.asarray(parts / parts.sum()) if parts.sum() > 0.0 else parts
+
+    @property
+    def alone(self) -> np.ndarray:
+        """Largest distance of the tool if only this joint had play, shape (n, j) [m].
+
+        In its own worst direction; `worst_parts` is along the one that is worst for all together.
+        """
+        return self.model.alone.T
+
+    @property
+    def ranking(self) -> str:
+        """The joints by their share of the worst case, one line; over several poses its range."""
+        total = self.worst_parts.sum(axis=1, keepdims=True)
+        shares = self.worst_parts / np.maximum(total, 1e-300)
+        mean = 100.0 * shares.mean(axis=0)
+        low, high = 100.0 * shares.min(axis=0), 100.0 * shares.max(axis=0)
+        words = []
+        for k, i in enumerate(np.argsort(-mean, kind="stable")):
+            name = _PLACES[k] if k < len(_PLACES) else f"{k + 1}th"
+            spread = f" ({low[i]:.0f} to {high[i]:.0f})" if len(shares) > 1 else ""
+            words.append(f"{self.joints[i]}: {name}, {mean[i]:.0f} %{spread}")
+        return f"shares of the worst case: {'; '.join(words)}"
+
+    def by_pose(self, names: Sequence[str]) -> Table:
+        """A row for each pose: error in the worst case, and the share of each joint in it.
+
+        Args:
+            names: of the poses, (n,).
+        """
+        total = np.maximum(self.worst_parts.sum(axis=1, keepdims=True), 1e-300)
+        shares = (self.worst_parts / total).T
+        return Table(
+            (
+                Column("pose", names),
+                Column("worst case", self.worst, "m"),
+                Column("rms", self.rms, "m"),
+                *(
+                    Column(name, share, "1", digits=3)
+                    for name, share in zip(self.joints, shares, strict=True)
+                ),
+            )
+        )
+
+    @property
+    def rest(self) -> np.ndarray:
+        """Error at rest under gravity and the tool's load, without friction, by joint, (n, j, 6).
+
+        By each joint's Jacobian [m, rad]; NaN where no place of rest is found, or plays of a loop
+        hold each other.
+        """
+        return np.array([self.rest_positions.at(i).parts for i in range(len(self.worst))])
+
+    @property
+    def rest_tool(self) -> np.ndarray:
+        """Error of the tool there, of all joints, exactly, shape (n, 6) [m, rad]."""
+        return np.array([self.rest_positions.at(i).whole for i in range(len(self.worst))])
+
+    @property
+    def rest_loads(self) -> np.ndarray:
+        """What each source of play bears there, bearing axes, shape (n, j, 6) [N, N m].
+
+        Force and moment of its contacts about the journal's centre; of a gear the torque of its
+        teeth about its axis, last.
+        """
+        return np.array([self.rest_positions.at(i).loads for i in range(len(self.worst))])
+
+    @property
+    def rest_error(self) -> np.ndarray:
+        """Distance of the tool at rest from the ideal one, shape (n,) [m]."""
+        return np.asarray(np.linalg.norm(self.rest_tool[:, :3], axis=1))
+
+    @property
+    def rest_interval(self) -> np.ndarray:
+        """Where friction can hold the machine: least and largest error, shape (n, 4, 2) [m].
+
+        Along world x, y, z, and the distance from the ideal tool; on the safe side. In closed loops
+        all joints, and those of a kind that does not say where it presses, may be anywhere within
+        their play.
+        """
+        return np.array([self.rest_positions.interval(i) for i in range(len(self.worst))])
+
+    def table(self, pose: int | None = None) -> Table:
+        """The budget at a pose, by default the worst one."""
+        at = self.worst_pose if pose is None else pose
+        total = max(float(self.worst_parts[at].sum()), 1e-300)
+        rests, whole, _ = self.rest_positions.at(at)
+        parts = self.worst_parts[at]
+        worst = float(self.worst[at])
+        sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(whole[:3]))
+        return Table(
+            (
+                Column("joint", self.joints),
+                Column("alone", self.alone[at], "m"),
+                Column("part of worst case", parts, "m"),
+                Column("share", parts / total, "1", digits=4),
+                Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m"),
+                Column("rms", self.rms_parts[at], "m"),
+                Column("worst turn", self.turn_parts[at], "rad"),
+            ),
+            totals=[("all", *sums, self.rms[at], self.worst_turn[at])],
+            notes=self._notes(at),
+        )
+
+    def _notes(self, at: int) -> list[str]:
+        """What stands below the budget of a pose."""
+        rests, whole, loads = self.rest_positions.at(at)
+        axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
+        lines = [
+            f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
+            f"about x, y, z: {', '.join(axes[3:])} mrad"
+        ]
+        begins = "" if self.rest_positions.force.any() else " (the start of a run with start=rest)"
+        place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
+        lines.append(
+            "at rest without friction: no equilibrium was found"
+            if np.isnan(whole).any()
+            else f"at rest without friction, along x, y, z: {place} mm{begins}"
+        )
+        if not np.isnan(loads).any():
+            lines.append(f"the joints bear there: {self._loads(loads)}")
+        beyond = 1e3 * (np.linalg.norm(rests[:, :3], axis=1) - self.alone[at])
+        given = [
+            f"{name} {more:.4f} mm"
+            for name, more in zip(self.joints, beyond, strict=True)
+            if more > _BEYOND * 1e3 * self.alone[at].max()
+        ]
+        if given:
+            lines.append(
+                "the worst case takes contacts as rigid; at rest they give way under the load, "
+                f"beyond the joint's worst case alone: {', '.join(given)}"
+            )
+        return [*lines, *self._held(at)]
+
+    def _loads(self, loads: np.ndarray) -> str:
+        """What each source of play bears, (j, 6), as text."""
+        words = []
+        for one, load in zip(self.model.contributions, loads, strict=True):
+            size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
+            words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
+        return ", ".join(words)
+
+    def _held(self, at: int) -> list[str]:
+        """Where the tool rests with friction, and how much that matters, lines of text."""
+        place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)
+        box = [
+            f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
+            for axis, (low, high) in zip("xyz", ends[:3], strict=True)
+        ]
+        least, largest = 1e3 * ends[3]
+        free = [
+            name
+            for name, none in zip(self.joints, self.rest_positions.unpressed(at), strict=True)
+            if none
+        ]
+        lines = []
+        if free:
+            names = "any joint" if len(free) == len(self.joints) else ", ".join(free)
+            lines.append(f"no force acts on {names}: the journals may rest anywhere in their play")
+        whole = self.rest_positions.unsearched
+        if whole:
+            all_joints = len(whole) == len(self.rest_positions.coefficients)
+            names = "all joints" if all_joints else ", ".join(whole)
+            lines.append(
+                f"how far friction can hold {names} is not known (closed loops, or a kind without "
+                "contacts): their entire play is assumed"
+            )
+        lines.append(
+            f"with {self.rest_positions.words} the tool may rest anywhere within "
+            f"{', '.join(box)} mm; {least:.4f} to {largest:.4f} mm from the ideal one"
+        )
+        away = 1e3 * float(np.linalg.norm(np.abs(ends[:3] - place[:, None]).max(axis=1)))
+        own = 1e3 * float(np.linalg.norm(place))
+        if len(free) < len(self.joints) and not whole and np.isfinite(away):
+            part = f", {100 * away / own:.0f} % of the error there" if own > 0.0 else ""
+            lines.append(
+                f"friction determines where it rests: up to {away:.4f} mm from the place "
+                f"without{part}"
+                if away > _DECIDES * own
+                else f"friction shifts the place of rest by up to {away:.4f} mm{part}"
+            )
+        return lines
+
+    @property
+    def accuracy(self) -> str:
+        """With which error the numbers are known, one line."""
+        search = 1.0 / np.cos(covering()) - 1.0
+        excess = max(play.excess for play in self.model.plays)
+        more = f"{1e6 * self.second_order[self.worst_pose]:.3g} um"
+        second = (
+            f"loops closed exactly put the tool {more} elsewhere"
+            if self.loops
+            else f"rotations of second order up to {more}"
+        )
+        at_rest = (
+            "at rest, with drives assumed rigid under the force on the tool"
+            if self.rest_positions.force.any()
+            else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
+        )
+        return (
+            "free travel with rigid contacts, to which contacts and drives that give way add; "
+            f"worst case missed by at most {100 * search:.2g} % "
+            f"(directions), too large by at most {100 * excess:.2g} % (lean of the journals, "
+            f"second order), {second}; {at_rest}"
+        )
+
+    def data(self, names: Sequence[str] = ()) -> Table:
+        """A row for each pose: tool, errors, parts of each joint.
+
+        Args:
+            names: of the poses, (n,); without, they are numbered.
+
+        Where the machine rests stands only at poses for which it has been found: ask for `rest`
+        and `rest_interval` before, and it stands everywhere.
+        """
+        columns = [Column("pose", names or range(len(self.worst)))]
+        columns += [Column(f"tool {x}", self.positions[:, k], "m") for k, x in enumerate("xyz")]
+        columns += [
+            Column("worst", self.worst, "m"),
+            Column("worst turn", self.worst_turn, "rad"),
+            Column("rms", self.rms, "m"),
+            Column("second order", self.second_order, "m"),
+        ]
+        whole = self.axis_worst.sum(axis=1)
+        columns += [
+            Column(f"worst {axis}", whole[:, k], "m" if k < 3 else "rad")
+            for k, axis in enumerate(AXES)
+        ]
+        for what, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
+            for k, name in enumerate(self.joints):
+                key = f"{what.replace(' ', '_')}_{name}_m"
+                columns.append(Column(f"{what} {name}", values[:, k], "m", key))
+        rests = [self._rests(i) for i in range(len(self.worst))]
+        ways = ("x", "y", "z", "distance")
+        ends = [f"rest {way} {end}" for way in ways for end in ("least", "largest")]
+        for k, head in enumerate([*(f"rest {way}" for way in ways), *ends]):
+            columns.append(Column(head, [row[k] for row in rests], "m"))
+        return Table(columns)
+
+    def _rests(self, pose: int) -> Sequence[float | None]:
+        """Where the machine rests, and between what, if that has been found; (12,) [m]."""
+        if not self.rest_positions.is_known(pose):
+            return [None] * 12
+        whole, ends = self.rest_positions.at(pose).whole[:3], self.rest_positions.interval(pose)
+        return [*whole, float(np.linalg.norm(whole)), *ends.ravel()]
+
+
+@dataclass(frozen=True)
+class ErrorBudget(Budget):
+    """Error of the tool by several causes, each with its variance."""
+
+    given: tuple[str, ...]
+    """What was given besides the mechanism, lines of text."""
+    assumed: tuple[str, ...]
+    """What was assumed, lines of text."""
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The tool's displacement that loads and heat bring in any case, (n, 3) [m]."""
+        return np.asarray(self.model.means.sum(axis=0))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the rest, (n, 3, 3) [m^2]."""
+        return np.asarray(self.model.covariances.sum(axis=0))
+
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square distance, (n,) [m]."""
+        return self.model.rms
+
+    @cached_property
+    def _at_worst(self) -> ErrorModel:
+        return self.model.subset(poses=[self.worst_pose])
+
+    def halved(self, *indices: int) -> tuple[float, float]:
+        """By how much `worst` and `rms` fall at the worst pose by half of contributions [m]."""
+        at, scale = self.worst_pose, self.model.scale.copy()
+        scale[list(indices)] *= 0.5
+        other = self._at_worst.scaled(scale)
+        left = other.farthest(start=self.direction[at : at + 1]).size[0]
+        return float(self.worst[at] - left), float(self.rms[at] - other.rms[0])
+
+    def data(self) -> Table:
+        """A row for each contribution at the worst pose."""
+        every = self.model.contributions
+        one = self._at_worst
+        return Table(
+            (
+                Column("joint", [own.joint for own in every]),
+                Column("cause", [own.cause for own in every]),
+                Column("worst", self.worst_parts[self.worst_pose], "m"),
+                Column("rms", [one.subset([k]).rms[0] for k in range(len(every))], "m"),
+                *(Column(f"mean {x}", one.means[:, 0, k], "m") for k, x in enumerate("xyz")),
+                Column("origin", [own.origin for own in every]),
+            )
+        )
+
+    def by(self, what: str) -> dict[str, tuple[float, float]]:
+        """Parts of worst case and variance at the worst pose by ``"joint"`` or ``"cause"``."""
+        found = dict[str, tuple[float, float]]()
+        parts, variances = self.worst_parts[self.worst_pose], self.variances
+        whole = float(variances.sum()) or 1.0
+        for own, part, variance in zip(self.model.contributions, parts, variances, strict=True):
+            worst, share = found.get(getattr(own, what), (0.0, 0.0))
+            found[getattr(own, what)] = worst + float(part), share + float(variance) / whole
+        return found
+
+    @property
+    def variances(self) -> np.ndarray:
+        """Of the tool's distance at the worst pose, by contribution, (k,) [m^2]."""
+        return np.asarray(np.trace(self._at_worst.covariances[:, 0], axis1=1, axis2=2))
+
+    def sample(self, count: int, seed: int = 0) -> np.ndarray:
+        """Errors of the tool at the worst pose by the exact kinematics, at random, (count, 3) [m].
+
+        Sets are drawn as their variances suppose.
+        """
+        return self._displaced(self._at_worst.draw(np.random.default_rng(seed), count))
+
+    @cached_property
+    def reached(self) -> float:
+        """Distance by the exact kinematics where all displacements are those of `worst` [m]."""
+        direction = self.direction[self.worst_pose]
+        points = self._at_worst.along(direction[None, None]).point[:, 0, 0]
+        return float(np.linalg.norm(self._displaced(points[None])[0]))
+
+    def _displaced(self, points: np.ndarray) -> np.ndarray:
+        """Errors of the tool at the worst pose by displacements (m, k, 6) of contributions."""
+        q = self.q[self.worst_pose]
+        model, data = self.mechanism.model, self.mechanism.data
+        tool = tool_place(self.mechanism, q).translation
+        pin.computeJointJacobians(model, data, q)
+        carrying = model.supports[model.frames[self.mechanism.tool_frame].parentJoint]
+        at = dict[str, list[int]]()
+        for k, one in enumerate(self.model.contributions):
+            at.setdefault(one.joint, []).append(k)
+        places = {name: place(self.mechanism, name) for name in at}
+        chain = [name for i in carrying for name, (index, _) in places.items() if index == i]
+        errors = np.zeros((len(points), 3))
+        for row, point in zip(errors, points, strict=True):
+            moved = pin.SE3.Identity()
+            for name in chain:
+                axes, xi = places[name][1], point[at[name]].sum(axis=0)
+                moved = moved * axes * pin.SE3(pin.exp3(xi[3:]), xi[:3]) * axes.inverse()
+            row[:] = moved.act(tool) - tool
+        return errors
+
+    def table(self) -> Table:
+        """At the worst pose: each joint and cause, shares, and what halving buys."""
+        at, one = self.worst_pose, self._at_worst
+        same: dict[tuple[str, str], list[int]] = {}
+        for i, own in enumerate(self.model.contributions):
+            same.setdefault((own.joint, own.cause), []).append(i)
+        parts = {key: float(self.worst_parts[at, indices].sum()) for key, indices in same.items()}
+        rows: list[tuple] = []
+        small = [part for part in parts.values() if part <= _LISTED * self.worst[at]]
+        for key in sorted(same, key=lambda key: -parts[key]):
+            if parts[key] > _LISTED * self.worst[at]:
+                gain, less = self.halved(*same[key])
+                rms = float(one.subset(same[key]).rms[0])
+                rows.append((*key, parts[key], parts[key] / self.worst[at], rms, -gain, -less))
+        heads = [("joint", ""), ("cause", ""), ("worst case", "m"), ("share", "1"), ("rms", "m")]
+        heads += [("halved: worst", "m"), ("halved: rms", "m")]
+        totals: list[tuple] = []
+        if small:
+            totals.append((f"{len(small)} more", None, sum(small), None, None, None, None))
+        totals.append(("all", None, self.worst[at], 1.0, self.rms[at], None, None))
+        return replace(Table.of(heads, rows), totals=totals, notes=self._notes())
+
+    def _notes(self) -> list[str]:
+        """By cause, what is displaced in any case, the exact kinematics, what was given."""
+        at = self.worst_pose
+        shares = ", ".join(
+            f"{cause} {100 * worst / self.worst[at]:.0f} % (variance {100 * share:.0f} %)"
+            for cause, (worst, share) in self.by("cause").items()
+        )
+        mean = ", ".join(f"{1e3 * x:.4f}" for x in self.mean[at])
+        off = self.reached / self.worst[at] - 1.0
+        fits = "" if abs(off) < _LINEAR else ": too far for Jacobians; is the class right?"
+        return [
+            f"by cause: {shares}",
+            f"loads and heat displace the tool by {mean} mm along x, y, z in any case",
+            f"by the exact kinematics the worst case is {1e3 * self.reached:.4f} mm "
+            f"({100 * off:+.2f} %{fits})",
+            *(f"given: {line}" for line in self.given),
+            *(f"assumed: {line}" for line in self.assumed),
+        ]
+
+
+@overload
+def budget(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    causes: None = None,
+    force: Sequence[float] = ...,
+    second_order: bool = ...,
+    driven: Sequence[str] | None = ...,
+    friction: float | None = ...,
+    drive: Drive = ...,
+    relative_to: str | None = ...,
+) -> PlayBudget: ...
+
+
+@overload
+def budget(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    causes: Collection[str | Cause],
+    force: Sequence[float] = ...,
+    errors: RobotErrors | None = ...,
+    kind: str | None = ...,
+    remaining: Mapping[tuple[str, str], float] | None = ...,
+) -> ErrorBudget: ...
+
+
+def budget(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    causes: Collection[str | Cause] | None = None,
+    force: Sequence[float] = (0.0, 0.0, 0.0),
+    errors: RobotErrors | None = None,
+    kind: str | None = None,
+    remaining: Mapping[tuple[str, str], float] | None = None,
+    second_order: bool = True,
+    driven: Sequence[str] | None = None,
+    friction: float | None = None,
+    drive: Drive = FOLLOW,
+    relative_to: str | None = None,
+) -> Budget:
+    """How far off the tool can be, without dynamics: by play alone, or by several causes.
+
+    In closed loops the driven joints stand and the others follow, to the first order; joints
+    outside the loops stand.
+
+    Args:
+        mechanism: with play; of several causes a tree, with or without.
+        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
+            that are open there are closed by the joints that are not driven.
+        causes: those that count, such as `CAUSES`, by name or as a `Cause` of one's own. None: play
+            alone, by joints and gears, with where the machine rests.
+        force: on the tool, besides gravity, in world axes, shape (3,) [N].
+        errors: of several causes: what is known of the robot and of its joints.
+        kind: of several causes: class of robots from which all else is taken, of `ERROR_CLASSES`;
+            None: that of `errors`, or ``industrial``.
+        remaining: of several causes: parts of single ones that remain, by joint and cause:
+            clearances, plays of gears, deflections, amplitudes and tolerances are so many times as
+            large; of a joint with a rolling bearing and a gear, the gear's play.
+        second_order: of play alone, like all below: widen the sets so that they contain all poses
+            without penetration; without, all errors are proportional to the clearances.
+        driven: joints of loops that stand; None: the first that determine the others.
+        friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
+            None: the largest that the law of each joint has.
+        drive: of all joints that stand, as in a run: where they rest, drives of finite stiffness
+            give way a little, unless a force acts on the tool. `Prescribed` does not.
+        relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
+            errors, directions and positions are those seen from it, in its axes. The base stays
+            held, for loads. None: the world.
+
+    Returns:
+        A `PlayBudget`, or an `ErrorBudget` of causes.
+
+    Raises:
+        JointplayError: a friction coefficient that is negative or not finite; nothing has play; a
+            pose of the wrong shape; a force that is no vector; an axis without limit that the tool
+            feels; loops that cannot be closed, or near a singular position, where the first order
+            does not hold. Of several causes: loops; springs of another kind of joint; a part that
+            is not positive, or of the play of a rolling bearing, which is not proportional to its
+            clearance.
+        MissingName: no such joint, body, class or cause.
+    """
+    require_a("mechanism", mechanism, "Mechanism")
+    if causes is not None:
+        if relative_to is not None or driven is not None or friction is not None:
+            raise JointplayError(
+                "relative_to, driven and friction are for play alone: leave them or causes out"
+            )
+        return _of_causes(mechanism, poses, causes, force, errors, kind, remaining or {})
+    if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
+        raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
+    if not drive.follows:
+        raise JointplayError(
+            f"a {drive.kind} drive holds no position: the budget's drives must follow a motion, "
+            "such as ComputedTorque() or Prescribed()"
+        )
+    if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
+        exact = {name: gear.without_error() for name, gear in mechanism.gears.items()}
+        mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
+    q = configurations(mechanism, poses, driven)
+    model = play_model(
+        mechanism,
+        q,
+        force=force,
+        second_order=second_order,
+        driven=driven,
+        loops=True,
+        relative_to=relative_to,
+    )
+    half = half_sphere()
+    states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
+    found = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
+    # The states that a load of random direction brings about are those just found.
+    errors_of = states.error[..., :3]
+    total = errors_of.sum(axis=0)
+    rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
+    share = np.einsum("jnmk,nmk->nj", errors_of, total) / total.shape[1]
+    rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
+    if mechanism.loops:
+        more = _second_order_of_loops(mechanism, q, model, found.direction, driven)
+    else:
+        more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
+    push = force_on_tool(force)
+    rest = RestPositions(mechanism, q, model, push, driven, friction, drive, more, relative_to)
+    return PlayBudget(
+        mechanism,
+        q,
+        model,
+        push,
+        _positions(mechanism, q, relative_to),
+        found,
+        rest,
+        rms,
+        rms_parts,
+    )
+
+
+def _of_causes(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    causes: Collection[str | Cause],
+    force: Sequence[float],
+    errors: RobotErrors | None,
+    kind: str | None,
+    remaining: Mapping[tuple[str, str], float],
+) -> ErrorBudget:
+    """The budget of several causes."""
+    if mechanism.loops:
+        raise JointplayError(
+            f"loop {next(iter(mechanism.loops))!r}: a budget of all causes is for robots without "
+            "closed loops; budget() has the play of those with loops"
+        )
+    given = RobotErrors() if errors is None else errors
+    kind = kind or given.assumed or "industrial"
+    push, q = force_on_tool(force), configurations(mechanism, poses)
+    mechanism, model = cause_model(mechanism, q, push, named(causes), given, kind, remaining)
+    told = told_apart(model, kind)
+    return ErrorBudget(mechanism, q, model, push, _positions(mechanism, q), model.farthest(), *told)
+
+
+def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> np.ndarray:
+    """Of the tool at configurations (n, nq), (n, 3) [m]."""
+    return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
+
+
+def _carries(mechanism: Mechanism, body: str) -> bool:
+    """Whether a body is on the way from the base to the tool, so that all lead from it outwards."""
+    model = mechanism.model
+    at, tool = (
+        {*model.supports[model.frames[index].parentJoint]}
+        for index in (frame_index(model, body), mechanism.tool_frame)
+    )
+    return at <= tool
+
+
+def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
+    """What products of small rotations can add to the tool's displacement, at most, (n,) [m].
+
+    A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part; one
+    nearer to the base turns what the others have displaced. Unless the sources come from the base
+    `outwards`, any may turn what any other has displaced.
+    """
+    whole = 0.0 if outwards else sum(play.reach[1] for play in model.plays)
+    total = np.zeros(model.poses)
+    turned = np.zeros_like(total)
+    for play, move in zip(model.plays, model.jacobian, strict=True):
+        aside, angle = play.reach
+        arms = np.linalg.norm(move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
+        felt = np.abs(move).max(axis=(1, 2)) > 0.0
+        moved = np.where(felt, aside + angle * arms, 0.0)
+        total += np.where(felt, 0.5 * angle**2 * arms, 0.0)
+        total += turned * moved if outwards else (whole - angle) * moved
+        turned += np.where(felt, angle, 0.0)
+    return total
+
+
+def _second_order_of_loops(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    model: ErrorModel,
+    direction: np.ndarray,
+    driven: Sequence[str] | None,
+) -> np.ndarray:
+    """Distance of the tool from its first order, journals farthest along directions, (n,) [m].
+
+    Raises:
+        JointplayError: near a singular position the loops go elsewhere, or cannot be closed.
+    """
+    closing = ClosedLoops(mechanism, q[0], driven)
+    states = model.along(direction[:, None])
+    largest = max(play.reach[0] for play in model.plays)
+    away = np.zeros(len(q))
+    for i, row in enumerate(q):
+        linear = states.error[:, i, 0, :3].sum(axis=0)
+        here = tool_place(mechanism, row).translation
+        aside = dict(zip(model.names, states.point[:, i, 0], strict=True))
+        exact = displaced(closing, row, aside)
+        if exact is not None:
+            away[i] = float(np.linalg.norm(exact.translation - here - linear))
+        if exact is None or away[i] > _TRUE * max(float(np.linalg.norm(linear)), largest):
+            what = (
+                "the loops cannot be closed with the journals aside"
+                if exact is None
+                else f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
+            )
+            raise JointplayError(
+                f"near a singular position at {closing.stands(row, i, len(q))}: "
+                f"{what}; leave this pose out, or simulate (jointplay run)"
+            )
+    return away

@@ -1,0 +1,524 @@
+"""The tool's error as a sum of contributions, each a set of small displacements at a joint.
+
+What play, an encoder or a tolerance does to the child's body against its parent's is a displacement
+xi = (c, phi), the centre's way c [m] and a rotation vector phi [rad] in the joint's axes, that may
+be anywhere in a convex set. The Jacobian J of the joint makes it the tool's error J xi. What a load
+(F, M) can reach in the set is its support function
+
+    h(F, M) = max (F . c + M . phi)
+
+Sums of sets have the sum of the support functions, so the worst case along a direction d is a sum
+over the contributions, of h(J^T d). Displacements at random add by their variances. What loads and
+heat displace is a shift, of which a part is uncertain.
+
+In a closed loop the displacements of several joints may hold each other (`loop_play`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from jointplay.accuracy import loop_play
+from jointplay.accuracy.jacobians import (
+    FELT,
+    GEAR,
+    Jacobians,
+    check_body,
+    configurations,
+    force_on_tool,
+    jacobians,
+)
+from jointplay.base.errors import JointplayError, require_whole
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints.play import Cone, Cones, JournalPlay, Play, Support
+
+DIRECTIONS = 180
+"""Directions over half a sphere among which the worst one is sought, before it is refined."""
+_DIRECTIONS_SHIFTED = 400
+"""The same where loads or heat shift the tool: then nearly as bad ones lie far apart."""
+_REFINEMENTS = 12
+_SETTLED = 1e-12
+"""Change of a direction that is none."""
+_FITS = 1e-9
+"""Part of what the plays could open that may stay open."""
+_AT_ONCE = 200_000
+"""Loads on joints that are looked at together, which fit into a processor's cache."""
+
+
+@dataclass(frozen=True)
+class Line(Play):
+    """A displacement either way along and about a line, such as a gear's backlash."""
+
+    amplitude: tuple[float, ...]
+    """Along and about x, y, z, six [m, rad]."""
+    wave: bool = False
+    """Whether it goes up and down with a phase that nobody knows; else it is at either end."""
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """To an end."""
+        return math.hypot(*self.amplitude[:3]), math.hypot(*self.amplitude[3:])
+
+    @property
+    def cones(self) -> Cones:
+        """As far either way."""
+        return Cones(np.array(self.amplitude)[:, None], (Cone(np.eye(1), np.zeros(1), 1.0),))
+
+    def support(self, loads: np.ndarray) -> Support:
+        """The end at which a load pushes."""
+        along = np.asarray(loads, float).reshape(-1, 6) @ self.amplitude
+        return Support(np.abs(along), np.sign(along)[:, None] * np.array(self.amplitude))
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Of a phase at random, or of ends."""
+        part = np.sin(random.uniform(0.0, 2.0 * np.pi, count))
+        part = part if self.wave else np.sign(part)
+        return np.asarray(part[:, None] * np.array(self.amplitude))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """That of a sine is half of its amplitude's square."""
+        return (0.5 if self.wave else 1.0) * np.outer(self.amplitude, self.amplitude)
+
+
+@dataclass(frozen=True)
+class Box(Play):
+    """Displacements and rotations between bounds, each independent of the others."""
+
+    half: tuple[float, ...]
+    """Along and about x, y, z, either way, six [m, rad]."""
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """To a corner."""
+        return math.hypot(*self.half[:3]), math.hypot(*self.half[3:])
+
+    def support(self, loads: np.ndarray) -> Support:
+        """The corner to which a load pushes."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        return Support(np.abs(loads) @ self.half, np.array(self.half) * np.sign(loads))
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Uniformly."""
+        return random.uniform(-1.0, 1.0, (count, 6)) * self.half
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """A third of each half's square."""
+        return np.diag(np.array(self.half) ** 2) / 3.0
+
+
+@dataclass(frozen=True)
+class Tilt(Play):
+    """A tilt of the axis alone, in a disc: what reduced models know of a journal's play."""
+
+    size: float
+    """Either way [rad]."""
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """No displacement, the tilt."""
+        return 0.0, self.size
+
+    def support(self, loads: np.ndarray) -> Support:
+        """About the moment across the axis."""
+        moment = np.asarray(loads, float).reshape(-1, 6)[:, 3:5]
+        point = np.zeros((len(moment), 6))
+        point[:, 3:5] = self.size * toward(moment, np.zeros_like(moment))
+        return Support(self.size * np.linalg.norm(moment, axis=1), point)
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one cause does at one joint: anywhere in a set, and a shift in any case."""
+
+    joint: str
+    cause: str
+    set: Play | None = None
+    """Where the displacement may be; None: only where `shift` says."""
+    shift: np.ndarray | None = None
+    """Displacement in any case at n poses, shape (n, 6) [m, rad]; None: none."""
+    spread: float = 0.0
+    """Relative uncertainty of `shift`, either way."""
+    origin: str = ""
+    """Where the numbers come from."""
+    proportional: bool = True
+    """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
+    not."""
+    part: str = ""
+    """Which part of the joint it is, if not the joint itself: `GEAR`."""
+
+    @property
+    def name(self) -> str:
+        """Joint and part."""
+        return self.joint + self.part
+
+    @property
+    def gear(self) -> bool:
+        """Whether it is that of a gear."""
+        return self.part == GEAR
+
+
+@dataclass(frozen=True)
+class States:
+    """Farthest states of k contributions at n poses along m directions."""
+
+    value: np.ndarray
+    """By contribution, their sum being a bound, shape (k, n, m) [m or rad]."""
+    point: np.ndarray
+    """Displacements of the joints, which attain it, shape (k, n, m, 6)."""
+    error: np.ndarray
+    """The tool's error there, by contribution, shape (k, n, m, 6)."""
+
+
+@dataclass(frozen=True)
+class Farthest:
+    """How far the tool can be off at n poses."""
+
+    size: np.ndarray
+    """Shape (n,) [m or rad]."""
+    direction: np.ndarray
+    """Where to, unit vectors in world axes, shape (n, 3)."""
+    parts: np.ndarray
+    """What each contribution adds, shape (k, n)."""
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """The error of a tool at n poses: k contributions, and what each does to the tool."""
+
+    contributions: tuple[Contribution, ...]
+    jacobian: np.ndarray
+    """The tool's displacement and rotation in world axes per the joint's own, (k, n, 6, 6)."""
+    load: np.ndarray
+    """Gravity and the tool's load on the joint, about its centre, its axes, (k, n, 6) [N, N m]."""
+    tie: np.ndarray
+    """By how much each displacement opens loops that nothing else can close, (k, n, r, 6), zero in
+    sum over all contributions; r is zero if no loops hold them. See `loop_play`."""
+    scale: np.ndarray
+    """What each contribution is multiplied by, (k,)."""
+
+    @classmethod
+    def of(
+        cls,
+        contributions: Sequence[Contribution],
+        joints: Sequence[str],
+        found: Jacobians,
+        scale: Sequence[float] | None = None,
+    ) -> ErrorModel:
+        """Of contributions at joints whose Jacobians are known."""
+        at = [list(joints).index(one.joint) for one in contributions]
+        tie = found.tie[at]
+        holds = any(
+            np.abs(own @ one.set.cones.spread).max(initial=0.0) > FELT * max(one.set.reach)
+            for own, one in zip(tie, contributions, strict=True)
+            if tie.shape[2] and one.set is not None
+        )
+        factor = np.ones(len(at)) if scale is None else np.array(scale, float)
+        tie = tie if holds else tie[:, :, :0]
+        return cls(tuple(contributions), found.tool[at], found.load[at], tie, factor)
+
+    @classmethod
+    def join(cls, models: Sequence[ErrorModel]) -> ErrorModel:
+        """All contributions of models that are not tied, at the same poses; or one of any kind."""
+        if len(models) == 1:
+            return models[0]
+        return cls(
+            tuple(one for model in models for one in model.contributions),
+            np.concatenate([one.jacobian for one in models]),
+            np.concatenate([one.load for one in models]),
+            np.concatenate([one.tie for one in models]),
+            np.concatenate([one.scale for one in models]),
+        )
+
+    @property
+    def poses(self) -> int:
+        """How many."""
+        return self.jacobian.shape[1]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joints of the contributions, gears told apart."""
+        return tuple(one.name for one in self.contributions)
+
+    @property
+    def plays(self) -> tuple[Play, ...]:
+        """Sets of the contributions that have one."""
+        return tuple(one.set for one in self.contributions if one.set is not None)
+
+    @property
+    def tied(self) -> bool:
+        """Whether contributions hold each other."""
+        return self.tie.shape[2] > 0
+
+    def scaled(self, scale: np.ndarray) -> ErrorModel:
+        """With contributions so many times as large, (k,)."""
+        return replace(self, scale=scale)
+
+    def subset(self, contributions: Any = slice(None), poses: Any = slice(None)) -> ErrorModel:
+        """Some of the contributions and poses, by indices or slices."""
+        at = np.arange(len(self.contributions))[contributions]
+        some = tuple(
+            one if one.shift is None else replace(one, shift=one.shift[poses])
+            for one in (self.contributions[i] for i in at)
+        )
+        jacobian, load, tie = (one[at][:, poses] for one in (self.jacobian, self.load, self.tie))
+        return ErrorModel(some, jacobian, load, tie, self.scale[at])
+
+    # Sets: worst cases.
+
+    def along(self, directions: np.ndarray, turn: bool = False) -> States:
+        """Farthest displacements of the tool that all contributions allow, along directions.
+
+        Args:
+            directions: unit vectors in world axes, shape (n, m, 3).
+            turn: rotations of the tool instead of displacements.
+        """
+        return self._states(self._pulls(directions, turn))
+
+    def _pulls(self, directions: np.ndarray, turn: bool) -> np.ndarray:
+        """What unit forces (moments) along directions (n, m, 3) do at the joints, (k, n, m, 6)."""
+        rows = self.jacobian[:, :, 3:] if turn else self.jacobian[:, :, :3]
+        return np.einsum("nmk,jnki->jnmi", directions, rows)
+
+    def at_rest(self) -> States:
+        """Where gravity and the tool's load put the journals, without friction; m is one."""
+        return self._states(self.load[:, :, None])
+
+    @cached_property
+    def sphere(self) -> np.ndarray:
+        """Directions among which the worst one is sought, (m, 3)."""
+        if all(one.shift is None for one in self.contributions):
+            return half_sphere()  # the other half has the same
+        half = half_sphere(_DIRECTIONS_SHIFTED)
+        return np.vstack([half, -half])
+
+    def values(self, directions: np.ndarray, turn: bool = False) -> np.ndarray:
+        """How far each goes along directions (m, 3) at all poses, (k, n, m) [m or rad]."""
+        each = max(_AT_ONCE // (len(self.contributions) * len(directions)), 1)
+        parts = [np.zeros((len(self.contributions), 0, len(directions)))]
+        for first in range(0, self.poses, each):
+            some = self.subset(poses=slice(first, first + each))
+            every = np.broadcast_to(directions, (some.poses, *directions.shape))
+            parts.append(some._reached(some._pulls(every, turn))[0])
+        return np.concatenate(parts, axis=1)
+
+    def farthest(self, turn: bool = False, start: np.ndarray | None = None) -> Farthest:
+        """Largest displacement (or rotation) of the tool at each pose.
+
+        Args:
+            turn: rotations.
+            start: directions from which it is sought, (n, 3); None: the best of `sphere`.
+        """
+        if start is None:
+            start = self.sphere[self.values(self.sphere, turn).sum(axis=0).argmax(axis=1)]
+        d = self.climb(start, turn)
+        parts = self.along(d[:, None], turn).value[:, :, 0]
+        return Farthest(parts.sum(axis=0), d, parts)
+
+    def climb(self, d: np.ndarray, turn: bool = False) -> np.ndarray:
+        """Directions (n, 3) in which the tool gets no less far than along directions `d`.
+
+        In each step d is replaced by the direction of the point that is farthest along d.
+        """
+        wanted = slice(3, 6) if turn else slice(0, 3)
+        for _ in range(_REFINEMENTS):
+            before = d
+            d = toward(self.along(d[:, None], turn).error.sum(axis=0)[:, 0, wanted], d)
+            if np.abs(d - before).max(initial=0.0) < _SETTLED:
+                break
+        return d
+
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """Largest distance of the tool by each contribution alone, shape (k, n) [m]."""
+        each = [self.subset([k]).farthest().size for k in range(len(self.contributions))]
+        return np.array(each)
+
+    def _states(self, loads: np.ndarray) -> States:
+        """States farthest along loads (k, n, m, 6) of any unit."""
+        value, point = self._reached(loads)
+        error = np.einsum("jnik,jnmk->jnmi", self.jacobian, point)
+        if self.tied:
+            self._check_ends(point, error)
+        return States(value, point, error)
+
+    def _reached(self, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (k, n, m) and points (k, n, m, 6) farthest along loads (k, n, m, 6)."""
+        k, n, m, _ = loads.shape
+        flat = loads.reshape(k, n * m, 6)
+        value, point = np.zeros(flat.shape[:2]), np.zeros(flat.shape)
+        sets = [one.set for one in self.contributions]
+        if self.tied:
+            sets = [None if one is None else loop_play.ended(one) for one in sets]
+        for one in dict.fromkeys(sets):  # alike ones together: many at once cost little more
+            if one is None:
+                continue
+            alike = [number for number, other in enumerate(sets) if other == one]
+            found = one.support(flat[alike].reshape(-1, 6))
+            value[alike] = found.value.reshape(len(alike), -1)
+            point[alike] = found.point.reshape(len(alike), -1, 6)
+        for number, own in enumerate(self.contributions):
+            if own.shift is not None:
+                shift = np.repeat(own.shift, m, axis=0)
+                along = (flat[number] * shift).sum(axis=1)
+                value[number] += along + own.spread * np.abs(along)
+                point[number] += shift * (1.0 + own.spread * np.sign(along))[:, None]
+        factor = self.scale[:, None]
+        value, point = factor * value, factor[:, :, None] * point
+        if self.tied:
+            self._tie(flat, value, point, m)
+        return value.reshape(k, n, m), point.reshape(k, n, m, 6)
+
+    def _tie(self, flat: np.ndarray, value: np.ndarray, point: np.ndarray, m: int) -> None:
+        """Put right, in place, what loops forbid of values (k, n m) and points along loads."""
+        factor = self.scale[:, None, None]
+        plays = [loop_play.ended(one) for one in self.plays]
+        ties = np.repeat(factor[..., None] * self.tie, m, axis=1)
+        opened = np.abs(np.einsum("jnri,jni->nr", ties, point / factor)).max(axis=1)
+        able = sum(loop_play.opening(*pair) for pair in zip(plays, ties, strict=True))
+        (some,) = np.nonzero(opened > _FITS * able)
+        if len(some):
+            loads = (factor * flat)[:, some]
+            value[:, some], inner = loop_play.farthest(plays, loads, ties[:, some])
+            point[:, some] = factor * inner
+
+    def _check_ends(self, point: np.ndarray, error: np.ndarray) -> None:
+        """Refuse a journal without end walls at an end that it has not, if the tool feels it."""
+        for one, at, errors in zip(self.contributions, point, error, strict=True):
+            play = one.set
+            if not isinstance(play, JournalPlay) or not math.isinf(play.along):
+                continue
+            far = np.abs(at[..., 2]) > 0.5 * loop_play.FAR * play.across
+            if (far & (np.abs(errors[..., :3]).max(axis=-1) > play.across)).any():
+                raise JointplayError(
+                    f"nothing limits the journal of {one.name!r} along its axis, and the tool "
+                    "feels it: give the joint end walls (an axial clearance), or lock_axial"
+                )
+
+    # Means and variances.
+
+    @cached_property
+    def means(self) -> np.ndarray:
+        """The tool's displacement by each contribution in any case, (k, n, 3) [m]."""
+        found = np.zeros((len(self.contributions), self.poses, 3))
+        for k, one in enumerate(self.contributions):
+            if one.shift is not None:
+                found[k] = np.einsum("nik,nk->ni", self.jacobian[k, :, :3], one.shift)
+        return self.scale[:, None, None] * found
+
+    @cached_property
+    def covariances(self) -> np.ndarray:
+        """Covariance of the tool's displacement by each contribution, (k, n, 3, 3) [m^2]."""
+        own = [np.zeros((6, 6)) if c.set is None else c.set.covariance for c in self.contributions]
+        rows = self.jacobian[:, :, :3]
+        found = np.einsum("jnik,jkl,jnml->jnim", rows, np.array(own), rows)
+        spread = np.array([one.spread for one in self.contributions]) / np.sqrt(3.0)
+        shift = spread[:, None, None] * self.means
+        scale = self.scale[:, None, None, None]
+        return np.asarray(scale**2 * found + shift[..., :, None] * shift[..., None, :])
+
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square distance of the tool, (n,) [m]."""
+        mean, covariance = self.means.sum(axis=0), self.covariances.sum(axis=0)
+        square = (mean**2).sum(axis=1) + np.trace(covariance, axis1=1, axis2=2)
+        return np.asarray(np.sqrt(square))
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Displacements at random at the first pose, as the variances suppose, (count, k, 6)."""
+        found = np.zeros((count, len(self.contributions), 6))
+        for k, one in enumerate(self.contributions):
+            if one.shift is not None:
+                part = 1.0 + one.spread * random.uniform(-1.0, 1.0, count)
+                found[:, k] += part[:, None] * one.shift[0]
+            if one.set is not None:
+                found[:, k] += one.set.draw(random, count)
+        return self.scale[:, None] * found
+
+
+def toward(points: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """Unit vectors along points (..., k); those of `otherwise` where these are zero."""
+    size = np.linalg.norm(points, axis=-1, keepdims=True)
+    return np.where(size > 0.0, points / np.where(size > 0.0, size, 1.0), otherwise)
+
+
+def half_sphere(count: int = DIRECTIONS) -> np.ndarray:
+    """Directions evenly over half a sphere (Fibonacci lattice), shape (count, 3)."""
+    i = np.arange(require_whole("count", count, 1))
+    z = 1.0 - (i + 0.5) / count
+    r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
+    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+
+
+def covering() -> float:
+    """Largest angle between any direction and the nearest of `half_sphere` or its mirror [rad]."""
+    fine = half_sphere(20 * DIRECTIONS)
+    return float(np.arccos(np.abs(fine @ half_sphere().T).max(axis=1).min()))
+
+
+def play_model(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    force: Sequence[float] = (0.0, 0.0, 0.0),
+    second_order: bool = True,
+    driven: Sequence[str] | None = None,
+    loops: bool = False,
+    relative_to: str | None = None,
+) -> ErrorModel:
+    """The error by play alone, of joints with clearance and then of gears; arguments of `budget`.
+
+    With `loops` mechanisms with loops are taken, too, whose plays may be tied to each other.
+
+    Raises:
+        JointplayError: nothing has play; see `budget`.
+    """
+    if relative_to is not None:
+        check_body(mechanism, relative_to)
+    if mechanism.loops and not loops:
+        raise JointplayError(
+            f"loop {next(iter(mechanism.loops))!r}: this works only for robots without closed "
+            "loops; jointplay budget, allocate and run accept them"
+        )
+    if not mechanism.clearance and not mechanism.gears:
+        raise JointplayError(
+            "nothing has play: give joints with clearance, or gears with play (in a "
+            'command: --clearance "0.1 mm" for all that move the tool, or --joint '
+            'NAME="0.1 mm"); joints: ' + ", ".join([*mechanism.joints, *mechanism.loops])
+        )
+    q = configurations(mechanism, poses, driven)
+    push = force_on_tool(force)
+    for name in {name + GEAR for name in mechanism.gears} & set(mechanism.clearance):
+        raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")
+    contributions = [play_of_joint(mechanism, name, second_order) for name in mechanism.clearance]
+    contributions += [play_of_gear(mechanism, name) for name in mechanism.gears]
+    joints = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
+    found = jacobians(mechanism, q, joints, push, driven, relative_to)
+    return ErrorModel.of(contributions, joints, found)
+
+
+def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) -> Contribution:
+    """What the clearance of a joint lets it do."""
+    joint = mechanism.clearance[name]
+    proportional = bool(joint.clearances) and joint.resultant is None
+    return Contribution(
+        name,
+        "play",
+        joint.play(second_order),
+        origin="the joint's clearance",
+        proportional=proportional,
+    )
+
+
+def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:
+    """The backlash and hysteresis of a gear: the joint turns about its axis, the motor stands."""
+    half = mechanism.gears[name].unloaded_range / 2.0
+    backlash = Line((0.0, 0.0, 0.0, 0.0, 0.0, half))
+    return Contribution(name, "play", backlash, origin=f"its{GEAR}", part=GEAR)

@@ -1,0 +1,350 @@
+"""How a small displacement at each joint moves the tool, and the load that the joint bears.
+
+In a tree what a joint displaces is all that it carries. In a closed loop the joints that are not
+driven follow, the tool with them; what they cannot close ties the displacements of the loop's
+joints to each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError, require_finite, require_numbers
+from jointplay.model.builder import z_to
+from jointplay.model.closed_loops import ClosedLoops, is_closed, opening, own_opening
+from jointplay.model.mechanism import Mechanism, frame_index
+from jointplay.physics.joints import Coordinate
+
+GEAR = " (gear)"
+"""Appended to a joint's name for the play of its gear."""
+FELT = 1e-9
+"""Motion of the tool per motion of a coordinate that is none [1 or m]."""
+
+
+@dataclass(frozen=True)
+class Jacobians:
+    """What j joints do to the tool at n poses; a displacement is one of the child's body.
+
+    Of a joint about its centre, in the axes of its bearing, z the joint's own; without clearance
+    its frame has that place.
+    """
+
+    tool: np.ndarray
+    """The tool's displacement and rotation in world axes per the joint's own, (j, n, 6, 6)."""
+    load: np.ndarray
+    """Gravity and the tool's load on the joint, about its centre, (j, n, 6) [N, N m]."""
+    tie: np.ndarray
+    """By how much each displacement opens loops that nothing else can close, (j, n, r, 6), zero in
+    sum over all joints."""
+    arm: np.ndarray
+    """In trees: from the joint to the next one on the way to the tool, or to the tool, its own
+    axes, (j, n, 3) [m]."""
+
+
+def jacobians(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    joints: Sequence[str],
+    force: np.ndarray,
+    driven: Sequence[str] | None = None,
+    relative_to: str | None = None,
+) -> Jacobians:
+    """Jacobians of joints at configurations q (n, nq).
+
+    Args:
+        mechanism: with these joints.
+        q: journals centred, loops closed.
+        joints: names.
+        force: on the tool, world axes, (3,) [N].
+        driven: joints of loops that stand; see `budget`.
+        relative_to: body from which the tool is seen; None: the world.
+
+    Raises:
+        JointplayError: a pose at which the driven joints do not determine the tool.
+    """
+    moves, loads = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
+    arms = np.zeros((len(joints), len(q), 3))
+    closing = ClosedLoops(mechanism, q[0], driven) if mechanism.loops else None
+    ties = []
+    for i, row in enumerate(q):
+        pin.computeJointJacobians(mechanism.model, mechanism.data, row)
+        tool = tool_place(mechanism, row)
+        pin.centerOfMass(mechanism.model, mechanism.data, row, True)
+        places = {
+            j: place(mechanism, name)
+            for j, name in enumerate(joints)
+            if name not in mechanism.loops
+        }
+        for j, at in places.items():
+            moves[j, i], loads[j, i] = _of_joint(mechanism, at, tool, force, relative_to)
+        moving = [j for j in sorted(places, key=lambda j: places[j][0]) if moves[j, i].any()]
+        ends = [places[j][1].translation for j in moving[1:]] + [tool.translation]
+        for j, end in zip(moving, ends, strict=False):
+            arms[j, i] = places[j][1].rotation.T @ (end - places[j][1].translation)
+        if closing is not None:
+            ties.append(_follow(closing, q, i, joints, force, moves, loads))
+    most = max((one.shape[1] for one in ties), default=0)
+    tie = np.zeros((len(joints), len(q), most, 6))
+    for i, one in enumerate(ties):
+        tie[:, i, : one.shape[1]] = one
+    return Jacobians(moves, loads, tie, arms)
+
+
+def force_on_tool(force: Sequence[float]) -> np.ndarray:
+    """A force on the tool, shape (3,) [N].
+
+    Raises:
+        JointplayError: not three finite components.
+    """
+    push = np.array([require_finite("force on the tool", one, "N") for one in force])
+    if push.shape != (3,):
+        raise JointplayError(f"the force on the tool must have three components, got {force!r}")
+    return push
+
+
+def check_body(mechanism: Mechanism, body: str) -> None:
+    """Refuse a body from which the tool's motion cannot be seen."""
+    frame_index(mechanism.model, body, "body", where=("relative_to",))
+    if mechanism.loops:
+        raise JointplayError(
+            f"relative_to {body!r}: a budget relative to a body works only for robots without "
+            "closed loops",
+            where=("relative_to",),
+        )
+    if body == mechanism.tool:
+        raise JointplayError(
+            f"relative_to {body!r} is the tool itself: name another body, or another tool",
+            where=("relative_to",),
+        )
+
+
+def configurations(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    driven: Sequence[str] | None = None,
+) -> np.ndarray:
+    """Configurations, shape (n, nq): journals centred, loops closed.
+
+    Args:
+        poses: joint positions by name, the rest zero; or configurations (n, nq).
+        driven: see `budget`; positions of other joints of a loop say from where it is closed.
+
+    Raises:
+        JointplayError: a wrong shape; a loop that cannot be closed.
+        MissingName: no such joint.
+    """
+    if mechanism.free_base is not None:
+        raise JointplayError(
+            "static budgets are of a base that is held, and this one is free: take the mechanism "
+            'with base = "held"; relative_to then names the body whose motion does not count'
+        )
+    if isinstance(poses, Mapping):
+        q = mechanism.configuration(poses)[None]
+    else:
+        q = np.atleast_2d(require_numbers("poses", poses, ("poses",)))
+    if q.ndim != 2 or q.shape[1] != mechanism.model.nq or not np.isfinite(q).all():
+        raise JointplayError(
+            f"poses must be finite and of the shape (n, {mechanism.model.nq}), got {q.shape}"
+        )
+    if not mechanism.loops or all(is_closed(mechanism, row) for row in q):
+        return q
+    return ClosedLoops(mechanism, q[0], driven).closed(q)
+
+
+def _follow(
+    closing: ClosedLoops,
+    q: np.ndarray,
+    pose: int,
+    joints: Sequence[str],
+    push: np.ndarray,
+    moves: np.ndarray,
+    loads: np.ndarray,
+) -> np.ndarray:
+    """Add what follows through the loops to Jacobians and loads (j, n, ...) at a pose of q (n, nq).
+
+    Returns:
+        The joints' ties there, (j, r, 6).
+    """
+    mechanism, passive = closing.mechanism, closing.passive
+    model, data = mechanism.model, mechanism.data
+    closing_up = closing.linear(q[pose])
+    pin.computeJointJacobians(model, data, q[pose])
+    axes_of_world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    tool = pin.getFrameJacobian(model, data, mechanism.tool_frame, axes_of_world)
+    tool = tool.reshape(6, model.nv)
+    if np.abs(tool[:, passive] @ closing_up.loose).max(initial=0.0) > FELT:
+        sizes = np.abs(closing_up.loose).max(axis=1, initial=0.0)
+        names = ", ".join(
+            dict.fromkeys(
+                repr(mechanism.coordinates[i].joint)
+                for i, size in zip(passive, sizes, strict=True)
+                if size > FELT
+            )
+        )
+        raise JointplayError(
+            f"the driven joints ({', '.join(map(repr, closing.driven)) or 'none'}) do not "
+            f"determine the tool {mechanism.tool!r} at {closing.stands(q[pose], pose, len(q))}: "
+            f"nothing determines {names} (a singular position, or too few driven joints)"
+        )
+    weight = tool[:3].T @ push - pin.computeGeneralizedGravity(model, data, q[pose])
+    pin.computeJointJacobians(model, data, q[pose])
+    ties = np.zeros((len(joints), len(closing_up.rest), 6))
+    for j, name in enumerate(joints):
+        if name in mechanism.loops:
+            opened = own_opening(mechanism, name)
+        else:
+            index, axes = place(mechanism, name)
+            along = axes.rotation
+            arm = np.cross(axes.translation, along, axisb=0, axisc=0)  # centre x each axis
+            twist = np.block([[along, arm], [np.zeros((3, 3)), along]])
+            opened = opening(mechanism, index, twist)
+        opened = closing_up.weight[:, None] * opened
+        followed = -closing_up.follow @ opened
+        moves[j, pose] += tool[:, passive] @ followed
+        loads[j, pose] += followed.T @ weight[passive]
+        ties[j] = closing_up.rest @ opened
+    return ties
+
+
+def tool_place(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> pin.SE3:
+    """Where the tool is in configuration q (nq,), in the world or in a body's axes."""
+    pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
+    tool = mechanism.data.oMf[mechanism.tool_frame].copy()
+    if relative_to is None:
+        return tool
+    return mechanism.data.oMf[frame_index(mechanism.model, relative_to)].actInv(tool)
+
+
+def _of_joint(
+    mechanism: Mechanism,
+    at: tuple[int, pin.SE3],
+    tool: pin.SE3,
+    push: np.ndarray,
+    relative_to: str | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Jacobian (6, 6) and load (6,) of the joint at a `place`.
+
+    The play is the same both ways, so it does not matter which of the two bodies is the bearing.
+    Relative to a body, in its axes: what moves both does not count, and what moves only the body
+    moves the tool the other way.
+    """
+    model, data = mechanism.model, mechanism.data
+    index, axes = at
+    turn, centre = axes.rotation, axes.translation
+    move, load = np.zeros((6, 6)), np.zeros(6)
+    forces = []
+    if data.mass[index] > 0.0:  # what has no mass has no centre of mass
+        weight = data.mass[index] * np.array(mechanism.gravity)
+        forces.append((weight, data.oMi[index].act(data.com[index])))
+    moved = index in model.supports[model.frames[mechanism.tool_frame].parentJoint]
+    sign = float(moved)
+    if relative_to is not None:
+        body = frame_index(model, relative_to)
+        sign -= float(index in model.supports[model.frames[body].parentJoint])
+    if sign:
+        move[:3, :3] = move[3:, 3:] = sign * turn
+        move[:3, 3:] = sign * np.cross(turn.T, tool.translation - centre).T  # columns: axis x arm
+    if relative_to is not None:
+        back = data.oMf[body].rotation.T
+        move = np.concatenate([back @ move[:3], back @ move[3:]])
+    if moved:
+        forces.append((push, tool.translation))
+    for force, point in forces:
+        load[:3] += turn.T @ force
+        load[3:] += turn.T @ np.cross(point - centre, force)
+    return move, load
+
+
+def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
+    """The joint that carries the child's body; the bearing's axes, z its axis, at the journal.
+
+    After `pin.computeJointJacobians`. Without clearance z is the way in which the joint moves.
+    """
+    data = mechanism.data
+    index = int(mechanism.model.getJointId(name))
+    if name in mechanism.clearance:
+        (i, bearing), (j, journal) = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        centre = (data.oMi[j] * journal).translation
+        return index, pin.SE3((data.oMi[i] * bearing).rotation, centre)
+    column = pin.getJointJacobian(mechanism.model, data, index, pin.ReferenceFrame.WORLD)
+    entry = mechanism.description.joints.get(name)
+    rows = slice(0, 3) if entry is not None and entry.slides else slice(3, 6)
+    axis = column.reshape(6, -1)[rows, mechanism.model.joints[index].idx_v]
+    return index, pin.SE3(z_to(axis), data.oMi[index].translation)
+
+
+def displaced(
+    closing: ClosedLoops, q: np.ndarray, aside: Mapping[str, np.ndarray]
+) -> pin.SE3 | None:
+    """Where the tool is, exactly, with journals displaced; None if the loops cannot be closed.
+
+    Args:
+        q: a closed configuration, journals centred, shape (nq,).
+        aside: displacement and rotation vector of the child's body in bearing axes, by source of
+            play, shape (6,) [m, rad].
+    """
+    mechanism = closing.mechanism
+    at_loops = {
+        name: pin.SE3(pin.exp3(xi[3:]), xi[:3])
+        for name, xi in aside.items()
+        if name in mechanism.loops
+    }
+    own = {name: xi for name, xi in aside.items() if name not in at_loops}
+    moved = displaced_configuration(mechanism, q, own)
+    closed = closing.close(moved, at_loops, exactly=False)
+    return None if closed is None else tool_place(mechanism, closed)
+
+
+def displaced_configuration(
+    mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """The configuration with journals of the tree and teeth displaced, shape (nq,).
+
+    Args:
+        q: journals centred, shape (nq,).
+        aside: see `displaced`; no joint that closes a loop.
+    """
+    moved = q.copy()
+    gears = {name + GEAR: name for name in mechanism.gears}
+    for name, xi in aside.items():
+        if name in gears:
+            moved[mechanism.coordinate(gears[name])] += xi[5]
+        else:
+            _push(mechanism, q, moved, name, xi)
+    return moved
+
+
+def _push(
+    mechanism: Mechanism, q: np.ndarray, moved: np.ndarray, name: str, xi: np.ndarray
+) -> None:
+    """Displace a journal of the tree by its coordinates in `moved`."""
+    model, data = mechanism.model, mechanism.data
+    pin.forwardKinematics(model, data, q)
+    index, axes = place(mechanism, name)
+    first = index
+    while mechanism.owner(model.parents[first]) == name:
+        first = model.parents[first]
+    seat = data.oMi[model.parents[first]] * model.jointPlacements[first]
+    turned = seat.rotation.T @ axes.rotation
+    arm = seat.rotation.T @ (data.oMi[index].translation - axes.translation)
+    turn = pin.exp3(turned @ xi[3:])
+    shift = turned @ xi[:3] + turn @ arm - arm
+    at = {
+        part: mechanism.coordinates.index(Coordinate(name, part))
+        for part in mechanism.clearance[name].freedoms
+    }
+    for part, value in zip("xyz", shift, strict=True):
+        if part in at:
+            moved[at[part]] += value
+    parts = ("roll", "pitch", "yaw")
+    angles = [q[at[part]] if part in at else 0.0 for part in parts]
+    for part, value in zip(
+        parts, pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles)), strict=True
+    ):
+        if part in at:
+            # The same turn, not one more.
+            moved[at[part]] = value + 2.0 * np.pi * round((q[at[part]] - value) / (2.0 * np.pi))

@@ -1,0 +1,181 @@
+"""How far plays that a closed loop ties to each other can go.
+
+A loop stays closed: what the plays of its joints open, its other coordinates must close again.
+What these cannot close (a plane linkage whose pins lean) the plays must not open. So the farthest
+displacements along loads a_i are
+
+    max sum_i a_i . xi_i    for xi_i in P_i with sum_i T_i xi_i = 0
+    = min over l of sum_i h_i(a_i + T_i^T l)
+
+with the support functions h_i of the plays P_i (duality: Rockafellar, Convex Analysis, 1970,
+section 31). Any l gives an upper bound, so the values returned are bounds whatever the numerics;
+each joint's term is also what the value gains by its clearance, c dh/dc.
+
+Where the farthest states without ties fit together already, they are taken: no search. Otherwise a
+barrier method (Boyd, Vandenberghe, Convex Optimization, 2004, chapter 11) follows the central path
+of all problems at once, the cones of each play (`Play.cones`) being its walls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jointplay.physics.joints.play import Cones, JournalPlay, Play
+
+_EXACT = 1e-4
+"""Part of the sum without ties by which points may fall short of the farthest."""
+_STAGE, _STEPS, _SHORTER = 10.0, 30, 30
+"""Factor of the objective from stage to stage; most Newton steps in one, and halvings of a step."""
+_NEAR, _THERE = 0.5, 1e-2
+"""What a step may gain when a stage ends, and the last one."""
+_ROUNDING = 1e-10
+"""Part of a matrix's largest eigenvalue that is taken for zero."""
+FAR = 100.0
+"""Clearances across that stand for no end at all."""
+
+
+def ended(play: Play) -> Play:
+    """The play with ends along its axis, if it has none."""
+    if isinstance(play, JournalPlay) and math.isinf(play.along):
+        return replace(play, along=FAR * play.across)
+    return play
+
+
+def opening(play: Play, ties: np.ndarray) -> np.ndarray:
+    """How far a play can open its loops at most, for ties (n, r, 6): shape (n,)."""
+    aside, angle = play.reach
+    most = aside * np.abs(ties[..., :3]).sum(axis=-1) + angle * np.abs(ties[..., 3:]).sum(axis=-1)
+    return np.asarray(most.max(axis=-1))
+
+
+def farthest(
+    plays: Sequence[Play], loads: np.ndarray, ties: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values (j, n) and points (j, n, 6) of problems with loads (j, n, 6) and ties (j, n, r, 6)."""
+    sets = [play.cones for play in plays]
+    aims = [loads[i] @ one.spread for i, one in enumerate(sets)]
+    rows = [ties[i] @ one.spread for i, one in enumerate(sets)]
+    alone = np.stack([play.support(loads[i]).value for i, play in enumerate(plays)])
+    size = np.maximum(alone.sum(axis=0), 1e-300)
+    wide = np.maximum(np.max([np.abs(row).max(axis=(1, 2)) for row in rows], axis=0), 1e-300)
+    aims = [aim / size[:, None] for aim in aims]
+    rows = [row / wide[:, None, None] for row in rows]
+    path = _Path(sets, aims, rows)
+    places, price = path.follow()
+    price = price * (size / wide)[:, None]
+    value = np.stack(
+        [
+            play.support(loads[i] + np.einsum("nri,nr->ni", ties[i], price)).value
+            for i, play in enumerate(plays)
+        ]
+    )
+    value = np.where(value.sum(axis=0) < alone.sum(axis=0), value, alone)
+    point = [at @ one.spread.T for at, one in zip(places, sets, strict=True)]
+    return value, np.stack(point)
+
+
+class _Path:
+    """The central path of n problems: maximise aims . y within the cones, rows . y = 0."""
+
+    def __init__(
+        self, sets: Sequence[Cones], aims: Sequence[np.ndarray], rows: Sequence[np.ndarray]
+    ) -> None:
+        self._sets, self._aims, self._rows = sets, aims, rows
+        self._count = 2 * sum(len(one.walls) for one in sets)
+
+    def follow(self) -> tuple[list[np.ndarray], np.ndarray]:
+        """Coordinates of each set, (n, m), and the price of each tie, (n, r)."""
+        y = [np.zeros_like(aim) for aim in self._aims]
+        price = np.zeros(self._rows[0].shape[:2])
+        weight, last = float(self._count), self._count / _EXACT
+        while True:
+            near = _NEAR if weight < last else _THERE
+            left = np.arange(len(price))
+            for _ in range(_STEPS):
+                step, price[left], gain = self._newton(y, weight, left)
+                self._move(y, step, gain, weight, left)
+                left = left[gain >= near]
+                if not len(left):
+                    break
+            if weight >= last:
+                return y, -price / weight
+            weight = min(_STAGE * weight, last)
+
+    def _newton(
+        self, y: list[np.ndarray], weight: float, some: np.ndarray
+    ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+        """Newton's steps of some problems, multipliers of ties (some, r), gains (some,)."""
+        slopes, solved = [], []
+        ties = self._rows[0].shape[1]
+        inner, outer = np.zeros((len(some), ties, ties)), np.zeros((len(some), ties))
+        for point, one, aims, rows in zip(y, self._sets, self._aims, self._rows, strict=True):
+            slope, bend = _barrier(one, point[some])
+            slope = slope - weight * aims[some]
+            row = rows[some]
+            right = np.concatenate([slope[..., None], row.transpose(0, 2, 1)], axis=2)
+            both = np.linalg.solve(bend, right)
+            inner += row @ both[..., 1:]
+            outer += np.einsum("nri,ni->nr", row, both[..., 0])
+            slopes.append(slope)
+            solved.append(both)
+        inverse = np.linalg.pinv(inner, rcond=_ROUNDING, hermitian=True)
+        price = -np.einsum("nrs,ns->nr", inverse, outer)
+        step = [-both[..., 0] - np.einsum("nir,nr->ni", both[..., 1:], price) for both in solved]
+        pairs = zip(slopes, step, strict=True)
+        gain = -sum(np.einsum("ni,ni->n", slope, way) for slope, way in pairs)
+        return step, price, np.asarray(gain)
+
+    def _move(
+        self,
+        y: list[np.ndarray],
+        step: list[np.ndarray],
+        gain: np.ndarray,
+        weight: float,
+        some: np.ndarray,
+    ) -> None:
+        """Take steps, each halved until it stays inside and goes down; or none."""
+        before = self._height(y, weight, some)
+        part, left = 1.0, np.arange(len(some))
+        for _ in range(_SHORTER):
+            at = some[left]
+            trial = [place[at] + part * way[left] for place, way in zip(y, step, strict=True)]
+            after = self._height(trial, weight, at, taken=True)
+            good = after <= before[left] - 0.1 * part * gain[left] + 1e-9
+            for point, moved in zip(y, trial, strict=True):
+                point[at[good]] = moved[good]
+            left, part = left[~good], 0.5 * part
+            if not len(left):
+                return
+
+    def _height(
+        self, y: list[np.ndarray], weight: float, some: np.ndarray, taken: bool = False
+    ) -> np.ndarray:
+        """Barrier less the weighted aim, infinite outside, of some problems, shape (some,)."""
+        total = np.zeros(len(some))
+        for places, one, aim in zip(y, self._sets, self._aims, strict=True):
+            place = places if taken else places[some]
+            total -= weight * np.einsum("ni,ni->n", aim[some], place)
+            for wall in one.walls:
+                left = wall.room - place @ wall.along
+                inside = left**2 - ((place @ wall.across.T + wall.centre) ** 2).sum(axis=1)
+                good = (left > 0.0) & (inside > 0.0)
+                total -= np.where(good, np.log(np.where(good, inside, 1.0)), -np.inf)
+        return total
+
+
+def _barrier(cones: Cones, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope (n, m) and curvature (n, m, m) of -sum log((room - along . y)^2 - |across @ y|^2)."""
+    slope, bend = np.zeros_like(y), np.zeros((*y.shape, y.shape[1]))
+    for wall in cones.walls:
+        aside = y @ wall.across.T + wall.centre
+        left = wall.room - y @ wall.along
+        inside = left**2 - (aside**2).sum(axis=1)
+        own = 2.0 * (left[:, None] * wall.along + aside @ wall.across) / inside[:, None]
+        curve = 2.0 * (wall.across.T @ wall.across - np.outer(wall.along, wall.along))
+        slope += own
+        bend += curve / inside[:, None, None] + own[:, :, None] * own[:, None, :]
+    return slope, bend

@@ -1,0 +1,488 @@
+"""Where a machine with play can rest: without friction a place, with friction a whole set.
+
+Without friction a journal slides to where the potential energy is lowest. To the first order that
+is the point at which the support function of its play is attained (`joints.play`), but the axial
+torque of a load that leans the joint does work only through the product of two leans, as the
+drive's coupling has it, and so do the weights of all that leans with it: where the first order
+leaves the lean nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as
+a run with start="rest" does.
+
+With Coulomb friction a journal rests wherever its contacts, each pushing within its cone of
+friction, can balance its load. For friction at given parts of the normal forces that is the state
+without friction under a load that has this friction added; all such states, the parts going through
+the cone's edge, bound the set (`_held_states`). The cones are taken as polygons around the round
+ones; loads as they change with all leans, contacts as they give way: what is found is on the safe
+side. Sets of several joints add up, so the tool's interval along a direction is the sum of theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy import loop_play
+from jointplay.accuracy.error_model import ErrorModel
+from jointplay.accuracy.jacobians import GEAR, displaced_configuration, tool_place
+from jointplay.model.closed_loops import ClosedLoops
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import RELATIVE, Clearance
+from jointplay.physics.joints.play import Play, Pressed
+from jointplay.simulation.acting import load_site
+from jointplay.simulation.loads.drive import Drive, Prescribed, assign
+from jointplay.simulation.loads.tables import tabulate
+from jointplay.simulation.loads.wrench import Wrench
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, depths, weight_curvature
+
+AGREES_M = 1e-6
+"""Distance within which `RestPositions` have the tool where a run with start="rest" begins [m]."""
+STATES = 1296
+"""Friction states of each joint that are tried, half of them at random."""
+_INSTANT_S = 1e-3
+"""How long the motion lasts that does not move, of which drives know gains and torques [s]."""
+_ANGLES = np.arange(12) * np.pi / 6.0
+_CORNERS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]) / np.cos(np.pi / 12.0)
+"""Of the polygon around a round cone of friction, at most 3.5 % wider; with 16 corners so many
+states miss some ends."""
+_BALANCED, _EXACT = 0.01, 1e-5
+"""Part of a load that may be left in a state of rest, for states are not found exactly: per
+coefficient of friction, and without any."""
+_ROUNDS, _DAMPED = 10, 5
+"""How often friction is found from normal forces and these from friction; from when on halved."""
+_NOTHING = 1e-9
+"""Load of a joint relative to the machine's weight and the tool's load that presses nothing."""
+_OPEN = 1e-6
+"""Part of a load that is added at random, so that all ends of what it leaves open are found."""
+_SMALL = 1e-6
+"""Displacement by which coordinates are found [m or rad]."""
+
+
+class RestPlace(NamedTuple):
+    """Where a machine rests without friction; NaN where no place of rest is found."""
+
+    parts: np.ndarray
+    """The tool's error by source of play, shape (j, 6) [m, rad]; NaN where plays hold each other,
+    for none moves the tool alone."""
+    whole: np.ndarray
+    """The tool's error of all, exactly, shape (6,) [m, rad]."""
+    loads: np.ndarray
+    """What each source of play bears: force and moment of the contacts on the journal about its
+    centre, bearing axes; torque of a gear's teeth about its axis, shape (j, 6) [N, N m]."""
+
+
+@dataclass(frozen=True)
+class RestPositions:
+    """A machine with play that stands, at n poses."""
+
+    mechanism: Mechanism
+    q: np.ndarray
+    """Configurations, journals centred and loops closed, shape (n, nq)."""
+    model: ErrorModel
+    """The error by play."""
+    force: np.ndarray
+    """On the tool, world axes, shape (3,) [N]."""
+    driven: Sequence[str] | None
+    """Joints of loops that stand."""
+    friction: float | None
+    """Coefficient of all contacts; None: the largest of each joint's own law."""
+    drive: Drive
+    """Of all joints that stand."""
+    second_order: np.ndarray
+    """By how much the tool may be elsewhere than the Jacobians say, shape (n,) [m]."""
+    relative_to: str | None = None
+    """Body from which the tool is seen; None: the world."""
+
+    _rests: dict[int, RestPlace] = field(default_factory=dict, init=False)
+    _intervals: dict[int, np.ndarray] = field(default_factory=dict, init=False)
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Coefficient of friction by joint with clearance."""
+        return {
+            name: max(joint.friction.coefficients.values(), default=0.0)
+            if self.friction is None
+            else self.friction
+            for name, joint in self.mechanism.clearance.items()
+        }
+
+    @property
+    def unsearched(self) -> tuple[str, ...]:
+        """Joints whose whole play the interval takes: in loops, or of a kind without contacts.
+
+        In loops only if these hold the plays together, as plane ones do not.
+        """
+        return tuple(
+            name
+            for name, play in zip(self.model.names, self.model.plays, strict=True)
+            if name not in self._gears and (self.model.tied or type(play).pressed is Play.pressed)
+        )
+
+    def is_known(self, pose: int) -> bool:
+        """Whether both have been found for a pose."""
+        return pose in self._rests and pose in self._intervals
+
+    @property
+    def words(self) -> str:
+        """Which friction is assumed, for a line of text."""
+        values = self.coefficients
+        if self.friction is not None or len(set(values.values())) == 1:
+            return f"friction ({next(iter(values.values()), 0.0):g} assumed)"
+        each = ", ".join(f"{name} {value:g}" for name, value in values.items())
+        return f"friction ({each or 'none'} assumed)"
+
+    def unpressed(self, pose: int) -> np.ndarray:
+        """Which sources of play bear no load at a pose, and rest anywhere, shape (j,).
+
+        By the statics of all together: a journal that moves nothing alone, as one of two hinges of
+        a door, may bear as much as the others.
+        """
+        mass = pin.computeTotalMass(self.mechanism.model)
+        whole = mass * np.linalg.norm(self.mechanism.gravity) + np.linalg.norm(self.force)
+        loads = self.at(pose).loads
+        arms = np.array([_arm(play) for play in self.model.plays])
+        sizes = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / arms
+        return np.asarray(sizes <= _NOTHING * whole)
+
+    def at(self, pose: int) -> RestPlace:
+        """Where the machine rests without friction at a pose, as a run with start="rest" begins.
+
+        Contacts, teeth and drives give way by their laws; not so the drives under a force on the
+        tool, for those of a run do not know of it.
+        """
+        if pose not in self._rests:
+            self._rests[pose] = self._rest(pose)
+        return self._rests[pose]
+
+    def _rest(self, pose: int) -> RestPlace:
+        mechanism, q = self.mechanism, self.q[pose]
+        nothing = np.zeros(mechanism.model.nv)
+        names = list(mechanism.joints)
+        if mechanism.loops:
+            passive = set(ClosedLoops(mechanism, q, self.driven).passive)
+            names = [name for name in names if mechanism.coordinate(name) not in passive]
+        at = [mechanism.coordinate(name) for name in names]
+        motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
+        # A run's drives know nothing of a force on the tool and would sag, which is no play.
+        drive = Prescribed() if self.force.any() else self.drive
+        drives = assign(mechanism, motion, drive if names else {})
+        tables, _, reference = tabulate(mechanism, motion, drives, _INSTANT_S, {}, q)
+        x, y, z = map(float, self.force)
+        loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if self.force.any() else {}
+        sites = [load_site(one, mechanism, {}) for one in loads.values()]
+        balance = StaticEquilibrium(
+            mechanism,
+            mechanism.model,
+            q,
+            nothing,
+            drives,
+            tables.drives,
+            tables.servos,
+            reference.table[0],
+            {},
+            StaticLoads(loads, mechanism, sites),
+            nothing.copy(),
+        )
+        found = balance.settle(None if mechanism.loops else self._near(pose))
+        if not found.solved:
+            found = balance.settle()
+        if not found.solved:
+            each = np.full((len(self.model.names), 6), np.nan)
+            return RestPlace(each, np.full(6, np.nan), each)
+        ideal, there = (tool_place(mechanism, one, self.relative_to) for one in (q, found.q))
+        turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
+        whole = np.concatenate([there.translation - ideal.translation, turn])
+        points = np.array([self._displacement(name, pose, found.q) for name in self.model.names])
+        parts = np.einsum("jik,jk->ji", self.model.jacobian[:, pose], points)
+        if self.model.tied:
+            parts = np.full_like(parts, np.nan)
+        borne = balance.wrenches(found.q)
+        teeth = np.array([0.0] * 5 + [1.0])
+        bearing = [
+            teeth * own if name in self._gears else borne[name]
+            for name, own in zip(
+                self.model.names, self.model.load[:, pose, 5].tolist(), strict=True
+            )
+        ]
+        return RestPlace(parts, whole, np.array(bearing))
+
+    def interval(self, pose: int) -> np.ndarray:
+        """Where friction can hold the machine at a pose, to about 3 % of the width.
+
+        `unsearched` joints may be anywhere within their play.
+
+        Returns:
+            Least and largest error of the tool along world x, y, z, and its least and largest
+            distance from the ideal one, shape (4, 2) [m].
+        """
+        if pose not in self._intervals:
+            self._intervals[pose] = self._interval(pose)
+        return self._intervals[pose]
+
+    def _interval(self, pose: int) -> np.ndarray:
+        clouds = self._clouds(pose)
+        more, directions = self.second_order[pose], _sphere()
+        least = np.sum([cloud.min(axis=0) for cloud in clouds], axis=0) - more
+        most = np.sum([cloud.max(axis=0) for cloud in clouds], axis=0) + more
+        far = np.sum([(cloud @ directions.T).max(axis=0) for cloud in clouds], axis=0)
+        near = np.sum([(cloud @ directions.T).min(axis=0) for cloud in clouds], axis=0)
+        # The farthest point lies at most this angle beside a direction that is looked at.
+        widest = 2.2 / np.sqrt(_DIRECTIONS)
+        nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
+        ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
+        place = self.at(pose).whole[:3]  # no friction is a friction within the cone
+        own = np.append(place, np.linalg.norm(place))
+        ends[:, 0] = np.fmin(ends[:, 0], own)
+        ends[:, 1] = np.fmax(ends[:, 1], own)
+        return ends
+
+    def _near(self, pose: int) -> np.ndarray:
+        """The configuration at rest by the first order, from where the search begins."""
+        points = self.model.subset(poses=[pose]).at_rest().point[:, 0, 0]
+        aside = dict(zip(self.model.names, points, strict=True))
+        own = {name: xi for name, xi in aside.items() if name not in self._gears}
+        return displaced_configuration(self.mechanism, self.q[pose], own)
+
+    @property
+    def _gears(self) -> set[str]:
+        return {name + GEAR for name in self.mechanism.gears}
+
+    def _displacement(self, name: str, pose: int, there: np.ndarray) -> np.ndarray:
+        """Displacement of a source of play, as its set has it, from a pose to `there` (nq,)."""
+        mechanism, q = self.mechanism, self.q[pose]
+        xi = np.zeros(6)
+        if name in self._gears:
+            own = name.removesuffix(GEAR)
+            motor, link = there[mechanism.motor(own)], there[mechanism.coordinate(own)]
+            xi[5] = -mechanism.gears[own].twist(motor, link)
+            return xi
+        if name not in mechanism.loops:
+            columns = _coordinates(mechanism, q, name)
+            found: np.ndarray = np.linalg.lstsq(columns, there - q, rcond=1e-9)[0]
+            return found
+        pin.forwardKinematics(mechanism.model, mechanism.data, there)
+        moved = mechanism.journal_pose(name)
+        xi = np.concatenate([moved.translation, pin.log3(moved.rotation)])
+        joint = mechanism.clearance[name]
+        return np.where([part in joint.ideal_freedoms for part in RELATIVE], 0.0, xi)
+
+    def _clouds(self, pose: int) -> list[np.ndarray]:
+        """The tool's errors in states in which friction holds, of each source of play (m, 3)."""
+        plays = self.model.subset(poses=[pose])
+        move = plays.jacobian[:, 0, :3]
+        errors: dict[str, np.ndarray] = {}
+        grip: dict[str, float] = {}
+        if not plays.tied:
+            unpressed = dict(zip(plays.names, self.unpressed(pose), strict=True))
+            names = [name for name in plays.names if name not in self._gears]
+            friction = [self.coefficients[name] for name in names]
+            found: list[np.ndarray] = []
+            pressed: list[Pressed | None] = []
+            if names:
+                found, pressed = _held_states(
+                    plays.subset(slice(len(names))), friction, self._bend(pose, names)
+                )
+            for j, name in enumerate(names):
+                contacts, joint = pressed[j], self.mechanism.clearance[name]
+                if contacts is None:
+                    continue
+                force = float(contacts.force.sum(axis=1).max(initial=0.0))
+                grip[name] = friction[j] * joint.half_width * force
+                if unpressed[name]:
+                    continue
+                if len(found[j]):
+                    errors[name] = (found[j] + compliance_shift(joint, contacts)) @ move[j].T
+                else:  # no friction, and one place of rest only
+                    own = self.at(pose).parts[j : j + 1, :3]
+                    if not np.isnan(own).any():
+                        errors[name] = own
+        for j, name in enumerate(plays.names):
+            if name in self._gears:
+                joint_name = name.removesuffix(GEAR)
+                half, load = plays.plays[j].reach[1], plays.load[j, 0, 5]
+                resists = grip.get(joint_name, 0.0)
+                ends = np.array([load - resists, load + resists])
+                gear = self.mechanism.gears[joint_name]
+                held = gear.bristles[0] * np.array([-1.0, 1.0])
+                angle = gear.wound_up(ends + held)
+                if ends[0] <= 0.0 <= ends[1]:
+                    angle = np.array([-half, half])
+                errors[name] = np.outer(angle, move[j][:, 5])
+        if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
+            directions = np.vstack([np.eye(3), -np.eye(3), _sphere()])
+            anywhere = plays.along(directions[None]).error[:, 0, :, :3]
+            errors = {**dict(zip(plays.names, anywhere, strict=True)), **errors}
+        return [errors[name] for name in plays.names]
+
+    def _bend(self, pose: int, names: Sequence[str]) -> np.ndarray:
+        """How loads fall with displacements: the energy's curvature, shape (6 j, 6 j)."""
+        mechanism, q = self.mechanism, self.q[pose]
+        if mechanism.loops:
+            return np.zeros((6 * len(names), 6 * len(names)))
+        model, data = mechanism.model, mechanism.data
+        whole = weight_curvature(model, data, q)
+        if self.force.any():
+            # A force is the weight of a point mass at the tool in a field of its own.
+            tool = model.frames[mechanism.tool_frame]
+            weight = model.copy()
+            for i in range(weight.njoints):
+                weight.inertias[i] = pin.Inertia.Zero()
+            centre = tool.placement.translation
+            weight.inertias[tool.parentJoint] = pin.Inertia(1.0, centre, np.zeros((3, 3)))
+            weight.gravity.linear = self.force
+            weight.gravity.angular = np.zeros(3)
+            whole = whole + weight_curvature(weight, weight.createData(), q)
+        columns = np.hstack([_coordinates(mechanism, q, name) for name in names])
+        return np.asarray(columns.T @ whole @ columns)
+
+
+_DIRECTIONS = 180
+"""In which the farthest tool is sought."""
+
+
+def _sphere() -> np.ndarray:
+    """Directions evenly over a sphere (Fibonacci lattice), shape (180, 3)."""
+    i = np.arange(_DIRECTIONS) + 0.5
+    z, phi = 1.0 - 2.0 * i / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
+    r = np.sqrt(1.0 - z * z)
+    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+
+
+def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
+    """What the displacement of a journal of the tree adds to q, shape (nq, 6)."""
+    moved = [displaced_configuration(mechanism, q, {name: _SMALL * xi}) - q for xi in np.eye(6)]
+    columns = np.array(moved).T / _SMALL
+    columns[np.abs(columns) < 10.0 * _SMALL] = 0.0
+    joint = mechanism.clearance[name]
+    for k, part in enumerate(RELATIVE):
+        if part in joint.ideal_freedoms or part not in joint.freedoms:
+            columns[:, k] = 0.0
+    return columns
+
+
+def _held_states(
+    plays: ErrorModel, friction: Sequence[float], bend: np.ndarray
+) -> tuple[list[np.ndarray], list[Pressed | None]]:
+    """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
+
+    Args:
+        plays: journals at one pose, which do not hold each other.
+        friction: coefficient of friction of each.
+        bend: how their loads fall with their displacements, shape (6 j, 6 j).
+    """
+    random = np.random.default_rng(0)
+    sets = [loop_play.ended(play) for play in plays.plays]
+    own = plays.load[:, 0]
+    given, points, contacts, tangents = [], [], [], []
+    for play, alone in zip(sets, own, strict=True):
+        arm = _arm(play)
+        size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
+        noise = random.normal(size=(STATES, 6)) * np.array([1.0] * 3 + [arm] * 3)
+        load = alone + _OPEN * size * noise
+        given.append(load)
+        points.append(play.support(noise).point)
+        contacts.append(play.pressed(load, play.support(load).point))
+        k = 0 if contacts[-1] is None else len(contacts[-1].contact)
+        tangents.append(_directions(k, random))
+    loads = [load.copy() for load in given]
+    # Half of them follow the load as it turns with the lean, which does not find the states that
+    # this leads away from; the others, of loads as they are anywhere, are sorted out below.
+    follows = np.arange(STATES) % 2 == 0
+    for turn in range(_ROUNDS):
+        falls = np.concatenate(points, axis=1) @ bend
+        if turn == 0:
+            stays = falls
+        falls = np.where(follows[:, None], falls, stays)
+        for j, play in enumerate(sets):
+            now = contacts[j]
+            if now is None:
+                continue
+            load = given[j] - falls[:, 6 * j : 6 * j + 6]
+            load += friction[j] * np.einsum("nk,nki,nkid->nd", now.force, tangents[j], now.across)
+            loads[j] = load if turn < _DAMPED else 0.5 * (loads[j] + load)
+            points[j] = play.support(loads[j]).point
+            contacts[j] = play.pressed(loads[j], points[j])
+    falls = np.concatenate(points, axis=1) @ bend
+    found: list[Pressed | None] = []
+    for j, play in enumerate(sets):
+        now = contacts[j]
+        if now is not None:
+            kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, friction[j], _arm(play))
+            # None is left if a lean swings between two ends of what is nearly open.
+            if not kept.any() and friction[j] > 0.0:
+                kept[follows] = True
+            points[j] = points[j][kept]
+            now = now._replace(force=now.force[kept], normal=now.normal[kept])
+        found.append(now)
+    return points, found
+
+
+def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float) -> np.ndarray:
+    """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,)."""
+    from scipy.optimize import nnls  # takes long to import
+
+    rows = list(contacts.borne)
+    weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
+    cones = contacts.normal[:, :, None] + friction * np.einsum(
+        "ci,nkid->nkcd", _CORNERS if friction > 0.0 else np.zeros((1, 2)), contacts.across
+    )
+    right = loads[:, rows] * weight
+    size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
+    good = np.zeros(len(loads), bool)
+    for i, touching in enumerate(contacts.touching):
+        if not touching.any():
+            continue
+        columns = cones[i, touching]
+        patches = contacts.patch[i, touching]
+        if patches.any():
+            # Anywhere within a square around the face.
+            places = np.sqrt(2.0) * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
+            spread = np.repeat(columns[:, None], len(places), axis=1)
+            shifted = np.cross(
+                patches[:, None, None] * places, contacts.normal[i, touching, None, :3]
+            )
+            spread[..., 3:] += shifted[:, :, None]
+            columns = spread
+        matrix = -(columns.reshape(-1, 6)[:, rows] * weight).T
+        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * friction + _EXACT) * size[i]
+    return good
+
+
+def _arm(play: Play) -> float:
+    """A length by which angles of a play compare with its displacements [m]."""
+    aside, angle = play.reach
+    return max(aside / angle, 1e-9) if angle > 0.0 else 1.0
+
+
+def _directions(count: int, random: np.random.Generator) -> np.ndarray:
+    """Parts of the full friction of each contact along two tangents, shape (m, k, 2)."""
+    some = np.vstack([np.zeros(2), _CORNERS])
+    if count == 0:
+        return np.zeros((STATES, 0, 2))
+    choice = random.integers(0, len(some), (STATES, count))
+    # Every pair of the first two, which in a journal are its rims.
+    pairs = np.array(list(product(range(len(some)), repeat=min(count, 2))))
+    choice[:, : pairs.shape[1]] = np.resize(pairs, (STATES, pairs.shape[1]))
+    chosen = some[choice]
+    size = np.sqrt(random.uniform(0.0, 1.0, (STATES // 2, count, 1)))
+    angle = random.uniform(0.0, 2.0 * np.pi, (STATES // 2, count, 1))
+    chosen[STATES // 2 :] = size * np.concatenate([np.cos(angle), np.sin(angle)], axis=2)
+    return np.asarray(chosen)
+
+
+def compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
+    """How far journals go on because their contacts give way, (m, 6)."""
+    deep = np.zeros_like(contacts.force)
+    for k, contact in enumerate(contacts.contact):
+        if contact < len(joint.contacts):
+            deep[:, k] = depths(joint, contact, contacts.force[:, k])
+    rows = np.where((contacts.force > 0.0)[:, :, None], -contacts.normal, 0.0)
+    reach = joint.half_width
+    weight = np.array([1.0] * 3 + [1.0 / reach] * 3)
+    inverse = np.linalg.pinv(rows * weight, rcond=1e-6)
+    given: np.ndarray = (inverse @ deep[..., None])[..., 0] * weight
+    return given

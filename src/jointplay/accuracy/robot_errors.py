@@ -1,0 +1,159 @@
+"""Errors of a robot besides play: of all joints and of single ones, and what classes have of them.
+
+Nothing of a class was measured on a robot: its numbers are assumed, and whatever uses them says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.schema import Described, check_fields, choice, quantity
+from jointplay.physics.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+CLASSES = ("calibrated-industrial", "industrial", "printed")
+"""Names of `ERROR_CLASSES`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointErrors(Described):
+    """Errors of one joint besides its play; what is not given is that of the robot.
+
+    Raises:
+        JointplayError: a value that is negative or not finite.
+    """
+
+    encoder: float | None = quantity("rad", "m", default=None, least=0.0, words="resolution")
+    """Resolution of the encoder, at the joint [rad or m]."""
+    zero_offset: float | None = quantity("rad", "m", default=None, least=0.0, words="zero offset")
+    """How far the encoder's zero may be off, either way [rad or m]."""
+    gear_error: float | None = quantity("rad", "m", default=None, least=0.0, words="gear error")
+    """Amplitude of the gear's own error [rad or m]."""
+    axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
+    """How far the axis may be off along each of x, y, z, either way [m]."""
+    axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
+    """How far it may lean about x and y, either way [rad]."""
+    heating: float | None = quantity("K", default=None, least=0.0, words="heating")
+    """By how much its link may become warmer [K]."""
+    torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
+    """About (along) the axis, of gear, shaft and drive [N m/rad or N/m]; if not given, a gear's
+    own."""
+    elasticity: Elasticity | None = None
+    """Of housings and links at the joint, besides its bearing's; free in the direction in which the
+    joint moves. Of a joint without bearing, if not given, the robot's
+    ``tilt_stiffness``."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotErrors(Described):
+    """Errors of all joints of a robot besides play, and of single ones.
+
+    What is not given is that of a class.
+
+    Raises:
+        JointplayError: a value that is negative or not finite; a spread above 1.
+    """
+
+    assumed: str | None = choice("class of errors", CLASSES, default=None)
+    """Class of robots from which all that is not given is assumed: ``calibrated-industrial``,
+    ``industrial`` or ``printed``."""
+    encoder: float | None = quantity("rad", default=None, least=0.0, words="resolution")
+    """Resolution of the encoders of joints that turn, at the joint [rad]."""
+    zero_offset: float | None = quantity("rad", default=None, least=0.0, words="zero offset")
+    """How far their zeros may be off, either way [rad]."""
+    gear_error: float | None = quantity("rad", default=None, least=0.0, words="gear error")
+    """Amplitude of the error of their gears [rad]."""
+    axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
+    """How far each axis may be off along each of x, y, z, either way [m]."""
+    axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
+    """How far it may lean about x and y, either way [rad]."""
+    heating: float | None = quantity("K", default=None, least=0.0, words="heating")
+    """By how much links may become warmer [K]."""
+    expansion: float | None = quantity("1/K", default=None, least=0.0, words="expansion")
+    """By how much they grow [1/K]."""
+    stiffness_spread: float | None = quantity("", default=None, least=0.0, words="spread")
+    """Relative uncertainty of all stiffnesses, either way."""
+    tilt_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
+    """In tilt, of joints without bearing or clearance of their own [N m/rad]."""
+    torsional_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
+    """About the axes of joints that turn without gear [N m/rad]."""
+    joints: Mapping[str, JointErrors] = field(default_factory=dict)
+    """What differs at single joints."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_fields(self)
+        if self.stiffness_spread is not None and self.stiffness_spread > 1.0:
+            raise JointplayError(
+                f"a stiffness spread is at most 1, got {self.stiffness_spread:g}",
+                where=("stiffness_spread",),
+            )
+
+
+ERROR_CLASSES: Mapping[str, RobotErrors] = {
+    # An industrial arm after geometric calibration.
+    "calibrated-industrial": RobotErrors(
+        encoder=5e-6,
+        zero_offset=2e-5,
+        gear_error=1.5e-4,
+        axis_offset=5e-5,
+        axis_tilt=5e-5,
+        stiffness_spread=0.2,
+        heating=10.0,
+        expansion=2.3e-5,
+        tilt_stiffness=5e5,
+        torsional_stiffness=5e4,
+    ),
+    # An arm as delivered, without calibration.
+    "industrial": RobotErrors(
+        encoder=5e-6,
+        zero_offset=3e-4,
+        gear_error=2.5e-4,
+        axis_offset=3e-4,
+        axis_tilt=3e-4,
+        stiffness_spread=0.3,
+        heating=15.0,
+        expansion=2.3e-5,
+        tilt_stiffness=2e5,
+        torsional_stiffness=2e4,
+    ),
+    # A printed arm with hobby servos, whose encoders have 4096 counts a turn.
+    "printed": RobotErrors(
+        encoder=1.53e-3,
+        zero_offset=8e-3,
+        gear_error=2e-3,
+        axis_offset=5e-4,
+        axis_tilt=4e-3,
+        stiffness_spread=0.5,
+        heating=20.0,
+        expansion=7e-5,
+        tilt_stiffness=300.0,
+        torsional_stiffness=60.0,
+    ),
+}
+"""Errors besides play of robots of which nothing else is known: assumed, of no source."""
+
+
+def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
+    """Refuse errors of joints that there are not, and springs of another kind of joint.
+
+    Raises:
+        MissingName: no such joint.
+        JointplayError: springs of a joint that turns for one that slides, or the other way.
+    """
+    for name, own in errors.joints.items():
+        if name not in mechanism.joints:
+            raise MissingName("joint", name, mechanism.joints, where=("joints", name))
+        slides = mechanism.description.joints[name].slides
+        if own.elasticity is not None:
+            with within("joints", name, "elasticity"):
+                own.elasticity.require_free(ALONG_AXIS if slides else ABOUT_AXIS)

@@ -1,0 +1,267 @@
+"""The one exception users meet: what is wrong, the offending value, and what to do."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import abc
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base.units import readable
+
+if TYPE_CHECKING:
+    import numpy as np
+
+_LONGEST_WORD = 300
+"""Characters of a name or path that a message shows; of a longer one the middle is left out."""
+
+_LONGEST_LIST = 200
+"""Characters of an array's numbers that a message shows, likewise."""
+
+_LONGEST = 4000
+"""Characters of a message."""
+
+_NUMBERS = re.compile(rf"\[[\s\[\],.\deE+\-infatrue]{{{_LONGEST_LIST},}}\]")
+"""Numbers in brackets, as arrays and lists show themselves."""
+
+_WORD = re.compile(rf"\S{{{_LONGEST_WORD + 1},}}")
+
+Where = tuple[str | int, ...]
+"""Keys and indices that lead to a value, the outermost first."""
+
+
+def one_line(text: object) -> str:
+    """A message as one line that can be printed: whatever names, values and libraries put into it.
+
+    White space is one space; control characters are shown, not sent; of long words, arrays and
+    messages the middle is left out.
+    """
+    line = _shortened(" ".join(str(text).split()), 4 * _LONGEST)
+    if not line.isprintable():
+        line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
+    line = _NUMBERS.sub(lambda found: _shortened(found[0], _LONGEST_LIST), line)
+    line = _WORD.sub(lambda found: _shortened(found[0], _LONGEST_WORD), line)
+    return _shortened(line, _LONGEST)
+
+
+def _shortened(text: str, most: int) -> str:
+    """A text without its middle, if it is long."""
+    if len(text) <= most:
+        return text
+    return f"{text[: most * 2 // 3]}...{text[3 - most // 3 :]}"
+
+
+class JointplayError(ValueError):
+    """Wrong input. The message is one line that names the value and the valid choices.
+
+    It is made printable here (`one_line`), for all who show it.
+
+    Attributes:
+        where: the keys that lead to the value, as far as known; outer layers prepend theirs
+            (`within`). ``("joints", "joint_b", "radial_clearance")``; indices count from 0.
+    """
+
+    def __init__(self, message: str = "", where: Where = ()) -> None:
+        """Say what is wrong, and at which key."""
+        super().__init__(one_line(message))
+        self.where = where
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """Travel whole between processes."""
+        return type(self), (str(self), self.where)
+
+
+def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Question after the one of `choices` that `word` resembles so much; empty if none does."""
+    import difflib  # seldom needed
+
+    plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
+    given = str(word).lower().replace("-", "_")
+    near = difflib.get_close_matches(given, plain_words, 1, likeness)
+    return f'did you mean "{plain_words[near[0]]}"? ' if near else ""
+
+
+class MissingName(JointplayError):
+    """A name that does not exist; the message names the nearest, and lists those that do."""
+
+    def __init__(
+        self, kind: str, name: str, choices: Iterable[str], hint: str = "", where: Where = ()
+    ) -> None:
+        """Say that `name` is no `kind`, list the `choices`, and append an optional `hint`."""
+        self._parts = kind, name, tuple(choices), hint
+        choices = self._parts[2]
+        listed = ", ".join(choices) or "none"
+        near = closest(name, choices)
+        super().__init__(f"no {kind} {name!r}; {near}available: {listed}{hint}", where)
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """Travel whole between processes: an exception is otherwise rebuilt from its message."""
+        return MissingName, (*self._parts, self.where)
+
+
+@contextmanager
+def within(*place: str | int) -> Iterator[None]:
+    """Say of errors in the block that what they are about lies at the key `place`."""
+    try:
+        yield
+    except JointplayError as error:
+        error.where = (*place, *error.where)
+        raise
+
+
+def require_a(name: str, value: Any, *kinds: str) -> None:
+    """Refuse an argument `name` that is of none of the `kinds`, classes given by their names."""
+    mine = type(value)
+    known = {kind.__name__ for kind in mine.__mro__}
+    known |= {kind for kind in ("Mapping", "Iterable") if isinstance(value, getattr(abc, kind))}
+    text = known & {"str", "bytes"} and "str" not in kinds
+    known |= {"Path"} if hasattr(mine, "__fspath__") else set()
+    if known.isdisjoint(kinds) or text:
+        wanted = " or ".join(
+            _KINDS.get(kind, f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}") for kind in kinds
+        )
+        raise JointplayError(f"{name} must be {wanted}, not {value!r:.60}", where=(name,))
+
+
+_KINDS = {
+    "str": "text",
+    "Mapping": "a mapping of names to them",
+    "Iterable": "a list of them",
+}
+
+
+def require_positive(name: str, value: float, unit: str, where: Where = ()) -> float:
+    """Return `value` as float if it is finite and > 0, else raise naming it with its `unit`."""
+    value = require_finite(name, value, unit, where)
+    if value <= 0.0:
+        message = f"{name} must be greater than zero, got {readable(value, unit)}"
+        raise JointplayError(message, where)
+    return value
+
+
+def require_non_negative(name: str, value: float, unit: str, where: Where = ()) -> float:
+    """Return `value` as float if it is finite and >= 0, else raise naming it with its `unit`."""
+    value = require_finite(name, value, unit, where)
+    if value < 0.0:
+        message = f"{name} must not be negative, got {readable(value, unit)}"
+        raise JointplayError(message, where)
+    return value
+
+
+def require_finite(name: str, value: float, unit: str, where: Where = ()) -> float:
+    """Return `value` as float if it is a finite number, else raise naming it with its `unit`.
+
+    Truth values and text are no numbers, although Python would make some of them.
+    """
+    kind = getattr(getattr(value, "dtype", None), "kind", "f")  # numpy's, whatever holds it
+    number = math.nan
+    try:
+        if isinstance(value, bool | str | bytes | bytearray) or kind not in "fiu":
+            raise TypeError
+        number = float(value)
+    except (TypeError, ValueError):
+        unit = f" ({unit})" if unit else ""
+        raise JointplayError(f"{name} must be a number{unit}, got {value!r:.60}", where) from None
+    except OverflowError:  # a whole number of more digits than a float has
+        number = math.inf
+    if not math.isfinite(number):
+        raise JointplayError(f"{name} must be finite, got {number} {unit}".rstrip(), where)
+    return number
+
+
+def require_whole(
+    name: str, value: object, least: int = 0, most: int | None = None, where: Where = ()
+) -> int:
+    """Return `value` as int if it is a whole number in a range, else raise naming it."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    number = int(value) if whole else least - 1  # type: ignore[call-overload]
+    if number < least or (most is not None and number > most):
+        room = f">= {least}" if most is None else f"from {least} to {_short(most)}"
+        message = f"{name} must be a whole number {room}, got {value!r:.60}"
+        raise JointplayError(message, where)
+    return number
+
+
+def require_share(name: str, value: float, where: Where = ()) -> float:
+    """Return `value` as float if it lies between 0 and 1, neither included, else raise."""
+    value = require_finite(name, value, "", where)
+    if not 0.0 < value < 1.0:
+        raise JointplayError(f"{name} must lie between 0 and 1, got {value:g}", where)
+    return value
+
+
+def _short(number: int) -> str:
+    """A limit as one reads it: 1e+12 rather than its digits."""
+    return str(number) if number < 10**7 else f"{number:.3g}"
+
+
+def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
+    """Return numbers in an array of floats of their own, else raise; they need not be finite.
+
+    Truth values and text are no numbers here either, also one among many numbers.
+    """
+    import numpy as np  # takes long to import
+
+    try:
+        given = values if isinstance(values, np.ndarray) else np.asarray(values, object)
+        if given.dtype.kind not in "fiu":
+            for one in given.ravel():
+                kind = getattr(getattr(one, "dtype", None), "kind", "f")
+                if isinstance(one, bool | str | bytes) or kind not in "fiu":
+                    raise JointplayError(f"{name} must be numbers, got {one!r:.60}", where)
+        return np.array(values, float)
+    except (TypeError, ValueError, OverflowError) as error:
+        if isinstance(error, JointplayError):
+            raise
+        raise JointplayError(f"{name} must be numbers: {error}", where) from None
+
+
+def require_names(name: str, values: object, noun: str, where: Where = ()) -> tuple[str, ...]:
+    """Return names as a tuple, else raise; a single text, whose letters would be names, is none."""
+    text = isinstance(values, str | bytes)
+    given = () if text or not isinstance(values, Iterable) else tuple(values)
+    if text or not isinstance(values, Iterable) or not all(isinstance(one, str) for one in given):
+        raise JointplayError(f"{name} must be a list of {noun}, got {values!r:.60}", where)
+    return tuple(map(str, given))
+
+
+def require_table(name: str, values: Any, form: str, where: Where = ()) -> dict[Any, Any]:
+    """Return what stands by name as a dictionary, nothing for None, else raise with its `form`."""
+    if not isinstance(values, Mapping | None):
+        raise JointplayError(f"{name} must be a dictionary {form}, got {values!r:.60}", where)
+    return dict(values or {})
+
+
+def require_increasing(name: str, values: Sequence[float], unit: str, where: Where = ()) -> None:
+    """Raise if numbers do not increase, naming the first that does not with its `unit`."""
+    for i, (before, after) in enumerate(pairwise(values), 1):
+        if not after > before:
+            raise JointplayError(
+                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit} "
+                f"(number {i + 1})",
+                (*where, i),
+            )
+
+
+def require_vector(
+    name: str, values: object, unit: str, where: Where = ()
+) -> tuple[float, float, float]:
+    """Return three finite components as floats, else raise naming them with their `unit`."""
+    text = isinstance(values, str | bytes)
+    parts = () if text or not isinstance(values, Iterable) else tuple(values)
+    if len(parts) != 3:
+        raise JointplayError(f"{name} must have three components, got {values!r}", where)
+    x, y, z = (require_finite(name, value, unit, where) for value in parts)
+    return x, y, z
+
+
+def damaged(path: object, kind: str, reason: object) -> JointplayError:
+    """What to say of a file that cannot be of the kind that it should be: a result, a sweep."""
+    words = getattr(reason, "strerror", None) or " ".join(str(reason).split())
+    return JointplayError(
+        f"{str(path)!r} is damaged or not a {kind}: {words or type(reason).__name__}"
+    )

@@ -1,0 +1,503 @@
+"""Files that are there whole or not at all: written beside their name, synced, then renamed.
+
+A process that is killed leaves at most ``.NAME.PID.part``, which blocks nothing and may be deleted.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import fcntl
+import io
+import os
+import secrets
+import shutil
+import socket
+import stat
+import tempfile
+import time
+import weakref
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from jointplay.base.errors import JointplayError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+written: list[Path] = []
+"""Files that this process has written, in order: what a message may truly say is kept."""
+
+_claimed: dict[Path, int] = {}
+"""Folders that this process writes to, each with the descriptor that holds its lock."""
+
+_made: list[Path] = []
+"""Folders that this process has made to write into, in order."""
+
+_NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
+"""What file systems without hard links say."""
+
+MARK = ".jointplay-owner"
+"""Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
+a lock on it, which ends with the owner."""
+
+LEFT_S = 86400.0
+"""Temporary folders whose owner is dead are deleted when they are older [s]."""
+
+_swept: set[str] = set()
+"""Places in which this process has looked for them."""
+
+MOST_TEXT = 256_000_000
+"""Size of a text that is read: URDF, scenario, table [bytes]."""
+
+_HDF5 = b"\x89HDF"
+"""How results begin."""
+
+PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
+"""Formats of pictures, each with the entry of its metadata that names the program."""
+
+
+@contextmanager
+def system_errors(failure: str) -> Iterator[None]:
+    """Say of errors of the operating system in the block what could not be done, and why.
+
+    Also of a ValueError, which Python raises for names that no file can have.
+    """
+    try:
+        yield
+    except JointplayError:
+        raise
+    except (OSError, ValueError) as error:
+        raise JointplayError(f"{failure}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def write(
+    path: str | Path, content: str | bytes, *, overwrite: bool = False, announced: bool = True
+) -> Path:
+    """Write a file as `writing` does; text as UTF-8, line ends as they are."""
+    with writing(path, overwrite=overwrite, announced=announced) as file:
+        file.write(content.encode("utf-8") if isinstance(content, str) else content)
+    return Path(path)
+
+
+def picture(
+    path: str | Path, figure: Any, *, overwrite: bool = False, mark: str = "", **options: Any
+) -> Path:
+    """Draw a matplotlib figure into a file, whole or not at all; see `writing`.
+
+    Args:
+        path: the file; its suffix says the format, one of `PICTURES`.
+        figure: what has matplotlib's `savefig`, with these `options`.
+        overwrite: whether a file of that name is replaced.
+        mark: stands in the picture's metadata; a picture that holds it is replaced.
+    """
+    path = Path(path)
+    kind = picture_format(path)
+    if mark:
+        overwrite = overwrite or holds(path, mark)
+        options["metadata"] = {PICTURES[kind]: mark}
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=kind, **options)
+    return write(path, drawn.getvalue(), overwrite=overwrite)
+
+
+def picture_format(path: Path) -> str:
+    """Format of a picture by the suffix of its file.
+
+    Raises:
+        JointplayError: none that can be drawn.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in PICTURES:
+        choices = ", ".join(f".{one}" for one in PICTURES)
+        raise JointplayError(
+            f"{path.name!r} must end in {choices}; no other picture format is supported"
+        )
+    return kind
+
+
+def check_picture(path: str | Path) -> Path:
+    """Refuse a picture that cannot be drawn anew, before any work is done; see `check_new`."""
+    path = check_new(path)
+    picture_format(path)
+    return path
+
+
+def holds(path: Path, mark: str) -> bool:
+    """Whether there is a file that holds a mark: a picture drawn by an earlier run."""
+    return is_file(path) and mark.encode() in path.read_bytes()
+
+
+def begins(path: Path, mark: bytes) -> bool:
+    """Whether there is a file that begins with a mark: a working file of an earlier run."""
+    if not is_file(path):
+        return False
+    with path.open("rb") as file:
+        return file.read(len(mark)) == mark
+
+
+def check_own(path: Path, mark: bytes, what: str) -> None:
+    """Refuse a working file in whose place another file is, before any work is done.
+
+    Raises:
+        JointplayError: a file is there that does not begin with `mark`, or cannot be read.
+    """
+    with system_errors(f"cannot write {str(path)!r}"):
+        if not os.path.lexists(path) or begins(path, mark):
+            return
+    raise JointplayError(
+        f"{str(path)!r} is not a {what} of jointplay, and one would be written there; move it, or "
+        "choose another file or folder for the results"
+    )
+
+
+def remove_own(path: Path, mark: bytes) -> None:
+    """Delete a working file, if it is one: other files of that name stay."""
+    with suppress(OSError):
+        if begins(path, mark):
+            path.unlink()
+
+
+@contextmanager
+def writing(
+    path: str | Path, *, overwrite: bool = False, announced: bool = True
+) -> Iterator[BinaryIO]:
+    """A file to be written, and read, in the block; it gets its name when all is on disk.
+
+    After a crash, a kill or a full disk it is there complete, or not at all.
+
+    Args:
+        path: the file; its folder exists.
+        overwrite: whether a file of that name is replaced.
+        announced: whether the user asked for it, and is told of it after an interruption.
+
+    Raises:
+        JointplayError: the file exists (and `overwrite` is false) or cannot be written.
+    """
+    path = Path(path)
+    if not path.name:
+        raise JointplayError(f"{str(path)!r} is a folder; name a file")
+    part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
+    try:
+        with system_errors(f"cannot write {str(path)!r}"):
+            if not overwrite and os.path.lexists(path):
+                raise exists(path)
+            with part.open("w+b") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            if overwrite:
+                part.replace(path)
+            else:
+                _name(part, path)
+            _sync(path.parent)
+    finally:
+        with suppress(OSError, ValueError):
+            part.unlink()
+    if announced and path not in written:
+        written.append(path)
+
+
+def _name(part: Path, path: Path) -> None:
+    """Give the finished file its name, unless another has it."""
+    try:
+        os.link(part, path)  # fails if the name is taken, which a rename does not
+    except OSError as error:
+        if isinstance(error, FileExistsError) or os.path.lexists(path):
+            raise exists(path) from None
+        if error.errno not in _NO_LINKS:
+            raise
+        part.rename(path)
+
+
+def _sync(folder: Path) -> None:
+    """Have the new name survive a power failure, where the system can do that."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def exists(path: Path) -> JointplayError:
+    """What to say of a file that is there already."""
+    return JointplayError(f"{str(path)!r} already exists; choose another name")
+
+
+def cannot_write(path: Path, error: Exception) -> JointplayError:
+    """What to say of a file that cannot be written."""
+    return JointplayError(f"cannot write {str(path)!r}: {getattr(error, 'strerror', '') or error}")
+
+
+def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
+    """A folder, named after `what`, that goes with the block or with this process.
+
+    Those of processes that were killed, marked as ours and older than a day, are deleted first.
+    """
+    place = tempfile.gettempdir()
+    if place not in _swept:
+        _swept.add(place)
+        _sweep(Path(place))
+    made = tempfile.TemporaryDirectory(
+        prefix=f"jointplay-{what}-{os.getpid()}-", ignore_cleanup_errors=True
+    )
+    mark = Path(made.name) / MARK
+    mark.write_text(socket.gethostname(), encoding="utf-8")
+    owner = os.open(mark, os.O_RDONLY)
+    weakref.finalize(made, os.close, owner)
+    try:
+        fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # a file system without locks: nothing there would say that this one lives
+        mark.unlink()
+    return made
+
+
+def _sweep(place: Path) -> None:
+    """Delete the temporary folders of dead processes."""
+    for folder in place.glob("jointplay-*"):
+        with suppress(OSError, ValueError), ExitStack() as stack:
+            mark = (folder / MARK).lstat()
+            if not stat.S_ISREG(mark.st_mode) or folder.is_symlink():
+                continue
+            if mark.st_uid != folder.lstat().st_uid or mark.st_uid != os.getuid():
+                continue
+            if time.time() - mark.st_mtime <= LEFT_S:
+                continue
+            file = stack.enter_context((folder / MARK).open(encoding="utf-8"))
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the owner lives
+            if file.read() == socket.gethostname():
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; False also for names that none can have."""
+    return os.path.isfile(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; False also for names that none can have."""
+    return os.path.isdir(path)
+
+
+def missing(path: Path, what: str) -> JointplayError:
+    """What to say where a file to be read is none: there is nothing, or another kind of thing."""
+    kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
+             stat.S_IFCHR: "device", stat.S_IFBLK: "device"}  # fmt: skip
+    kind = None
+    with suppress(OSError, ValueError):
+        kind = kinds.get(stat.S_IFMT(path.stat().st_mode))
+    return JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
+
+
+def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
+    """All arrays of an ``.npz`` file, by its name or open, none of which may hold objects.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged, or another kind of file.
+    """
+    import numpy as np
+
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            return {name: kept[name] for name in kept.files}
+    except OSError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy raise whatever damaged bytes make them do
+        raise ValueError(" ".join(str(error).split()) or type(error).__name__) from None
+
+
+def check_plain(path: Path, most: int) -> None:
+    """Refuse what is no plain file of at most `most` bytes, before it is opened.
+
+    Raises:
+        OSError: it cannot be looked at.
+        ValueError: it is of another kind, or larger.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise ValueError("it is not a regular file")
+    if found.st_size > most:
+        raise ValueError(f"it has {found.st_size / 1e6:.4g} MB; at most {most / 1e6:g} MB are read")
+
+
+def read_plain(path: Path, most: int) -> bytes:
+    """What a plain file of at most `most` bytes says; devices, pipes and giants are not opened.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is of another kind, or larger.
+    """
+    check_plain(path, most)
+    with path.open("rb") as file:
+        data = file.read(most + 1)  # what grows meanwhile, or says nothing of its size
+    if len(data) > most:
+        raise ValueError(f"it has more than {most / 1e6:g} MB")
+    return data
+
+
+_HDF5 = b"\x89HDF"
+"""With which files of results begin."""
+
+
+def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
+    """The UTF-8 text of a plain file of at most `most` bytes; `what` it is, for messages.
+
+    Raises:
+        JointplayError: it cannot be read, is another kind of thing, larger, or other text.
+    """
+    with system_errors(f"cannot read the {what} {str(path)!r}"):
+        content = read_plain(path, most)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        kind = ": it is a result" if content.startswith(_HDF5) else f" (UTF-8): {error}"
+        raise JointplayError(f"cannot read the {what} {str(path)!r}: it is no text{kind}") from None
+
+
+def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
+    """Rows of a CSV file, each with the number of its line; lines beginning with # are comments.
+
+    A row is a line, the first the header; `what` the file is, for messages.
+
+    Raises:
+        JointplayError: it cannot be read, is empty, a quote is not closed, or a row has not as many
+            cells as the header.
+    """
+    text = read_text(path, what)
+    rows: list[tuple[int, list[str]]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            cells = next(csv.reader([line], strict=True))
+        except csv.Error as error:
+            raise JointplayError(f"{path}, line {number}: {error}") from None
+        if rows and len(cells) != len(rows[0][1]):
+            raise JointplayError(
+                f"{path}, line {number}: {len(rows[0][1])} cells expected, got {len(cells)}"
+            )
+        rows.append((number, cells))
+    if not rows:
+        raise JointplayError(f"the {what} {str(path)!r} is empty")
+    return rows
+
+
+def check_new(path: str | Path) -> Path:
+    """Refuse a file that cannot be written anew, before any work is done.
+
+    Raises:
+        JointplayError: it exists, or its folder does not or cannot be written to.
+    """
+    path = Path(path)
+    with system_errors(f"cannot write {str(path)!r}"):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # which refuses names that no file can have
+            raise exists(path)
+        if not path.parent.is_dir():
+            raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    return path
+
+
+def refuse_present(folder: str | Path, names: Iterable[str]) -> None:
+    """Refuse a folder that holds one of the files already, before any work is done."""
+    for name in names:
+        if os.path.lexists(Path(folder) / name):
+            raise JointplayError(_present(Path(folder), name))
+
+
+def claim(folder: str | Path, names: Iterable[str]) -> Path:
+    """Make `folder`, sure that `names` can be written there and that no other process writes there.
+
+    The claim ends with the process, however it ends.
+
+    Raises:
+        JointplayError: the folder holds one of the files already, another process has claimed it,
+            or it cannot be written to.
+    """
+    folder = Path(folder)
+    with system_errors(f"cannot write to {str(folder)!r}"):
+        for one in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
+            with suppress(FileExistsError):
+                one.mkdir()
+                _made.append(one)
+        if not folder.is_dir():
+            raise JointplayError(f"{str(folder)!r} is a file; name a folder for the results")
+        _lock(folder)
+        refuse_present(folder, names)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    return folder
+
+
+def _lock(folder: Path) -> None:
+    """Hold an advisory lock on the folder itself until this process ends."""
+    place = folder.resolve()
+    if place in _claimed:
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise JointplayError(
+            f"another process is writing to {str(folder)!r}; choose another folder"
+        ) from None
+    except OSError:  # a file system that locks no folders
+        os.close(descriptor)
+        return
+    _claimed[place] = descriptor
+
+
+def remove_made_folders() -> None:
+    """Remove the folders that `claim` has made, as far as nothing is in them."""
+    while _made:
+        with suppress(OSError):
+            _made.pop().rmdir()
+
+
+def empty(folder: Path) -> None:
+    """Delete all that is in a folder, which stays, and so does a claim of it.
+
+    Raises:
+        OSError: something cannot be deleted.
+    """
+    for one in folder.iterdir():
+        if one.is_dir() and not one.is_symlink():
+            shutil.rmtree(one)
+        else:
+            one.unlink()
+
+
+def release(folder: str | Path) -> None:
+    """End a claim of this process."""
+    descriptor = _claimed.pop(Path(folder).resolve(), None)
+    if descriptor is not None:
+        os.close(descriptor)
+
+
+def _present(folder: Path, name: str) -> str:
+    """What to say of a file that is in the way: whether it is whole, or the rest of a run."""
+    from jointplay.base import hdf5
+
+    path = folder / name
+    what = ""
+    if is_file(path) and path.stat().st_size == 0:
+        what = "empty"
+    elif begins(path, _HDF5):
+        try:
+            with hdf5.examined(path):
+                pass
+        except JointplayError:
+            what = "broken"
+    if what:
+        return (
+            f"{str(path)!r} is {what}, left by a run that was killed or damaged since; delete it, "
+            "or choose another folder"
+        )
+    return f"{str(folder)!r} already holds results ({name}); choose another folder"

@@ -1,0 +1,351 @@
+"""Processes that work for this one, and end with it however it ends.
+
+If their parent is killed, processes that wait for work would wait for ever. So each watches its
+parent; on Linux the kernel tells it at once.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Sized
+from contextlib import closing, contextmanager, suppress
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
+from typing import Any, Generic, TypeVar, cast
+
+from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.signals import SIGNALS
+
+_FORKS = sys.platform == "linux"
+"""Whether processes are copies of this one, which are there at once; elsewhere that is unsafe."""
+
+_ROOT = Path("/")
+
+_WATCH_S = 1.0
+"""Interval at which a process looks whether its parent is there."""
+
+_PR_SET_PDEATHSIG = 1
+
+MOST_DEATHS = 3
+"""Processes that an item may take with it."""
+
+Item = TypeVar("Item")
+Value = TypeVar("Value")
+
+
+def cores() -> int:
+    """Processors that this process may use, by its affinity and the limits of its container."""
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(math.ceil(min(there or 1, _quota())), 1)
+
+
+def _quota() -> float:
+    """Processors' worth of time that Linux's control groups (version 2) leave this process."""
+    least, root = math.inf, _ROOT / "sys/fs/cgroup"
+    with suppress(OSError, IndexError):  # another system
+        path = (_ROOT / "proc/self/cgroup").read_text().split("0::/")[1].splitlines()[0]
+        for folder in (root / path, *(root / path).parents):
+            with suppress(OSError, ValueError):
+                quota, period = (folder / "cpu.max").read_text().split()
+                least = min(least, math.inf if quota == "max" else int(quota) / int(period))
+            if folder == root:
+                break
+    return least
+
+
+def number_of(jobs: int | None, items: object = None) -> int:
+    """Processes for some items: as many as wanted, or one for each core; no more than items.
+
+    Raises:
+        JointplayError: `jobs` is not a whole number above zero.
+    """
+    number = cores() if jobs is None else require_whole("jobs", jobs, 1)
+    if multiprocessing.current_process().daemon:  # works for another one, and has one core
+        return 1
+    return max(min(number, len(items)), 1) if isinstance(items, Sized) else number
+
+
+def begin(orphaned: Callable[[], None] | None = None) -> None:
+    """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
+
+    Args:
+        orphaned: what to do, in a thread, before the process ends because its parent has.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    if orphaned is None:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        end_with_parent(signal.SIGKILL)
+    threading.Thread(target=_watch, args=(orphaned, os.getppid()), daemon=True).start()
+
+
+def end_with_parent(number: int) -> None:
+    """Have Linux send this process a signal when its parent ends."""
+    if sys.platform != "linux":
+        return
+    import ctypes
+
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
+
+
+def _watch(orphaned: Callable[[], None] | None, parent: int) -> None:
+    """Wait for the parent to end, on any system; then end too."""
+    known = multiprocessing.parent_process()
+    assert known is not None
+    while os.getppid() == parent and known.is_alive():
+        wait([known.sentinel], _WATCH_S)
+    try:
+        if orphaned is not None:
+            orphaned()
+    finally:
+        os._exit(1)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep numerical libraries to one thread: the cores are taken by processes."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        yield
+
+
+class Pool(Generic[Item, Value]):
+    """Processes that do the same work for one item after the other.
+
+    Each has a connection of its own, so that when one dies the item that it had is known.
+
+    Args:
+        work: done for each item. Items, and what it returns or raises, travel pickled; itself it
+            does so only where processes cannot be forked.
+        number: of processes.
+        begin: sets each of them up.
+        lost: what came of an item that took `MOST_DEATHS` processes with it; None: the first one
+            is an error.
+        small: items are so small that one can wait with each process.
+        kept: what is left of the work if a process is killed, in words.
+        name: of the items, with which errors say of which they are.
+    """
+
+    def __init__(
+        self,
+        work: Callable[[Item], Value],
+        number: int,
+        *,
+        begin: Callable[[], None] = begin,
+        lost: Callable[[Item], Value] | None = None,
+        small: bool = False,
+        kept: str = "nothing was kept",
+        name: str = "",
+    ) -> None:
+        """Start the processes."""
+        self._kept, self._name = kept, name
+        self._target = partial(_serve, work, begin)
+        self._number, self._lost, self._small = number, lost, small
+        self.processes: dict[Connection[Any, Any], BaseProcess] = {}  # by their connections
+        self._queues: dict[Connection[Any, Any], deque[tuple[Any, Item]]] = {}
+        self._items: Iterator[tuple[Any, Item]] = iter(())
+        self._again: deque[tuple[Any, Item]] = deque()
+        self._deaths: Counter[Any] = Counter()
+        self._done = 0
+        self._closed = False
+        for _ in range(number):
+            self._start()
+
+    def _start(self) -> None:
+        context: Any = multiprocessing.get_context("fork" if _FORKS else None)
+        mine, theirs = context.Pipe()
+        process = context.Process(target=self._target, args=(theirs,), daemon=True)
+        with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
+            warnings.simplefilter("ignore", DeprecationWarning)
+            # Until it is set up the process has this one's handlers, which raise.
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+            try:
+                process.start()
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        theirs.close()
+        self.processes[mine], self._queues[mine] = process, deque()
+        if self._closed:  # by another thread
+            process.kill()
+
+    def start(self, items: Iterable[tuple[Any, Item]]) -> None:
+        """Have the work done for these items, by key, which are taken as they are needed."""
+        self._items = iter(items)
+        self._deaths.clear()
+        for connection in self._queues:
+            self._feed(connection)
+
+    @property
+    def busy(self) -> bool:
+        """Whether outcomes are to come."""
+        return not self._closed and any(self._queues.values())
+
+    def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
+        """Do the work for these items; gives the key of each and what came of it, as they come.
+
+        Raises:
+            JointplayError: a process was ended from outside; what cannot be sent.
+            BaseException: what the work raised.
+        """
+        self.start(items)
+        while self.busy:
+            yield from self.outcomes()
+
+    def outcomes(self, timeout: float | None = None) -> Iterator[tuple[Any, Value]]:
+        """What comes next, as in `run`; nothing if nothing does within the time [s]."""
+        for ready in wait([one for one, queue in self._queues.items() if queue], timeout):
+            connection = cast("Connection[Any, Any]", ready)
+            try:
+                error, value = connection.recv()
+            except (EOFError, OSError):
+                if self._closed:
+                    return
+                yield from self._died(connection)
+                continue
+            key, _ = self._queues[connection].popleft()
+            self._done += 1
+            if error is not None:
+                raise with_item(error, self._name, key)
+            yield key, value  # before anything else can fail
+            self._feed(connection)
+
+    def _feed(self, connection: Connection[Any, Any]) -> None:
+        """Send a process its next item; of small ones, one more than it works on."""
+        queue = self._queues[connection]
+        while len(queue) < 1 + self._small:
+            next_one = self._again.popleft() if self._again else next(self._items, None)
+            if next_one is None:
+                return
+            queue.append(next_one)
+            try:
+                connection.send(next_one[1])
+            except OSError:  # it is dead, which `outcomes` finds
+                return
+            except (pickle.PicklingError, TypeError, AttributeError) as error:
+                text = f"it cannot be sent to another process ({error}); jobs=1 needs none"
+                raise with_item(JointplayError(text), self._name, next_one[0]) from error
+
+    def _died(self, connection: Connection[Any, Any]) -> Iterator[tuple[Any, Value]]:
+        """Replace a dead process; the item that it died of is tried again, or lost."""
+        queue = self._queues.pop(connection)
+        self.processes.pop(connection).join()
+        connection.close()
+        key, item = queue.popleft()
+        self._deaths[key] += 1
+        self._again.extend(queue)
+        if self._lost is None:
+            text = f"a process was ended from outside (too little memory?); {self._kept}"
+            raise with_item(JointplayError(text), self._name, key)
+        if self._done == 0 and len(self._deaths) > 2 * self._number:
+            raise JointplayError("the worker processes end before they have done any work")
+        if self._deaths[key] >= MOST_DEATHS:
+            yield key, self._lost(item)
+        else:
+            self._again.append((key, item))
+        self._start()
+        for other, waiting in self._queues.items():
+            if not waiting:
+                self._feed(other)
+
+    def close(self) -> None:
+        """End all processes; what they were doing is given up."""
+        self._closed = True
+        ending = list(self.processes.values())
+        for process in ending:
+            process.kill()
+        for process in ending:
+            process.join()
+
+
+class Serial(Generic[Item, Value]):
+    """This process, where one is enough: does what a `Pool` does.
+
+    Args:
+        work, name: see `Pool`.
+    """
+
+    def __init__(self, work: Callable[[Item], Value], *, name: str = "") -> None:
+        """Do nothing yet."""
+        self._work, self._name = work, name
+
+    def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
+        """Do the work for these items, one after the other; see `Pool.run`."""
+        for key, item in items:
+            try:
+                with one_thread():
+                    value = self._work(item)
+            except Exception as error:
+                with_item(error, self._name, key)
+                raise
+            yield key, value
+
+    def close(self) -> None:
+        """Nothing is left to be ended."""
+
+
+def with_item(error: BaseException, name: str, key: Any) -> BaseException:
+    """The error, which says of which item it is if items have a name."""
+    if name and isinstance(error, JointplayError):
+        error.args = (f"{name}[{key}]: {error}",)
+        error.where = (name, key, *error.where)
+    elif name:
+        error.add_note(f"{name}[{key}]")
+    return error
+
+
+def _serve(work: Callable[[Any], Any], begin: Callable[[], None], connection: Any) -> None:
+    """What a process does: the work for each item that comes."""
+    begin()
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    with one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            content = connection.recv_bytes()
+            try:
+                sent = ForkingPickler.dumps((None, work(pickle.loads(content))))
+            except BaseException as error:
+                sent = ForkingPickler.dumps((_portable(error), None))
+            connection.send_bytes(sent)
+
+
+def _portable(error: BaseException) -> BaseException:
+    """An error as it can be sent, with the lines that raised it."""
+    if isinstance(error, JointplayError | KeyboardInterrupt):
+        return error
+    error.add_note("".join(traceback.format_exception(error)))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+@contextmanager
+def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
+    """Have `work` done while the block runs; gives a function that waits for what it returns.
+
+    Where processes cannot be forked, or there is one core, the work is done here, when the
+    function is called.
+
+    Raises:
+        JointplayError: by the function: the process was ended from outside.
+    """
+    if not _FORKS or number_of(None) == 1:
+        yield work
+        return
+    with closing(Pool[None, Value](lambda _: work(), 1)) as pool:
+        pool.start([(None, None)])
+        yield lambda: next(pool.outcomes())[1]

@@ -1,0 +1,679 @@
+"""What inputs are made of: fields with units and ranges, families of classes, plain data and back.
+
+@dataclass(frozen=True)
+class LinearSpring:
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+
+    def __post_init__(self):
+        check_fields(self)
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import math
+import textwrap
+import types
+from collections.abc import (
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+    MutableMapping,
+    Sequence,
+)
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import numpy as np
+
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    Where,
+    closest,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    require_vector,
+    within,
+)
+from jointplay.base.units import convert, expected, toml_text
+
+# Fields of values: each number has its unit, and the range that it must lie in, beside it.
+
+_VECTOR = tuple[float, float, float]
+
+
+def quantity(
+    *units: str,
+    default: Any = dataclasses.MISSING,
+    default_factory: Any = dataclasses.MISSING,
+    choices: tuple[str, Mapping[str, Any]] | None = None,
+    above: float | None = None,
+    least: float | None = None,
+    words: str = "",
+    finite: bool = True,
+) -> Any:
+    """Field of a dataclass that holds a number, or several, in an SI unit.
+
+    Args:
+        units: of which one it has; ``""`` for pure numbers. Two where it depends on the joint:
+            that of revolute and that of prismatic joints.
+        default, default_factory: of the field; without one it must be given.
+        choices: what words are called that stand for a value, and these.
+        above: 0.0 if the number must be positive, as `check_fields` demands.
+        least: 0.0 if it must not be negative.
+        words: what errors call it; the field's name, if not given.
+        finite: without, files may have infinity or no number (NaN) here.
+
+    Raises:
+        TypeError: a unit is not text, such as a default without its name.
+        ValueError: a range that begins elsewhere.
+    """
+    if not units or not all(isinstance(unit, str) for unit in units):
+        raise TypeError(f'units are text, "" for pure numbers, got {units!r}; see default=')
+    if above not in (None, 0.0) or least not in (None, 0.0):
+        raise ValueError("a range begins at zero, or the class checks it itself")
+    check = require_positive if above == 0.0 else require_non_negative
+    check = require_finite if above is None and least is None else check
+    metadata = {"units": units, "check": check, "words": words, "finite": finite}
+    metadata["choices"] = choices
+    if default_factory is not dataclasses.MISSING:
+        return dataclasses.field(default_factory=default_factory, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def choice(
+    noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
+) -> Any:
+    """Field of a dataclass that holds one of several words.
+
+    Args:
+        noun: what one is called.
+        choices: the words; a mapping has the values for which they stand.
+        default: of the field; without one it must be given.
+    """
+    return dataclasses.field(default=default, metadata={"choices": (noun, choices)})
+
+
+def check_fields(value: Any) -> None:
+    """Read what fields of a dataclass were given as files have it; values must be possible.
+
+    Text with a unit becomes a number, a word or a table what it stands for: ``"0.2 mm"``,
+    ``"flores"``. Numbers that have a unit become floats, in lists and vectors too.
+
+    Raises:
+        JointplayError: a value that cannot be, a word that is none of the field's choices, or a
+            number that is not finite or out of its range, with the field's name as its place.
+    """
+    kind: type = type(value)
+    fields = fields_of(kind)
+    for name in (one.name for one in dataclasses.fields(value) if one.name in fields):
+        field, given = fields[name], getattr(value, name)
+        if _as_in_files(field.hint, given):
+            given = _read_field(field, given)
+            object.__setattr__(value, name, given)
+        if given is None and field.default is None and not field.required:
+            continue
+        if field.choices and is_word(field.hint) and given not in list(field.choices[1]):
+            raise MissingName(field.choices[0], str(given), field.choices[1], where=(name,))
+        if field.check is not None:
+            object.__setattr__(value, name, _checked_numbers(field, given))
+
+
+def _checked_numbers(field: Field, given: Any) -> Any:
+    """A number in its range, or several in a tuple or vectors; anything else as it is."""
+    hint, words, where = field.hint, field.words, (field.name,)
+    unit = field.units[0].replace("*", " ")
+    if hint in (float, float | None) and field.check is not None:
+        return field.check(words, given, unit, where)
+    if hint == _VECTOR:
+        return require_vector(words, given, unit, where)
+    if hint == tuple[_VECTOR, ...]:
+        return tuple(require_vector(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    if hint == tuple[float, ...]:
+        return tuple(require_finite(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    return given
+
+
+def _as_in_files(hint: Any, given: Any) -> bool:
+    """Whether a value is written as in a file, and is not yet what the field's type says."""
+    kinds = get_args(hint) or (hint,)
+    of_family = any(map(family_of, kinds))
+    if isinstance(given, str):
+        return not is_word(hint)
+    if isinstance(given, Mapping | list | tuple):
+        several = given.values() if isinstance(given, Mapping) else given
+        described = of_family or any(map(dataclasses.is_dataclass, kinds))
+        return (described and isinstance(given, Mapping)) or any(
+            isinstance(one, str | Mapping) for one in several
+        )
+    return of_family and isinstance(given, int | float) and not isinstance(given, bool)
+
+
+def _read_field(field: Field, given: Any) -> Any:
+    """The value of a field that was given as in a file; errors name the field."""
+    try:
+        with within(field.name):
+            return make(_field(field, given))
+    except JointplayError as error:
+        place = ".".join(map(str, error.where))
+        raise JointplayError(f"{place}: {error}", error.where) from None
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """What a class says of one of its fields."""
+
+    name: str
+    hint: Any
+    units: tuple[str, ...]
+    """SI units that its numbers can have; ``("",)`` for pure numbers."""
+    required: bool
+    choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
+    """What its words are called, and these; a mapping has the values they stand for."""
+    finite: bool = True
+    """Whether its number must be finite."""
+    default: Any = None
+    """What it is if not given; None also where it must be."""
+    check: Callable[[str, float, str, Where], float] | None = None
+    """Raises if its number is out of range; None: of no quantity."""
+    words: str = ""
+    """What errors call it."""
+
+
+@cache
+def fields_of(kind: type) -> dict[str, Field]:
+    """The fields of a class as they are written, by name.
+
+    Raises:
+        TypeError: one that holds a number has no unit.
+    """
+    written = getattr(kind, "written", None) or kind
+    hints = get_type_hints(written)
+    fields, own = {}, {}
+    if dataclasses.is_dataclass(kind):  # it may check more closely than what files say of it
+        own = {one.name: one.metadata for one in dataclasses.fields(kind)}
+    missing = dataclasses.MISSING
+    for one in dataclasses.fields(written):
+        hint, said = hints[one.name], own.get(one.name) or one.metadata
+        if not said and _measures(hint):
+            raise TypeError(
+                f"{kind.__name__}.{one.name} is a number without a unit; see `quantity`"
+            )
+        fields[one.name] = Field(
+            one.name,
+            hint,
+            said.get("units", ("",)),
+            required=one.default is missing and one.default_factory is missing,
+            choices=said.get("choices"),
+            finite=said.get("finite", True),
+            default=None if one.default is missing else one.default,
+            check=said.get("check"),
+            words=said.get("words") or one.name,
+        )
+    return fields
+
+
+def fields_at(kind: Any, path: Sequence[str], every: bool = True) -> Iterator[tuple[Field, str]]:
+    """Fields at `path` within a class, with what is said of them; there may be none.
+
+    Names of entries of a table by name may be any. Of a family all members count, the default one
+    first; without `every` only that.
+    """
+    origin, family = get_origin(kind), family_of(kind)
+    if origin in (Union, types.UnionType):
+        for part in get_args(kind):
+            yield from fields_at(part, path, every)
+    elif origin is not None:
+        yield from fields_at(get_args(kind)[-1], path[1:], every)
+    elif family is not None and list(path) == [family.key]:
+        words = (family.noun, family.members)
+        yield Field(family.key, str, ("",), False, words, default=family.default), ""
+    elif family is not None:
+        first = family.default or next(iter(family.members))
+        members = [first, *(family.members if every else ())]
+        for one in dict.fromkeys(family.member(word).kind for word in members):
+            yield from fields_at(one, path, every)
+    elif dataclasses.is_dataclass(kind) and path[0] in (fields := fields_of(kind)):  # type: ignore[arg-type]
+        field = fields[path[0]]
+        if len(path) > 1:
+            yield from fields_at(field.hint, path[1:], every)
+        else:
+            yield field, explanations(kind).get(field.name, "")  # type: ignore[arg-type]
+
+
+def _measures(hint: Any) -> bool:
+    """Whether a type holds numbers that can have a unit."""
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return False
+    return hint is float or any(_measures(part) for part in get_args(hint))
+
+
+@cache
+def explanations(kind: type) -> dict[str, str]:
+    """What a class says below its fields as they are written, and its bases below theirs."""
+    texts: dict[str, str] = {}
+    owner = getattr(kind, "written", None) or kind
+    for base in reversed(owner.__mro__):
+        if "__dataclass_fields__" not in vars(base):
+            continue
+        try:
+            (body,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        except (OSError, SyntaxError, TypeError):  # made where no file is
+            continue
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
+                    texts[name] = said
+    return {name: " ".join(text.split()) for name, text in texts.items()}
+
+
+# Families of classes of which a word in a file chooses one: laws, joints, drives, loads.
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A kind with some of its fields set."""
+
+    kind: type
+    title: str = ""
+    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Family:
+    """Classes of which a word chooses one."""
+
+    key: str
+    """Key that has the word: ``law``, ``kind``."""
+    noun: str
+    """What one is called: ``friction law``."""
+    members: MutableMapping[str, Any]
+    """Classes and presets by word; `add` writes into it."""
+    default: str | None = None
+    """Word that is taken where there is none."""
+    bare: bool = True
+    """Whether the bare word stands for a table with nothing else in it."""
+    number: tuple[str, str] | None = None
+    """Word and key of the member that a bare number stands for, if it may stand for one."""
+
+    def member(self, word: str) -> Preset:
+        """The kind that a word chooses, and those of its fields that are set."""
+        member = self.members[word]
+        return member if isinstance(member, Preset) else Preset(member)
+
+
+_families: dict[type, Family] = {}
+_names: dict[type, tuple[Callable[[str], Any], Callable[[], Sequence[str]]]] = {}
+
+
+def register(base: type, family: Family) -> None:
+    """Let `base` be read as one of a family."""
+    _families[base] = family
+
+
+def add(base: type, kind: type) -> None:
+    """Let files name a class of one's own, by the word that it has: one of a family's, from now on.
+
+    Args:
+        base: `Load`, `Drive`, `Gearing`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
+        kind: its subclass.
+
+    Raises:
+        JointplayError: no such family, or the word is taken.
+    """
+    family = _families.get(base)
+    if family is None or not issubclass(kind, base) or base.selector is None:  # type: ignore[attr-defined]
+        raise JointplayError(f"{kind.__name__} cannot be added to {base.__name__}")
+    word = getattr(kind, base.selector[1])  # type: ignore[attr-defined]
+    if family.members.get(word, kind) is not kind:
+        raise JointplayError(f"there is a {family.noun} {word!r} already")
+    family.members[word] = kind
+
+
+def register_names(
+    kind: type, find: Callable[[str], Any], names: Callable[[], Sequence[str]]
+) -> None:
+    """Let a `kind` be given by name; `find` gives that of one of the `names`."""
+    _names[kind] = find, names
+
+
+def family_of(kind: Any) -> Family | None:
+    """The family whose base `kind` is, if it is one."""
+    return _families.get(kind)
+
+
+def names_of(kind: Any) -> Sequence[str]:
+    """Names by which a `kind` can be given."""
+    return _names[kind][1]() if kind in _names else ()
+
+
+# Objects to plain data and back, from the type hints of their fields.
+#
+# Result files and scenario files are both read and written by what is here: a class says its
+# fields once, with their types, units and explanations.
+#
+#     plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
+#     read(Clearance, data)             # the joint, or a JointplayError that knows its place
+#     check(Clearance, data).make()     # the same in two steps: all checks first
+#
+# Numbers may be text with a unit, ``"0.2 mm"``. A class whose kinds are chosen by a word (laws by
+# ``law``, joints and drives by ``kind``) is a `Family`.
+
+
+T = TypeVar("T")
+
+
+class Described:
+    """A value that knows itself as plain data."""
+
+    selector: ClassVar[tuple[str, str] | None] = None
+    """Key of the word that selects the class, and attribute that has it."""
+    written: ClassVar[type | None] = None
+    """Dataclass of the fields as they are written; None: those of the class."""
+
+    def describe(self) -> dict[str, Any]:
+        """All fields as plain data, for result files; `from_description` reads it back."""
+        word = {} if self.selector is None else {self.selector[0]: getattr(self, self.selector[1])}
+        return {**word, **_fields(self)}
+
+    @classmethod
+    def from_description(cls, description: Any) -> Self:
+        """Build the value that `describe` described; the word that selects it may be left out.
+
+        Raises:
+            JointplayError: an unknown or missing key, or a value that cannot be; `where` has its
+                place.
+        """
+        made: Self = read(cls, description)
+        return made
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the value from its fields as they are written, already read."""
+        return cls(**fields)
+
+
+def plain(value: Any) -> Any:
+    """A value as plain data: numbers, text, lists and dictionaries."""
+    if isinstance(value, Described):
+        return value.describe()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _fields(value)
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return value
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A value that has been checked, and not yet been made."""
+
+    kind: type
+    word: str | None
+    """The word that chose the kind, where one did."""
+    fields: Mapping[str, Any]
+
+    def make(self, objects: bool = True) -> Any:
+        """The value itself; `objects` as in the function `make`.
+
+        Raises:
+            JointplayError: fields that do not go together; `where` has the place.
+        """
+        given = make(dict(self.fields), objects)
+        if issubclass(self.kind, Described):
+            return self.kind.from_fields(given)
+        return self.kind(**given)
+
+
+def make(checked: Any, objects: bool = True) -> Any:
+    """The value of what `check` gave, drafts within it made."""
+    if isinstance(checked, Draft):
+        left = not objects and issubclass(checked.kind, Described)
+        return checked if left else checked.make(objects)
+    if not isinstance(checked, dict | list | tuple):
+        return checked
+    made = {}
+    for key, one in checked.items() if isinstance(checked, dict) else enumerate(checked):
+        with within(key):
+            made[key] = make(one, objects)
+    return made if isinstance(checked, dict) else type(checked)(made.values())
+
+
+def read(kind: type[T] | Any, data: Any) -> Any:
+    """The value that plain data describe.
+
+    Raises:
+        JointplayError: what cannot be; `where` has its place in the data.
+    """
+    return make(check(kind, data))
+
+
+def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
+    """What `data` say, checked against a type but not yet made: `Draft` for objects.
+
+    Args:
+        kind: a class or a type hint.
+        data: numbers, text, lists and dictionaries.
+        units: that numbers can have. A number of which there are several possible ones remembers
+            its own (`units.Measured`).
+
+    Raises:
+        JointplayError: what cannot be; `where` has its place in the data.
+    """
+    if isinstance(data, Described) and isinstance(kind, type) and isinstance(data, kind):
+        return data
+    if isinstance(data, str) and (names := names_of(kind)):
+        try:
+            return _names[kind][0](data)
+        except MissingName:
+            raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
+    family = family_of(kind)
+    if family is not None:
+        return _chosen(family, data)
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        return _one_of_several(data, parts, units)
+    table = dataclasses.is_dataclass(kind) or getattr(kind, "written", None)
+    if isinstance(kind, type) and table:
+        return _table(kind, data, None, {})
+    if origin is not None and origin is not Literal:
+        return _collection(origin, parts, data, units)
+    return _simple(kind, data, units)
+
+
+def _chosen(family: Family, data: Any) -> Draft:
+    key, noun, members = family.key, family.noun, family.members
+    place = (key,) if isinstance(data, Mapping) else ()
+    if family.bare and isinstance(data, str):
+        data = {key: data}
+    if family.number and isinstance(data, int | float) and not isinstance(data, bool):
+        word, parameter = family.number
+        data = {key: word, parameter: data}
+    if not isinstance(data, Mapping):
+        raise JointplayError(
+            f"{toml_text(data)} is not a table; a {noun} is a table with the key {key}"
+        )
+    word = data.get(key, family.default)
+    if word is None:
+        raise JointplayError(f"the key {key} is missing; available: {', '.join(members)}")
+    if not isinstance(word, str) or word not in members:
+        raise JointplayError(one_of(noun, word, members), where=place)
+    member = family.member(word)
+    return _table(member.kind, data, (key, word), member.given)
+
+
+def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]) -> Draft:
+    """A dataclass from a table of its fields."""
+    fields = {name: one for name, one in fields_of(kind).items() if name not in preset}
+    selector = getattr(kind, "selector", None)
+    if word is None and selector is not None and isinstance(data, Mapping) and selector[0] in data:
+        word = (selector[0], getattr(kind, selector[1]))
+        if data[word[0]] != word[1]:
+            raise JointplayError(
+                f"{toml_text(data[word[0]])} is not {toml_text(word[1])}", (word[0],)
+            )
+    form = getattr(kind, "written", None) or kind
+    keys = [*([word[0]] if word else []), *fields, *getattr(form, "further_keys", ())]
+    if not isinstance(data, Mapping):
+        raise JointplayError(f"{toml_text(data)} is not a table; its keys are: {', '.join(keys)}")
+    for key in data:
+        if key not in keys:
+            whose = f" of the {word[0]} {word[1]}" if word else ""
+            raise JointplayError(unknown_key(key, keys, whose), where=(key,))
+    values = dict(preset)
+    for name in data:  # in its order, so that the first error is the first in a file
+        if name in fields:
+            with within(name):
+                values[name] = _field(fields[name], data[name])
+    for name, field in fields.items():
+        if field.required and name not in data:
+            raise JointplayError(f"the key {name} is missing")
+    return Draft(kind, word[1] if word else None, values)
+
+
+def _field(field: Field, data: Any) -> Any:
+    """Value of a field: one of its words, or what its type takes."""
+    if not field.finite and isinstance(data, float) and not math.isfinite(data):
+        return data
+    if field.choices is None or data is None:
+        return check(field.hint, data, field.units)
+    noun, words = field.choices
+    word = isinstance(data, str)
+    if (word or is_word(field.hint)) and not (word and data in words):
+        raise JointplayError(one_of(noun, data, words))
+    if word and isinstance(words, Mapping) and not is_word(field.hint):
+        return words[data]
+    return check(field.hint, data, field.units)
+
+
+def is_word(hint: Any) -> bool:
+    """Whether a field's choices are its values, not words that stand for others."""
+    return hint in (str, str | None)
+
+
+def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:
+    """A union: nothing where that is possible, else the first type that takes the data."""
+    if data is None and type(None) in parts:
+        return None
+    errors: list[JointplayError] = []
+    for part in parts:
+        if part is type(None):
+            continue
+        try:
+            return check(part, data, units)
+        except JointplayError as error:
+            errors.append(error)
+    raise max(errors, key=lambda error: len(error.where))  # of the type that took most of it
+
+
+def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
+    """A mapping by name, a list, or a tuple."""
+    if issubclass(origin, Mapping):
+        if not isinstance(data, Mapping):
+            raise JointplayError(f"expected a table, got {toml_text(data)}")
+        table = {}
+        for key, one in data.items():
+            with within(key):
+                table[key] = check(parts[1], one, units)
+        return table
+    fixed = origin is tuple and parts[-1] is not Ellipsis
+    if not isinstance(data, list | tuple) or (fixed and len(data) != len(parts)):
+        if fixed and len(parts) == 3:
+            raise JointplayError(
+                f"{toml_text(data)} are not three components; give each as {expected(*units)}"
+            )
+        raise JointplayError(f"expected a list in brackets, got {toml_text(data)}")
+    several = []
+    for index, one in enumerate(data):
+        with within(*(() if fixed else (index,))):
+            several.append(check(parts[index] if fixed else parts[0], one, units))
+    return tuple(several) if origin is tuple else several
+
+
+_EXPECTED = {
+    bool: "true or false",
+    int: "a whole number",
+    str: "text in quotes",
+    list: "a list in brackets",
+    dict: "a table",
+}
+
+
+def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
+    """A number with a unit, a whole number, text, a choice, yes or no."""
+    if kind is float:
+        try:
+            measured = convert(data, *units)
+        except ValueError as error:
+            raise JointplayError(str(error)) from None
+        return measured if len(units) > 1 else float(measured)
+    if get_origin(kind) is Literal:
+        if data not in get_args(kind):
+            raise JointplayError(one_of("choice", data, get_args(kind)))
+        return data
+    if kind in _EXPECTED and (
+        not isinstance(data, kind) or (kind is int and isinstance(data, bool))
+    ):
+        raise JointplayError(f"expected {_EXPECTED[kind]}, got {toml_text(data)}")
+    return data
+
+
+def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
+    """What to say of a key that does not exist."""
+    keys = list(keys)
+    return f'unknown key "{key}"{whose}; {closest(key, keys)}valid keys: {", ".join(keys)}'
+
+
+def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
+    """What to say of a choice that does not exist."""
+    choices = list(choices)
+    return f"no {kind} {toml_text(value)}; {closest(value, choices)}available: {', '.join(choices)}"
+
+
+# Two pieces of plain data side by side.
+
+
+def differences(was: Any, now: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Where two pieces of plain data differ: the place, and what stands there in each."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in {**was, **now}:
+            inside = f"{place}.{key}" if place else key
+            yield from differences(was.get(key), now.get(key), inside)
+    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        for k, (one, other) in enumerate(zip(was, now, strict=True)):
+            yield from differences(one, other, f"{place}[{k}]")
+    elif was != now:
+        yield place, was, now
+
+
+def short(value: Any) -> str:
+    """A piece of plain data in at most some sixty characters."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:40]}...{text[-15:]}"

@@ -1,0 +1,244 @@
+"""Tables as text (aligned columns, CSV, Markdown, HTML), and what objects show of themselves."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, Self
+
+from jointplay.base.units import displayed
+
+if TYPE_CHECKING:
+    import numpy as np
+
+_MOST_NAMES = 8
+"""Names that a list of them shows."""
+
+
+class Overview(ABC):
+    """An object that shows a headline and a few facts: lines at a prompt, a table in a notebook."""
+
+    @abstractmethod
+    def facts(self) -> tuple[str, dict[str, str]]:
+        """Headline, and facts by name."""
+
+    def __repr__(self) -> str:
+        """The headline and the facts, a line each."""
+        headline, facts = self.facts()
+        lines = [f"<jointplay {type(self).__name__}: {headline}>"]
+        return "\n".join([*lines, *(f"  {name:<16} {text}" for name, text in facts.items())])
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks."""
+        headline, facts = self.facts()
+        kind = type(self).__name__.lower()
+        table = html_table(facts.items())
+        return f"<div><p><b>jointplay {kind}</b>: {html.escape(headline)}</p>{table}</div>"
+
+
+def html_table(facts: Iterable[tuple[str, str]]) -> str:
+    """A table of two columns that needs no style sheet or script."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+        f"<td style='text-align:left'>{html.escape(text)}</td></tr>"
+        for name, text in facts
+    )
+    return f"<table>{rows}</table>"
+
+
+def few(names: list[str], most: int = _MOST_NAMES) -> str:
+    """The first names of a list, and how many more there are."""
+    text = ", ".join(names[:most])
+    return f"{text} and {len(names) - most} more" if len(names) > most else text
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a `Table`: what it is called, in which unit, and its values."""
+
+    head: str
+    """Above it, in words."""
+    values: Sequence[Any] | np.ndarray
+    """Numbers in SI, text, or None where there is nothing; so is a number that is not finite."""
+    unit: str = ""
+    """The SI unit of the numbers; ``"1"`` of parts of a whole, which are shown in per cent."""
+    key: str = ""
+    """What it is called in data; by default its head, with the unit."""
+    fine: bool = False
+    """Whether lengths are clearances, which are shown in µm."""
+    digits: int = 5
+    """Digits of the largest number, in text; the others have as many decimals."""
+    only: str = ""
+    """``"text"`` or ``"data"``, if it stands in one of them alone."""
+    errors: Sequence[Any] | np.ndarray = ()
+    """Of the values, if they are known, with ``+-`` behind them in text."""
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor and unit in which numbers are shown."""
+        return (100.0, "%") if self.unit == "1" else displayed(self.unit, self.fine)
+
+    @property
+    def title(self) -> str:
+        """Head with the unit in which numbers are shown."""
+        unit = self.shown[1]
+        return f"{self.head} [{unit}]" if unit else self.head
+
+    @property
+    def name(self) -> str:
+        """What it is called in data."""
+        unit = re.sub(r"\W+", "_", self.unit.removesuffix("1")).strip("_")
+        plain = re.sub(r"\W+", "_", self.head).strip("_").lower()
+        return self.key or "_".join(filter(None, (plain, unit)))
+
+    def texts(self, further: Sequence[Any] = ()) -> list[str]:
+        """How its values are shown, and those of further rows."""
+        values = [*self.values, *further]
+        factor, _ = self.shown
+        sizes = [abs(factor * one) for one in values if _is_number(one) and one]
+        whole = all(isinstance(one, Integral) for one in values if _is_number(one))
+        top = math.floor(math.log10(max(sizes))) if sizes else 0
+        places = self.digits - 1 - top
+        form = f".{max(places, 0)}f" if -_ZEROS <= places <= _PLACES else f".{self.digits}g"
+        if whole and factor == 1.0:
+            form = "d"
+        elif not sizes:
+            form = ".0f"
+        # What is not nothing must not look like it; rounding errors may.
+        least = 0.5 * 10.0**-places
+        noise = _NOISE * max(sizes, default=0.0)
+
+        def text(one: Any) -> str:
+            if one is None:
+                return ""
+            if not _is_number(one):
+                return "-" if isinstance(one, float) else str(one)
+            number = one if form == "d" else factor * one
+            return f"{number:.1g}" if noise < abs(number) < least else format(number, form)
+
+        shown = [text(one) for one in values]
+        for k, error in enumerate(self.errors):
+            if _is_number(error):
+                shown[k] += f" +- {text(error)}"
+        return shown
+
+
+_NOISE = 1e-9
+"""Numbers that are so much smaller than the largest are shown as nothing."""
+
+_PLACES, _ZEROS = 9, 3
+"""Most decimals, and most digits that are shown beyond those asked for; else a power of ten."""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+Head = tuple[str, str] | tuple[str, str, bool]
+"""Name and unit of a column, and whether its lengths are clearances."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows with names, units and values: shown as text, Markdown and HTML, written as data.
+
+    Text is in handy units; data (CSV, records) are SI, in full precision or with so many digits.
+    """
+
+    columns: Sequence[Column]
+    totals: Sequence[Sequence[Any]] = ()
+    """Further rows that are shown, such as sums: values of the columns that are shown."""
+    notes: Sequence[str] = ()
+    """Lines that are shown below it."""
+
+    @classmethod
+    def of(
+        cls,
+        heads: Sequence[Head],
+        rows: Sequence[Sequence[Any]],
+    ) -> Self:
+        """The table of rows whose columns have these names and units, and are fine or not."""
+        values = list(zip(*rows, strict=True)) or [() for _ in heads]
+        names = zip(heads, values, strict=True)
+        return cls([Column(head, own, unit, fine=any(fine)) for (head, unit, *fine), own in names])
+
+    @classmethod
+    def of_texts(cls, rows: Sequence[Sequence[str]]) -> Self:
+        """The table of rows of text, the head first."""
+        head, *others = rows
+        return cls.of([(one, "") for one in head], others)
+
+    def _shown(self) -> tuple[list[str], list[list[str]]]:
+        shown = [one for one in self.columns if one.only != "data"]
+        columns = [one.texts([row[k] for row in self.totals]) for k, one in enumerate(shown)]
+        return [one.title for one in shown], [list(row) for row in zip(*columns, strict=True)]
+
+    def __str__(self) -> str:
+        """Aligned text: the first column flush left, the others flush right; then the notes."""
+        head, rows = self._shown()
+        lines = [head, *rows]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        aligned = [
+            "  ".join(
+                f"{cell:<{width}}" if place == 0 else f"{cell:>{width}}"
+                for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+            )
+            for line in lines
+        ]
+        return "\n".join([*aligned, *self.notes])
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        head, rows = self._shown()
+        lines = [" | ".join(cell.replace("|", "\\|") for cell in row) for row in (head, *rows)]
+        first, *others = [f"| {line} |" for line in lines]
+        return "\n".join([first, "|" + " --- |" * len(head), *others])
+
+    def _repr_html_(self) -> str:
+        """The table for notebooks, without style sheet or script."""
+        head, rows = self._shown()
+
+        def line(cells: Sequence[str], tag: str) -> str:
+            inner = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
+            return f"<tr>{inner}</tr>"
+
+        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
+        body = "".join(line(row, "td") for row in rows)
+        return f"<table>{line(head, 'th')}{body}</table>{notes}"
+
+    def _data(self) -> dict[str, Sequence[Any] | np.ndarray]:
+        """Values by the columns' names in data, with their errors behind them."""
+        kept = [one for one in self.columns if one.only != "text"]
+        found: dict[str, Sequence[Any] | np.ndarray] = {}
+        for one in kept:
+            found[one.name] = one.values
+            if len(one.errors):
+                found[f"{one.name}_error"] = one.errors
+        return found
+
+    def records(self) -> list[dict[str, Any]]:
+        """A dictionary for each row, by the columns' names in data, SI."""
+        data = self._data()
+        return [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
+
+    def csv(self, digits: int = 9) -> str:
+        """A line for each row, SI, numbers with so many digits."""
+        data, text = self._data(), io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(data)
+        rows = zip(*data.values(), strict=True)
+        writer.writerows([_cell(value, digits) for value in row] for row in rows)
+        return text.getvalue()
+
+
+def _cell(value: Any, digits: int) -> Any:
+    if not isinstance(value, float):
+        return value
+    return "" if math.isnan(value) else f"{value:.{digits}g}"

@@ -1,0 +1,128 @@
+"""Results and mechanisms out to other programs: tables, bags, FMU, simulators.
+
+Each kind of file is a `Kind` of one function that turns a result into bytes; `export` names it,
+thins the records and writes the file whole or not at all. Libraries that only one kind needs are
+extras, imported when it is asked for. Nothing here computes what it writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, MissingName, require_a
+
+if TYPE_CHECKING:
+    from jointplay.simulation.result.result import Result
+
+Maker = Callable[..., bytes]
+"""From a result, the file's suffix and whether to show progress to the file's content."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file that results are written to."""
+
+    maker: str
+    """Module and name of its `Maker`."""
+    suffixes: tuple[str, ...]
+    """Endings of its files; the first is the usual one."""
+    about: str
+    """What it holds, in a few words."""
+
+
+KINDS = {
+    "csv": Kind("table:csv", (".csv",), "all histories as a table, one row a record"),
+    "parquet": Kind("table:parquet", (".parquet",), "the same table, typed and compressed"),
+    "trajectory": Kind(
+        "trajectory:trajectory",
+        (".yaml", ".yml", ".csv"),
+        "joint positions: ROS 2 JointTrajectory (YAML), or a CSV that is a motion",
+    ),
+    "mcap": Kind("bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"),
+    "plotjuggler": Kind(
+        "layouts:plotjuggler", (".xml",), "layout of charts of the bag for PlotJuggler 3"
+    ),
+    "foxglove": Kind("layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"),
+    "fmu": Kind("fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"),
+    "rerun": Kind("rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
+}
+"""Kinds of file by name."""
+
+
+def export(
+    result: Result,
+    path: str | Path,
+    to: str | None = None,
+    *,
+    every: int = 1,
+    overwrite: bool = False,
+    progress: bool = False,
+    **options: Any,
+) -> Path:
+    """Write a result for other programs.
+
+    Args:
+        result: what is written.
+        path: the file; its ending must be one of the kind's.
+        to: one of `KINDS`; None tells it by the file's ending (.csv is the table).
+        every: only each n-th record and the last; peaks keep what lies between.
+        overwrite: whether a file of that name is replaced.
+        progress: whether to show a bar.
+        options: of the kind: ``inputs`` and ``period`` of an fmu (`exports.fmu.fmu`).
+
+    Returns:
+        The file.
+
+    Raises:
+        JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
+            library of an extra is missing.
+    """
+    require_a("result", result, "Result")
+    kind = check(path, to, overwrite)
+    module, _, name = KINDS[kind].maker.partition(":")
+    maker: Maker = getattr(import_module(f"jointplay.bridges.{module}"), name)
+    given = {name: value for name, value in options.items() if value is not None}
+    if given and kind != "fmu":
+        raise JointplayError(f"{', '.join(given)}: only an fmu has that, got a {kind} file")
+    content = maker(result.thinned(every), Path(path).suffix.lower(), progress, **given)
+    return files.write(path, content, overwrite=overwrite)
+
+
+def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> str:
+    """Kind of file that `path` will be; refuses what cannot be written, before any work is done.
+
+    Raises:
+        JointplayError: no such kind, a wrong ending, or a file that exists or cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if to is None:
+        to = next((name for name, kind in KINDS.items() if suffix in kind.suffixes), None)
+        if to is None:
+            known = dict.fromkeys(s for kind in KINDS.values() for s in kind.suffixes)
+            raise JointplayError(
+                f"the name of the file must end in one of {', '.join(known)}, got {path.name!r}"
+            )
+    if to not in KINDS:
+        raise MissingName("kind of export", to, KINDS)
+    if suffix not in KINDS[to].suffixes:
+        choices = " or ".join(KINDS[to].suffixes)
+        raise JointplayError(f"the name of a {to} file must end in {choices}, got {path.name!r}")
+    if not overwrite:
+        files.check_new(path)
+    return to
+
+
+def in_blocks(number: int, size: int, what: str, progress: bool) -> Iterator[slice]:
+    """Blocks of so many records, with a bar."""
+    from jointplay.base.progress import ProgressBar
+
+    with ProgressBar(desc=what, total=number, disable=not progress, unit="record") as bar:
+        for first in range(0, max(number, 1), size):
+            yield slice(first, first + size)
+            bar.update(min(size, number - first))

@@ -1,0 +1,98 @@
+"""What a notebook shows of a result: how it ended, its figures, a small picture."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.tables import few, html_table
+from jointplay.base.units import readable
+from jointplay.show.plots.chart import Axis, Chart, Curve, Panel
+from jointplay.show.plots.draw import draw
+from jointplay.show.plots.palette import CONTACT_COLOURS
+from jointplay.simulation.analysis.headline import peak_force
+from jointplay.simulation.analysis.vibration import rattle
+from jointplay.simulation.result.result import Result
+
+_WIDTH, _HEIGHT = 6.6, 2.2
+"""Of the picture [inches]."""
+_MOST = len(CONTACT_COLOURS)
+"""Joints or coordinates whose histories are drawn."""
+
+
+def page(result: Result) -> str:
+    """HTML that needs nothing from elsewhere."""
+    warnings = "".join(f"<li>{html.escape(text)}</li>" for text in result.audit.warnings)
+    return (
+        f"<div><p><b>jointplay result</b>: {html.escape(result.message)}</p>"
+        + html_table(rows_of(result))
+        + (f"<p>Warnings:</p><ul>{warnings}</ul>" if warnings else "")
+        + _image(result)
+        + "</div>"
+    )
+
+
+def rows_of(result: Result) -> list[tuple[str, str]]:
+    """Name and value of each line of the table."""
+    audit, time = result.audit, result.time
+    span = f"{time[0]:g} to {time[-1]:g} s" if len(time) else "none"
+    names = result["coordinate"].values.tolist()
+    rows = [
+        ("records", f"{len(time)}, {span}"),
+        ("coordinates", f"{len(names)}: {few(names)}"),
+        ("clearance in", few(result.joints) or "no joint"),
+    ]
+    start = result.judge_from
+    since = f" from {start:g} s on" if start > 0.0 else ""
+    for k, joint in enumerate(result.joints):
+        forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
+        told = peak_force(result, joint, float(forces.max(initial=0.0)))
+        rows.append((f"peak force in {joint}", f"{told}{since}"))
+    if result.joints:
+        with suppress(JointplayError):  # too few records
+            rows.append(("rattle", f"{str(rattle(result)).removeprefix('rattle: ')}{since}"))
+        rows.append(
+            ("largest penetration", readable(float(f"{audit.largest_penetration:.3g}"), "m"))
+        )
+    percent = 100.0 * audit.relative_energy_residual
+    rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
+    if result.certificate is not None:
+        how = "certified" if result.certificate.strict else "estimated"
+        rows += [(how, str(figure)) for figure in result.certificate.headline]
+    return rows
+
+
+def _image(result: Result) -> str:
+    if len(result.time) < 2:
+        return ""
+    buffer = io.BytesIO()
+    draw(_chart(result)).savefig(buffer, format="png", dpi=100)
+    data = base64.b64encode(buffer.getvalue()).decode()
+    text = "tool path and contact force" if result.joints else "tool path and drive efforts"
+    return f'<img alt="{text}" src="data:image/png;base64,{data}"/>'
+
+
+def _chart(result: Result) -> Chart:
+    """Tool over time; beside it the forces in the joints with clearance, or of the drives."""
+    tool = result.plot.panel("displacement")
+    tool = replace(tool, y=replace(tool.y, name="tool"), columns=0, legend="best")
+    title, up = "drive efforts", Axis("effort [N m, N]")
+    histories = dict(
+        zip(result["coordinate"].values.tolist(), result["drive"].values.T, strict=True)
+    )
+    if result.joints:
+        title, up = "joint force, peaks", Axis("force", "N")
+        peaks = np.linalg.norm(result["joint_force_peak"].values, axis=2)
+        histories = dict(zip(result.joints, peaks.T, strict=True))
+    shown = list(histories.items())[:_MOST]
+    marks = [
+        Curve(result.time, values, name, colour)
+        for (name, values), colour in zip(shown, CONTACT_COLOURS, strict=False)
+    ]
+    return Chart([[tool, Panel(tool.x, up, marks, title, legend="best")]], (_WIDTH, _HEIGHT))

@@ -1,0 +1,199 @@
+"""Random copies of a robot with play: numbers drawn within what was identified, or assumed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName, require_non_negative
+from jointplay.base.tables import Column, Table
+from jointplay.bridges.reduced_mjcf import servo_friction
+from jointplay.bridges.reduction import Reduction
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import Servo
+
+QUANTITIES = {
+    "half_play": "rad",
+    "friction": "N m",
+    "stiffness": "N m/rad",
+    "motor_friction": "N m",
+    "tilt": "rad",
+}
+"""What is drawn of each joint, and in which unit; the last two only MJCF has, the servo's friction
+and how far the axis can lean."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """From where to where a number of a joint is drawn, each value as likely as any other."""
+
+    joint: str
+    quantity: str
+    """Of `QUANTITIES`."""
+    low: float
+    high: float
+    origin: str
+    """``identified``, or ``assumed``."""
+
+    @property
+    def label(self) -> str:
+        """Head of its column."""
+        return f"{self.joint} {self.quantity} [{QUANTITIES[self.quantity]}]"
+
+
+def intervals(
+    mechanism: Mechanism,
+    reductions: Iterable[Reduction],
+    spread: float,
+    identified: Mapping[str, Any] | None = None,
+    servos: Mapping[str, Servo] = MappingProxyType({}),
+    leaning: Iterable[str] = (),
+) -> list[Interval]:
+    """Intervals of half play, friction, stiffness and lean of each joint, and its servo's friction.
+
+    Args:
+        spread: half width, relative, of what was not identified: an assumption.
+        identified: what `Identification.describe` says, the contents of ``identified.json``.
+            Gear play, gear compliance and dry friction are taken as they are; the coefficient of
+            friction scales the bearing's part of the friction. A clearance gives no dead band about
+            the axis, and is not drawn; the lean is, within the spread.
+        leaning: joints whose axes lean in the files.
+
+    Raises:
+        JointplayError: a negative spread, or one of 100 % or more, for which play would vanish;
+            nothing that was identified belongs to the joints with play.
+    """
+    require_non_negative("spread", spread, "")
+    if spread >= 1.0:
+        raise JointplayError(f"the spread must be below 100 %, got {100.0 * spread:g} %")
+    known = {} if identified is None else _known(identified)
+    found, used, leaning = [], 0, set(leaning)
+    for one in reductions:
+        own = mechanism.description.joints[one.joint].friction
+        numbers = {"half_play": 0.5 * one.dead_band}
+        numbers |= {"friction": one.friction, "stiffness": one.stiffness}
+        numbers["motor_friction"] = servo_friction(servos.get(one.joint))["frictionloss"]
+        numbers["tilt"] = one.tilt if one.joint in leaning else 0.0
+        ends = {k: (x * (1.0 - spread), x * (1.0 + spread)) for k, x in numbers.items()}
+        mine = {name: row for (joint, name), row in known.items() if joint == one.joint}
+        better = {}
+        if "gear_play" in mine and one.dead_band > 0.0:
+            low, high, _ = mine["gear_play"]
+            better["half_play"] = (0.5 * low, 0.5 * high)
+        if "gear_compliance" in mine and one.dead_band > 0.0 and mine["gear_compliance"][0] > 0.0:
+            low, high, _ = mine["gear_compliance"]
+            better["stiffness"] = (1.0 / high, 1.0 / low)
+        if {"dry_friction", "friction"} & set(mine):
+            bearing = max(one.friction - own, 0.0)
+            dry = mine.get("dry_friction", (own, own, own))
+            low, high, nominal = mine.get("friction", (1.0, 1.0, 1.0))
+            better["friction"] = (
+                dry[0] + bearing * low / nominal,
+                dry[1] + bearing * high / nominal,
+            )
+        used += len(better)
+        for quantity in QUANTITIES:
+            low, high = better.get(quantity, ends[quantity])
+            origin = "identified" if quantity in better else "assumed"
+            if high > 0.0 or quantity in better:
+                found.append(Interval(one.joint, quantity, low, high, origin))
+    if known and not used:
+        rows = ", ".join(f"{joint} {name.replace('_', ' ')}" for joint, name in known)
+        names = ", ".join(one.joint for one in reductions)
+        raise JointplayError(
+            f"nothing that was identified ({rows}) is drawn for the joints {names}: gear play, "
+            "gear compliance, dry friction and friction are"
+        )
+    return found
+
+
+def _known(identified: Mapping[str, Any]) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Interval and the scenario's value of what was identified, by joint and name."""
+    rows = identified.get("unknowns") if isinstance(identified, Mapping) else None
+    if not isinstance(rows, list):
+        raise JointplayError("this is no file of jointplay identify: it has no list 'unknowns'")
+    found = {}
+    for row in rows:
+        if not {"low", "high", "joint", "unknown"} <= set(row):
+            continue  # the measurement could not tell
+        low, high = float(row["low"]), float(row["high"])
+        nominal = float(row.get("scenario") or row.get("found") or 1.0)
+        found[str(row["joint"]), str(row["unknown"])] = (low, high, nominal)
+    if not found:
+        raise JointplayError("nothing was identified: no unknown in the file has an interval")
+    return found
+
+
+def read_identified(path: str | Path, joints: Iterable[str]) -> dict[str, Any]:
+    """What `jointplay identify` wrote as ``identified.json``, of a robot with these joints.
+
+    Raises:
+        MissingName: it is about a joint that the robot does not have.
+        JointplayError: it cannot be read, or is another file.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise JointplayError(f"cannot read {str(path)!r}: {error}") from None
+    except ValueError as error:
+        raise JointplayError(f"{str(path)!r} is no JSON: {error}") from None
+    names = list(joints)
+    try:
+        known = _known(data)
+    except JointplayError as error:
+        raise JointplayError(f"{str(path)!r}: {error}") from None
+    for joint, _ in known:
+        if joint and joint not in names:
+            raise MissingName("joint", joint, names)
+    return dict(data)
+
+
+def draw(ranges: Sequence[Interval], count: int, seed: int) -> np.ndarray:
+    """Values within the intervals, each as likely as any other, shape (count, len(ranges)) [SI].
+
+    Raises:
+        JointplayError: fewer than one copy, or a negative seed.
+    """
+    if count < 1:
+        raise JointplayError(f"a batch has at least one copy, got {count}")
+    if seed < 0:
+        raise JointplayError(f"the seed must not be negative, got {seed}")
+    low, high = np.array([[one.low, one.high] for one in ranges]).reshape(-1, 2).T
+    return low + (high - low) * np.random.default_rng(seed).random((count, len(ranges)))
+
+
+def drawn(
+    reductions: Iterable[Reduction], ranges: Sequence[Interval], row: np.ndarray
+) -> list[Reduction]:
+    """The joints with the values of a row of `draw`."""
+    changes: dict[str, dict[str, Any]] = {}
+    for one, value in zip(ranges, row, strict=True):
+        if one.quantity == "motor_friction":
+            continue
+        name = "dead_band" if one.quantity == "half_play" else one.quantity
+        factor = 2.0 if one.quantity == "half_play" else 1.0
+        changes.setdefault(one.joint, {})[name] = factor * float(value)
+    return [replace(one, **changes.get(one.joint, {})) for one in reductions]
+
+
+def drawn_servos(
+    servos: Mapping[str, Servo], ranges: Sequence[Interval], row: np.ndarray
+) -> dict[str, Servo]:
+    """The servos with the friction of a row of `draw`."""
+    values = zip(ranges, row, strict=True)
+    found = {one.joint: float(x) for one, x in values if one.quantity == "motor_friction"}
+    return {k: replace(s, friction=found[k]) if k in found else s for k, s in servos.items()}
+
+
+def table(ranges: Sequence[Interval], values: np.ndarray, names: Sequence[str]) -> Table:
+    """What was drawn, a row for each copy [SI]."""
+    columns = [Column("copy", names)]
+    for one, drawn in zip(ranges, values.T, strict=True):
+        columns.append(Column(one.label, drawn, key=one.label))
+    return Table(columns)

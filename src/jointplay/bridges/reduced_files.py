@@ -1,0 +1,361 @@
+"""Reduced models of joints' play as files: SDF, URDF with YAML, JSON; USD and MJCF are beside.
+
+A joint without play in its gear needs no further degree of freedom: it gets friction and damping.
+Play in a gear needs the motor as a body of its own, the rotor, which the joint J moves; the hinge
+J_play behind it, whose limits are the dead band, moves the link. A servo is MuJoCo's ``dcmotor``
+(`reduced_mjcf`); the other formats know none.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy.error_budget import PlayBudget, budget
+from jointplay.accuracy.error_model import Line, Tilt
+from jointplay.base.errors import JointplayError, MissingName, require_non_negative
+from jointplay.bridges.reduction import Reduction
+from jointplay.model.elements import Element, document, moments, put, put_inertial, written
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.motion.cartesian import joint_limits
+
+ENCODERS = ("motor", "link")
+"""Where the encoder sits: before the play, or after."""
+SPREAD = 0.3
+"""Half width of ranges for randomisation, relative, of what is not measured: an assumption."""
+PLUGIN = "gz_ros2_control/GazeboSimSystem"
+"""Hardware of ros2_control's tags, if no other is named: Gazebo's."""
+LEAST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
+"""Of bodies without mass, which no simulator takes."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """What moves with one joint; its frame is the joint's."""
+
+    name: str
+    """Of the joint."""
+    link: str
+    """Of the body."""
+    parent: Body | None
+    """None for the base."""
+    placement: pin.SE3
+    """Of the joint's frame in the parent's, at position zero."""
+    place: pin.SE3
+    """Of the joint's frame in the world, all positions zero."""
+    slides: bool
+    axis: np.ndarray
+    """In the joint's frame, shape (3,)."""
+    limits: tuple[float, float]
+    """Infinite where there are none [rad or m]."""
+    inertia: pin.Inertia
+    friction: float
+    """Dry [N m or N]."""
+    damping: float
+    """[N m s/rad or N s/m]."""
+    stop: tuple[float, float] | None = None
+    """Stiffness [N m/rad] and damping [N m s/rad] of the limits; None if they are rigid."""
+
+
+def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[Body]:
+    """The ideal robot's bodies, and the rotors before play, from the base outwards.
+
+    Raises:
+        JointplayError: loops; joints that have more than one coordinate (balls); the robot has a
+            `J_motor` or a `J_play` of a joint J with a dead band.
+    """
+    if mechanism.loops:
+        raise JointplayError("a robot with closed loops cannot be written as a tree of bodies")
+    reduced = {one.joint: one for one in reductions}
+    refuse_taken(mechanism, reduced.values())
+    ideal = mechanism.ideal()
+    model, data = ideal.model, ideal.data
+    pin.computeJointJacobians(model, data, np.zeros(model.nq))
+    names = [str(name) for name in model.names]
+    low, high = joint_limits(mechanism, [n for n in names[1:] if n in mechanism.joints])
+    tree: list[Body] = []
+    carriers: list[Body | None] = [None]
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], names[index]
+        if joint.nv != 1:
+            raise JointplayError(f"joint {name!r} has {joint.nv} coordinates; one can be written")
+        column = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
+        twist = column.reshape(6, model.nv)[:, joint.idx_v]
+        slides = bool(np.linalg.norm(twist[3:]) < 0.5)
+        entry = mechanism.description.joints[name]
+        one = reduced.get(name, Reduction(name, friction=entry.friction, viscous=entry.damping))
+        parent, placement = carriers[model.parents[index]], model.jointPlacements[index]
+        inertia = model.inertias[index]
+        body = Body(
+            name,
+            f"{name}_link",
+            parent,
+            placement,
+            placement if parent is None else parent.place * placement,
+            slides,
+            twist[:3] if slides else twist[3:],
+            (float(low[index - 1]), float(high[index - 1])),
+            inertia if inertia.mass > 0.0 else LEAST,
+            one.friction,
+            one.viscous,
+        )
+        if one.dead_band > 0.0:
+            half = 0.5 * one.dead_band
+            turning = rotor(body.axis, one.rotor_inertia)
+            motor = replace(body, link=f"{name}_motor", inertia=turning)
+            tree.append(motor)
+            body = replace(
+                body,
+                name=f"{name}_play",
+                parent=motor,
+                placement=pin.SE3.Identity(),
+                limits=(-half, half),
+                friction=0.0,
+                damping=one.damping,
+                stop=(one.stiffness, one.damping),
+            )
+        tree.append(body)
+        carriers.append(body)
+    return tree
+
+
+def rotor(axis: np.ndarray, inertia: float) -> pin.Inertia:
+    """Next to no mass, an inertia about the axis, and a little more than half of it across."""
+    along = np.outer(axis, axis)
+    matrix = inertia * along + 0.5001 * inertia * (np.eye(3) - along)
+    return pin.Inertia(1e-6, np.zeros(3), matrix)
+
+
+def to_sdf(mechanism: Mechanism, *reductions: Reduction) -> str:
+    """The robot as SDF 1.9; bodies without shapes.
+
+    The bearing's friction acts on the motor's side of the play, for SDF has no joint beside
+    another.
+
+    Raises:
+        JointplayError: a robot that cannot be held as a tree of single joints; see `bodies`.
+    """
+    root = Element("sdf", version="1.9")
+    model = put(root, "model", name=mechanism.description.path.stem)
+    _put_link(model, "base", pin.SE3.Identity(), LEAST)
+    _put_texts(put(model, "joint", name="base_fixed", type="fixed"), parent="world", child="base")
+    for body in bodies(mechanism, reductions):
+        _put_link(model, body.link, body.place, body.inertia)
+        joint = put(model, "joint", name=body.name, type="prismatic" if body.slides else "revolute")
+        parent = "base" if body.parent is None else body.parent.link
+        _put_texts(joint, parent=parent, child=body.link)
+        axis = put(joint, "axis")
+        _put_texts(axis, xyz=body.axis)
+        limit = put(axis, "limit")
+        if np.isfinite(body.limits).all():
+            _put_texts(limit, lower=body.limits[0], upper=body.limits[1])
+        if body.stop is not None:
+            _put_texts(limit, stiffness=body.stop[0], dissipation=body.stop[1])
+        _put_texts(put(axis, "dynamics"), damping=body.damping, friction=body.friction)
+    return document(root)
+
+
+def _put_link(model: Element, name: str, place: pin.SE3, inertia: pin.Inertia) -> None:
+    link = put(model, "link", name=name)
+    _put_texts(link, pose=[*place.translation, *pin.rpy.matrixToRpy(place.rotation)])
+    inertial = put(link, "inertial")
+    _put_texts(inertial, pose=[*inertia.lever, 0.0, 0.0, 0.0], mass=inertia.mass)
+    _put_texts(put(inertial, "inertia"), **moments(inertia.inertia))
+
+
+def _put_texts(element: Element, /, **values: Any) -> None:
+    """Append an element with a text for each value."""
+    for tag, value in values.items():
+        put(element, tag).text = written(value)
+
+
+def refuse_taken(mechanism: Mechanism, reductions: Iterable[Reduction]) -> None:
+    """Refuse robots that already have a link or joint called as play needs it.
+
+    Raises:
+        JointplayError: the robot has a `J_motor` or a `J_play` of a joint J with a dead band.
+    """
+    described = mechanism.description
+    for one in reductions:
+        for name in (f"{one.joint}_motor", f"{one.joint}_play"):
+            if one.dead_band > 0.0 and name in {*described.joints, *described.links}:
+                raise JointplayError(f"the URDF already has a {name!r}")
+
+
+def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) -> str:
+    """The robot's own URDF with the reduced joints in it, and ros2_control's tags.
+
+    Without play in a gear only the joint's <dynamics> change. With it, the joint moves a link that
+    is the motor's rotor, which moves the old child by `J_play`, whose limits are the dead band.
+
+    Motors have the command interface ``effort`` and a transmission of 1, for the numbers are those
+    of the joint's side of the gear; hinges of play are only read. If the URDF has tags of
+    ros2_control of its own, only the hinges of play are added to the first of them.
+
+    Args:
+        plugin: of the hardware, such as ``mock_components/GenericSystem``.
+
+    Raises:
+        JointplayError: see `refuse_taken`.
+    """
+    refuse_taken(mechanism, reductions)
+    root = mechanism.description.elements()
+    joints = {one.get("name"): one for one in root.findall("joint")}
+    for reduction in reductions:
+        joint = joints[reduction.joint]
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        put(joint, "dynamics", friction=reduction.friction, damping=reduction.viscous)
+        if reduction.dead_band > 0.0:
+            _put_play(root, joint, reduction)
+    _put_control(root, mechanism, reductions, plugin)
+    return document(root)
+
+
+def _put_play(root: Element, joint: Element, reduction: Reduction) -> None:
+    """Append the rotor that the joint moves, and the hinge between it and the old child."""
+    motor = f"{reduction.joint}_motor"
+    child, given = joint.find("child"), joint.find("axis")
+    assert child is not None
+    axis = "1 0 0" if given is None else given.get("xyz", "1 0 0")
+    vector = np.array([float(x) for x in axis.split()])
+    turning = rotor(vector / np.linalg.norm(vector), reduction.rotor_inertia)
+    put_inertial(put(root, "link", name=motor), turning)
+    play = put(root, "joint", name=f"{reduction.joint}_play", type="revolute")
+    put(play, "parent", link=motor)
+    put(play, "child", link=child.get("link", ""))
+    put(play, "axis", xyz=axis)
+    half = 0.5 * reduction.dead_band
+    put(play, "limit", lower=-half, upper=half, effort="0", velocity="100")
+    put(play, "dynamics", damping=reduction.damping, friction="0")
+    child.set("link", motor)
+
+
+def _put_control(
+    root: Element, mechanism: Mechanism, reductions: Sequence[Reduction], plugin: str
+) -> None:
+    """Append the tags of ros2_control, or to those that there are."""
+    system = root.find("ros2_control")
+    if system is None:
+        system = put(root, "ros2_control", name=mechanism.description.path.stem, type="system")
+        _put_texts(put(system, "hardware"), plugin=plugin)
+        mimics = {n: mechanism.description.joints[n].mimics for n in mechanism.joints}
+        for name, follows in mimics.items():
+            _put_interfaces(system, name, () if follows else ("effort",))
+        for name, follows in mimics.items():
+            if not follows:
+                _put_transmission(system, name)
+    for one in reductions:
+        if one.dead_band > 0.0:
+            _put_interfaces(system, f"{one.joint}_play", ())
+
+
+def _put_interfaces(system: Element, joint: str, commands: Sequence[str]) -> None:
+    """A joint that is read, and commanded in these ways."""
+    element = put(system, "joint", name=joint)
+    for command in commands:
+        put(element, "command_interface", name=command)
+    for state in ("position", "velocity", "effort"):
+        put(element, "state_interface", name=state)
+
+
+def _put_transmission(system: Element, joint: str) -> None:
+    element = put(system, "transmission", name=f"{joint}_transmission")
+    _put_texts(element, plugin="transmission_interface/SimpleTransmission")
+    put(element, "actuator", name=f"{joint}_actuator", role="actuator1")
+    held = put(element, "joint", name=joint, role="joint1")
+    _put_texts(held, mechanical_reduction="1.0")
+
+
+def to_yaml(reductions: Iterable[Reduction], encoder: str = "motor") -> str:
+    """What a URDF cannot say, for a node to read: YAML by joint, SI units.
+
+    Args:
+        encoder: see `to_json`.
+    """
+    lines = ["# Reduced models of joints with play; SI units. See docs/decisions.md of jointplay."]
+    for one in reductions:
+        lines.append(f"{json.dumps(one.joint)}:")
+        for key, value in _parameters(one, encoder).items():
+            # Readers of YAML 1.1 take 1e-05 for a word.
+            lines.append(re.sub(r"(?<![\d.])(\d+)e", r"\1.0e", f"  {key}: {json.dumps(value)}"))
+    return "\n".join(lines) + "\n"
+
+
+def to_json(reductions: Iterable[Reduction], encoder: str = "motor", spread: float = SPREAD) -> str:
+    """All parameters with ranges for domain randomisation, as JSON: a list ``joints``.
+
+    Args:
+        encoder: where the encoders sit, ``motor`` (before the play) or ``link`` (after).
+        spread: half width of the ranges of what is not measured, relative; an assumption. The
+            friction's range is that of the full model's run.
+
+    Raises:
+        MissingName: no such place for an encoder.
+    """
+    require_non_negative("spread", spread, "")
+    joints = [_parameters(one, encoder) | _ranges(one, spread) for one in reductions]
+    return json.dumps({"joints": joints}, indent=2) + "\n"
+
+
+def _ranges(reduction: Reduction, spread: float) -> dict[str, Any]:
+    """Ranges for domain randomisation, and where they come from."""
+    ranges: dict[str, Any] = {}
+    for name in ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial"):
+        value = getattr(reduction, name)
+        if value > 0.0:
+            ranges[name] = [value * max(1.0 - spread, 0.0), value * (1.0 + spread)]
+    if reduction.friction > 0.0:
+        low, high = reduction.friction_range
+        ranges["friction"] = [min(low, reduction.friction), max(high, reduction.friction)]
+    note = (
+        f"friction: 5 % to 95 % of the full model's run; all others: +-{100 * spread:g} %, assumed"
+    )
+    return {"ranges": ranges, "ranges_note": note}
+
+
+def _parameters(reduction: Reduction, encoder: str) -> dict[str, Any]:
+    """The reduction and where the encoder sits, as plain data."""
+    check_encoder(encoder)
+    return {**reduction.describe(), "encoder": encoder}
+
+
+def check_encoder(encoder: str) -> None:
+    """Refuse what is no place for an encoder.
+
+    Raises:
+        MissingName: it is not of `ENCODERS`.
+    """
+    if encoder not in ENCODERS:
+        raise MissingName("place for the encoder", encoder, ENCODERS)
+
+
+def reach(
+    mechanism: Mechanism,
+    reductions: Iterable[Reduction],
+    pose: Mapping[str, float],
+    leaning: Iterable[str] = (),
+) -> tuple[float, PlayBudget]:
+    """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
+
+    Of both the worst case. Files have no travel of journals aside and along.
+
+    Args:
+        leaning: joints whose axes lean in the files.
+    """
+    found = budget(mechanism, pose)
+    bands = {one.joint: one.dead_band for one in reductions}
+    tilts = {one.joint: one.tilt for one in reductions if one.joint in set(leaning)}
+    own = tuple(
+        replace(one, set=Line((0.0,) * 5 + (0.5 * bands.get(one.joint, 0.0),)))
+        if one.gear
+        else replace(one, set=Tilt(tilts.get(one.joint, 0.0)))
+        for one in found.model.contributions
+    )
+    return float(replace(found.model, contributions=own).farthest().size[0]), found

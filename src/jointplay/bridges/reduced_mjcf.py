@@ -1,0 +1,680 @@
+"""A robot with the play of its joints as MJCF, compiled by MuJoCo, and what it does there.
+
+The MJCF is the robot's own URDF as MuJoCo compiles it, shapes included. In series with each joint
+J that has a dead band stands a hinge `J_play` about the same axis, in the same body: J is the
+motor, loaded with its rotor's inertia, and J_play is what the link lags behind. A tendon whose
+spring has a dead band holds J_play, for MuJoCo has none inside an actuator; a second tendon, J plus
+J_play, is the link's angle and has the friction of bearing and joint. A journal that leans has two
+more hinges, J.pitch and J.roll, which a tendon, J.rim, keeps within the bore.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import sys
+import time as clock
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.imports import extra
+from jointplay.bridges.reduced_files import bodies, check_encoder, refuse_taken
+from jointplay.bridges.reduction import LONGEST_STEP_S, SETTLED, Reduction
+from jointplay.model.elements import Element, put
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.meshes import FOLDER, readable
+from jointplay.model.visuals import find_mesh, mesh_folders
+from jointplay.simulation.loads.drive import Servo
+
+_STIFF = np.array([0.99, 0.9999, 1e-6])
+"""MuJoCo's impedance of the bore: as stiff as it bears."""
+_HELD = 1e6
+"""Inertia of what moves as prescribed, when models are compared [kg m^2]."""
+_RESOLVED = 0.2
+"""Time step by the time in which the stiffest teeth swing through a radian of phase."""
+_COMPILER = {
+    "fusestatic": "true",
+    "discardvisual": "false",
+    "strippath": "true",
+    "balanceinertia": "true",
+    "inertiafromgeom": "false",
+    "boundmass": 1e-9,
+    "boundinertia": 1e-12,
+}
+"""How MuJoCo compiles a URDF here: masses are the URDF's, never the shapes'."""
+
+
+@dataclass(frozen=True)
+class CompiledRobot:
+    """A robot that MuJoCo compiled, with hinges for the dead bands but without numbers of play."""
+
+    mechanism: Mechanism
+    root: Element
+    meshes: Mapping[str, bytes]
+    """Files of shapes (STL) by name, which belong into the folder `FOLDER`."""
+    mass: np.ndarray
+    """Mass matrix at the pose, without rotors, (nv, nv)."""
+    dofs: Mapping[str, int]
+    """Rows of it by joint."""
+    notes: tuple[str, ...]
+    """What is not as in the URDF, a line each."""
+    leaning: tuple[str, ...]
+    """Joints whose axes lean."""
+
+    def mjcf(
+        self,
+        reductions: Iterable[Reduction],
+        *,
+        encoder: str = "motor",
+        servos: Mapping[str, Servo] = MappingProxyType({}),
+    ) -> str:
+        """The MJCF with these numbers of play.
+
+        Args:
+            reductions: of the joints for which the robot was compiled.
+            encoder: ``motor`` or ``link``: what the sensor `J.encoder` reads.
+            servos: by joint; each is a ``dcmotor`` (MuJoCo 4); other joints have a ``motor`` whose
+                input is the torque. Joints that mimic others have none.
+
+        Raises:
+            MissingName: no such place for an encoder, or a servo of a joint that is none.
+            JointplayError: a servo whose encoder is on the link of a joint with play.
+        """
+        check_encoder(encoder)
+        reduced = {one.joint: one for one in reductions}
+        check_servos(self.mechanism, servos, reduced.values())
+        loose = {name: one for name, one in reduced.items() if one.dead_band > 0.0}
+        root = copy.deepcopy(self.root)
+        option = root.find("option")
+        assert option is not None
+        step = self.step(loose.values())
+        option.set("timestep", f"{step:.6g}")
+        world = root.find("worldbody")
+        assert world is not None
+        for element in world.iter("joint"):
+            name = element.get("name", "")
+            if name in self.mechanism.joints:
+                numbers = self._losses(name, reduced.get(name), servos.get(name))
+                for key, value in numbers.items():
+                    element.attrib.pop(key, None)
+                    if value > 0.0:
+                        element.set(key, f"{value:.17g}")
+        tendon, actuator, sensor = (put(root, tag) for tag in ("tendon", "actuator", "sensor"))
+        for name, one in loose.items():
+            half = 0.5 * one.dead_band
+            teeth = {"stiffness": one.stiffness, "damping": one.damping}
+            play = put(tendon, "fixed", name=f"{name}.play", springlength=(-half, half), **teeth)
+            put(play, "joint", joint=f"{name}_play", coef=1.0)
+            losses = {"frictionloss": one.friction, "damping": one.viscous}
+            link = put(tendon, "fixed", name=f"{name}.link", **losses)
+            for part in (name, f"{name}_play"):
+                put(link, "joint", joint=part, coef=1.0)
+        for name in self.leaning:
+            put_rim(tendon, reduced[name], step)
+        described = self.mechanism.description.joints
+        for name in self.mechanism.joints:
+            if described[name].mimics:
+                continue
+            if name in servos:
+                actuator.append(ElementTree.Comment(explain(servos[name])))
+                put(actuator, "dcmotor", name=name, joint=name, **dc_motor(servos[name]))
+            else:
+                put(actuator, "motor", name=name, joint=name)
+            if name in loose and encoder == "link":
+                put(sensor, "tendonpos", name=f"{name}.encoder", tendon=f"{name}.link")
+            else:
+                put(sensor, "jointpos", name=f"{name}.encoder", joint=name)
+        ElementTree.indent(root)
+        return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+    def _losses(
+        self, name: str, reduction: Reduction | None, servo: Servo | None
+    ) -> dict[str, float]:
+        """Friction, damping and rotor of a joint of the URDF; of a loose one, the motor's."""
+        numbers = servo_friction(servo)
+        if reduction is not None and reduction.dead_band > 0.0:
+            return numbers | {"armature": reduction.rotor_inertia}
+        entry = self.mechanism.description.joints[name]
+        own = (entry.friction, entry.damping)
+        if reduction is not None:
+            own = (reduction.friction, reduction.viscous)
+        numbers["frictionloss"] += own[0]
+        numbers["damping"] += own[1]
+        return numbers | {"armature": rotor_inertia(self.mechanism, name)}
+
+    def step(self, reductions: Iterable[Reduction]) -> float:
+        """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s]."""
+        loose = list(reductions)
+        matrix = self.mass.copy()
+        for name in self.mechanism.joints:
+            row = self.dofs[name]
+            matrix[row, row] += rotor_inertia(self.mechanism, name)
+        for one in loose:
+            row = self.dofs[one.joint]
+            matrix[row, row] += one.rotor_inertia - rotor_inertia(self.mechanism, one.joint)
+        step = LONGEST_STEP_S
+        if loose:
+            rows = [self.dofs[f"{one.joint}_play"] for one in loose]
+            gives = np.linalg.inv(matrix)[np.ix_(rows, rows)]
+            root = np.sqrt([one.stiffness for one in loose])
+            fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
+            step = min(step, _RESOLVED / math.sqrt(fastest))
+        return step
+
+
+def compile_robot(
+    mechanism: Mechanism,
+    reductions: Sequence[Reduction],
+    pose: Mapping[str, float] = MappingProxyType({}),
+    tilt: bool = False,
+) -> CompiledRobot:
+    """Have MuJoCo compile the robot's URDF, and put a hinge in series with each loose joint.
+
+    Pairs of bodies whose shapes touch at the pose do not collide in the file: MuJoCo takes each
+    mesh for its convex hull.
+
+    Args:
+        reductions: joints with a dead band get the hinge.
+        pose: joint positions at which shapes must not touch [rad or m]; the rest zero.
+        tilt: joints whose axes can lean get hinges for it.
+
+    Raises:
+        JointplayError: MuJoCo is not installed, or cannot compile the robot; a robot that is no
+            tree of single joints, or has a `J_play` or `J_motor` already.
+    """
+    mujoco = load_mujoco()
+    bodies(mechanism)
+    leaning = [one for one in reductions if tilt and one.tilt > 0.0]
+    refuse_taken(mechanism, reductions)
+    root = mechanism.description.elements()
+    for old in root.findall("mujoco"):
+        root.remove(old)
+    put(put(root, "mujoco"), "compiler", **_COMPILER)
+    meshes, notes = _meshes(mechanism, root)
+    text = ElementTree.tostring(root, encoding="unicode")
+    try:
+        spec = mujoco.MjSpec.from_string(text, assets=meshes)
+        for mesh in spec.meshes:
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of flat ones, too
+        _edit(mujoco, spec, mechanism, reductions, leaning)
+        model = spec.compile()
+        touching = _touching(mujoco, model, pose)
+        for first, second in touching:
+            spec.add_exclude(bodyname1=first, bodyname2=second)
+        model = spec.compile()
+        spec.meshdir = FOLDER
+        made = ElementTree.fromstring(spec.to_xml())
+    except (ValueError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise JointplayError(f"MuJoCo cannot compile the robot's URDF: {reason}") from None
+    if touching:
+        pairs = ", ".join(f"{a} and {b}" for a, b in touching)
+        notes.append(f"shapes that touch at the pose do not collide in the MJCF: {pairs}")
+    data = mujoco.MjData(model)
+    _place(mujoco, model, data, pose)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    mass[np.diag_indices(model.nv)] -= model.dof_armature
+    dofs = {model.joint(i).name: int(model.jnt_dofadr[i]) for i in range(model.njnt)}
+    if made.find("option") is None:
+        put(made, "option")
+    names = tuple(one.joint for one in leaning)
+    return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes), names)
+
+
+def _meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
+    """Files of the URDF's meshes as STL, named in `root` instead; shapes without one go."""
+    import trimesh
+
+    folders, stored = mesh_folders(mechanism), mechanism.description.stored
+    known: dict[Path, str] = {}
+    made: dict[str, bytes] = {}
+    missing: dict[str, None] = {}
+    for link in root.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            path = find_mesh(mesh.get("filename", ""), folders, anywhere=not stored)
+            parts = None if path is None else readable(path)
+            if path is None or parts is None:
+                missing[mesh.get("filename", "")] = None
+                link.remove(shape)
+                continue
+            if path not in known:
+                stem, number = path.stem, 1
+                while f"{stem}.stl" in made:
+                    number += 1
+                    stem = f"{path.stem}_{number}"
+                corners = np.concatenate([part.corners() for part in parts])
+                whole = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners))
+                known[path] = f"{stem}.stl"
+                made[f"{stem}.stl"] = whole.export(file_type="stl")
+            mesh.set("filename", known[path])
+    notes = []
+    if missing:
+        notes.append(f"shapes left out of the MJCF, their meshes are missing: {', '.join(missing)}")
+    return made, notes
+
+
+def _edit(
+    mujoco: Any,
+    spec: Any,
+    mechanism: Mechanism,
+    reductions: Sequence[Reduction],
+    leaning: Sequence[Reduction],
+) -> None:
+    """Put hinges of play and lean, the tool and what mimics into the compiled tree."""
+    spec.option.gravity = mechanism.gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for one in reductions:
+        if one.dead_band > 0.0:
+            motor = spec.joint(one.joint)
+            motor.armature = one.rotor_inertia  # without it two hinges would turn one inertia
+            hinge = mujoco.mjtJoint.mjJNT_HINGE
+            where = {"pos": motor.pos, "axis": motor.axis}
+            motor.parent.add_joint(name=f"{one.joint}_play", type=hinge, **where)
+    tree = {body.name: body for body in bodies(mechanism)}
+    for one in leaning:
+        body, moved = tree[one.joint], spec.joint(one.joint).parent
+        for part, axis in lean_axes(body.axis).items():
+            kind = mujoco.mjtJoint.mjJNT_HINGE
+            moved.add_joint(name=f"{one.joint}.{part}", type=kind, axis=axis)
+        end = one.half_length * body.axis
+        moved.add_site(name=f"{one.joint}.rim", pos=end)
+        holder = spec.worldbody if body.parent is None else spec.joint(body.parent.name).parent
+        holder.add_site(name=f"{one.joint}.bore", pos=body.placement.act(end))
+    ideal = mechanism.ideal()
+    tool = ideal.model.frames[ideal.tool_frame]
+    carrier = str(ideal.model.names[tool.parentJoint])
+    body = spec.joint(carrier).parent if carrier in mechanism.joints else spec.worldbody
+    body.add_site(name=f"{mechanism.tool}.tool", pos=tool.placement.translation)
+    for name in mechanism.joints:
+        mimic = mechanism.description.joints[name].mimic
+        if mimic is not None:
+            follows = spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+                name1=name,
+                name2=mimic.leader,
+            )
+            follows.data[:2] = mimic.offset, mimic.multiplier
+
+
+def _place(mujoco: Any, model: Any, data: Any, pose: Mapping[str, float]) -> None:
+    """Put joints to positions and compute what follows."""
+    for name, value in pose.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_forward(model, data)
+
+
+def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Pairs of bodies whose shapes touch."""
+    data = mujoco.MjData(model)
+    _place(mujoco, model, data, pose)
+    pairs: dict[tuple[str, str], None] = {}
+    for contact in data.contact:
+        first, second = (model.body(model.geom_bodyid[i]).name for i in contact.geom)
+        pairs[first, second] = None
+    return list(pairs)
+
+
+@dataclass(frozen=True)
+class PlayFound:
+    """What MuJoCo's link does when it is pushed to and fro while its motor stands."""
+
+    dead_band: float
+    """Whole angle in which it turns freely [rad]."""
+    stiffness: float
+    """Of what stops it [N m/rad]."""
+
+
+def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
+    """The model of a written MJCF, without contacts between shapes."""
+    try:
+        model = mujoco.MjModel.from_xml_string(
+            text, {f"{FOLDER}/{k}": v for k, v in meshes.items()}
+        )
+    except ValueError as error:
+        raise JointplayError(f"MuJoCo cannot load the MJCF: {error}") from None
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return model
+
+
+def _load_bare(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
+    """As `_load`, without gravity and friction."""
+    model = _load(mujoco, text, meshes)
+    model.opt.gravity[:] = 0.0
+    model.tendon_frictionloss[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    return model
+
+
+def find_play(
+    text: str, meshes: Mapping[str, bytes] = MappingProxyType({})
+) -> dict[str, PlayFound]:
+    """Play of each joint of a written MJCF: pushed both ways with two torques in MuJoCo.
+
+    All other joints are held; gravity, friction and contacts are switched off. The torques turn the
+    link by a tenth and by a fifth of its play beyond it.
+
+    Raises:
+        JointplayError: MuJoCo is not installed, or cannot load the file.
+    """
+    mujoco = load_mujoco()
+    model = _load_bare(mujoco, text, meshes)
+    found = {}
+    for index in range(model.ntendon):
+        tendon = model.tendon(index)
+        if not tendon.name.endswith(".play"):
+            continue
+        name = tendon.name.removesuffix(".play")
+        alone = copy.copy(model)
+        row = int(alone.joint(f"{name}_play").dofadr[0])
+        others = np.arange(alone.nv) != row
+        alone.dof_armature[others] = 1e6
+        data = mujoco.MjData(alone)
+        mujoco.mj_setConst(alone, data)
+        stiffness = float(np.ravel(model.tendon_stiffness[index])[0])
+        inertia = 1.0 / float(alone.dof_invweight0[row])
+        alone.dof_damping.reshape(alone.nv, -1)[row, 0] = 2.0 * math.sqrt(stiffness * inertia)
+        push = 0.1 * stiffness * float(np.ptp(alone.tendon_lengthspring[index]))
+        at = int(alone.joint(f"{name}_play").qposadr[0])
+        widths = []
+        for torque in (push, 2.0 * push):
+            ends = []
+            for sign in (-1.0, 1.0):
+                mujoco.mj_resetData(alone, data)
+                data.qfrc_applied[row] = sign * torque
+                # Ten time constants of the spring, and as many of what the damper lets creep.
+                swing = math.sqrt(inertia / stiffness)
+                damping = 2.0 * inertia / swing + float(np.ravel(model.tendon_damping[index])[0])
+                settle = 40.0 * max(damping / stiffness, swing)
+                for _ in range(math.ceil(settle / alone.opt.timestep)):
+                    mujoco.mj_step(alone, data)
+                ends.append(float(data.qpos[at]))
+            widths.append(ends[1] - ends[0])
+        beyond = widths[1] - widths[0]
+        found[name] = PlayFound(widths[0] - beyond, 2.0 * push / beyond)
+    return found
+
+
+_PUSH_N, _CROSSING_S = 100.0, 0.05
+"""Force by which MuJoCo's tool is pushed, and time in which journals lean from side to side."""
+
+
+def find_reach(
+    text: str,
+    meshes: Mapping[str, bytes],
+    tool: str,
+    pose: Mapping[str, float],
+    direction: np.ndarray,
+) -> float:
+    """How far the lean of a written MJCF lets the tool move along a direction, either way [m].
+
+    The tool is pushed there and back in MuJoCo, all hinges but those of lean held, without gravity,
+    friction and contacts.
+
+    Args:
+        tool: frame of the tool.
+        pose: joint positions [rad or m]; the rest zero.
+        direction: unit vector in world axes, shape (3,).
+
+    Raises:
+        JointplayError: MuJoCo is not installed, or cannot load the file.
+    """
+    mujoco = load_mujoco()
+    model = _load_bare(mujoco, text, meshes)
+    leans = [
+        int(model.jnt_dofadr[i])
+        for i in range(model.njnt)
+        if model.joint(i).name.endswith((".pitch", ".roll"))
+    ]
+    held = np.setdiff1d(np.arange(model.nv), leans)
+    model.dof_armature[held] = 1e6
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)
+    _place(mujoco, model, data, pose)
+    site = model.site(f"{tool}.tool").id
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, site)
+    torque = _PUSH_N * direction @ jacobian
+    torque[held] = 0.0
+    damping = model.dof_damping.reshape(model.nv, -1)
+    for first, second in zip(leans[::2], leans[1::2], strict=True):
+        name = model.joint(int(model.dof_jntid[first])).name.removesuffix(".pitch")
+        arm = float(np.linalg.norm(model.site(f"{name}.rim").pos))
+        tilt = float(model.tendon_range[model.tendon(f"{name}.rim").id, 1]) / arm
+        size = math.hypot(torque[first], torque[second])
+        damping[[first, second], 0] = max(size, 1e-3) * _CROSSING_S / (2.0 * tilt)
+    ends = []
+    for sign in (-1.0, 1.0):
+        data.qfrc_applied[:] = sign * torque
+        for _ in range(math.ceil(20.0 * _CROSSING_S / model.opt.timestep)):
+            mujoco.mj_step(model, data)
+        ends.append(float(direction @ data.site_xpos[site]))
+    return 0.5 * (ends[1] - ends[0])
+
+
+def check_servos(
+    mechanism: Mechanism, servos: Mapping[str, Servo], reductions: Iterable[Reduction]
+) -> None:
+    """Refuse servos that MuJoCo's ``dcmotor`` cannot stand for.
+
+    Raises:
+        MissingName: a servo of a joint that is none.
+        JointplayError: a servo whose encoder is on the link of a joint with play.
+    """
+    loose = {one.joint for one in reductions if one.dead_band > 0.0}
+    for name, servo in servos.items():
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints)
+        if name in loose and servo.encoder == "link":
+            raise JointplayError(
+                f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can only "
+                'control what it turns, the motor: give its encoder as "motor", or no servo'
+            )
+
+
+def dc_motor(servo: Servo) -> dict[str, Any]:
+    """Attributes of MuJoCo's ``dcmotor`` for a servo.
+
+    MuJoCo's controller asks for a torque and cuts it to what the supply's voltage gives at the
+    present speed; ours sets a voltage. Both are the same motor with the gains P k/R and
+    D k/R + k^2/R, the back-EMF taking the latter's second part. What is lost: dead band, counts of
+    the encoder, sampling.
+
+    Its input is the goal [rad]; with a D gain a second one is the goal's speed times D / (D + k).
+    """
+    gain = servo.p_gain * servo.stall
+    damping = servo.d_gain * servo.stall + servo.braking
+    return {
+        "motorconst": servo.torque_constant,
+        "resistance": servo.resistance,
+        "input": "pos vel" if servo.d_gain > 0.0 else "pos",
+        "controller": (gain, 0.0, damping, 0.0, 0.0, servo.voltage),
+    }
+
+
+def explain(servo: Servo) -> str:
+    """What a reader of the file must know of its actuator."""
+    words = [f"servo: goal [rad], at most {servo.voltage:g} V"]
+    if servo.d_gain > 0.0:
+        part = servo.d_gain / (servo.d_gain + servo.torque_constant)
+        words.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
+    lost = []
+    if servo.band > 0.0:
+        lost.append(f"dead band {servo.band:g} rad")
+    if servo.resolution > 0.0:
+        lost.append(f"counts of {servo.resolution:g} rad")
+    if servo.period is not None:
+        lost.append(f"sampling every {servo.period:g} s")
+    if lost:
+        words.append("not represented: " + ", ".join(lost))
+    return f" {'; '.join(words)} "
+
+
+def servo_friction(servo: Servo | None) -> dict[str, float]:
+    """Dry and viscous friction of a servo's motor."""
+    if servo is None:
+        return {"frictionloss": 0.0, "damping": 0.0}
+    return {"frictionloss": servo.friction, "damping": servo.viscous}
+
+
+def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
+    """On the joint's side; zero without a gear [kg m^2]."""
+    gear = mechanism.gears.get(joint)
+    return 0.0 if gear is None else gear.rotor_inertia
+
+
+def lean_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
+    """Axes of the hinges across a joint's own, unit vectors (3,), by the ends of their names."""
+    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    first /= np.linalg.norm(first)
+    return {"pitch": first, "roll": np.cross(axis, first)}
+
+
+def put_rim(tendon: Element, reduction: Reduction, step: float) -> None:
+    """Append the tendon that holds the sites `J.rim` and `J.bore` together as the bore does.
+
+    Args:
+        step: of the file [s]; the bore is as stiff as it bears.
+    """
+    rim = put(
+        tendon,
+        "spatial",
+        name=f"{reduction.joint}.rim",
+        limited="true",
+        range=(0.0, reduction.half_length * reduction.tilt),
+        solreflimit=(2.0 * step, 1.0),
+        solimplimit=_STIFF,
+    )
+    for end in ("bore", "rim"):
+        put(rim, "site", site=f"{reduction.joint}.{end}")
+
+
+@dataclass(frozen=True)
+class Followed:
+    """How MuJoCo's link followed the full model's."""
+
+    time: np.ndarray
+    """[s]."""
+    angle: np.ndarray
+    """Of MuJoCo's link [rad]."""
+    error: float
+    """Largest difference of the link's angle [rad]."""
+    rms: float
+    """[rad]."""
+    step_seconds: float
+    """Computing time of a step [s]."""
+    step: float
+    """Time step [s]."""
+    lean_error: float | None = None
+    """Largest difference of the axis' lean, a vector, after a tenth of the time [rad]; None if the
+    file's joint cannot lean."""
+
+
+def load_mujoco() -> Any:
+    """The package mujoco; what it warns of is written to stderr.
+
+    By itself it writes that to a file in the folder that one happens to be in.
+
+    Raises:
+        JointplayError: it cannot be imported.
+    """
+    with extra("simulators", "mujoco"):
+        import mujoco
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(_warn)
+    return mujoco
+
+
+def _warn(text: str) -> None:
+    print(f"MuJoCo: {text}", file=sys.stderr)
+
+
+def follow(
+    text: str, reduction: Reduction, meshes: Mapping[str, bytes] = MappingProxyType({})
+) -> Followed:
+    """Load the MJCF in MuJoCo, move a motor as the full model's, and compare the links.
+
+    The other joints stand as in the full model's run.
+
+    Args:
+        text: what `CompiledRobot.mjcf` wrote.
+        reduction: of the joint, with the history to compare with, such as another run's.
+        meshes: shapes by name.
+
+    Raises:
+        JointplayError: MuJoCo is not installed, or cannot load the file.
+    """
+    mujoco = load_mujoco()
+    model = _load(mujoco, text, meshes)
+    data = mujoco.MjData(model)
+    joint, past = reduction.joint, reduction.history
+    time, step = past["time"], float(model.opt.timestep)
+    grid = np.arange(time[0], time[-1], step)
+    motor = np.interp(grid, time, past["motor"])
+    free = [f"{joint}{part}" for part in ("_play", ".pitch", ".roll")]
+    held, wanted, play = [], [], None
+    for index in range(model.njnt):
+        name = model.joint(index).name
+        if name not in free:
+            held.append(index)
+            stands = np.full(len(grid), reduction.pose.get(name, 0.0))
+            wanted.append(motor if name == joint else stands)
+        elif name == free[0]:
+            play = index
+    goals = np.array(wanted).T
+    at, dof = model.jnt_qposadr[held], model.jnt_dofadr[held]
+    model.dof_armature[dof] = _HELD
+    mujoco.mj_setConst(model, data)
+    data.qpos[at] = goals[0]
+    data.qvel[dof] = (goals[1] - goals[0]) / step
+    link = [int(model.joint(joint).qposadr[0])]
+    if play is not None:
+        link.append(int(model.jnt_qposadr[play]))
+        data.qpos[link[1]] = past["full"][0] - motor[0]
+        speed = (past["full"][1] - past["full"][0]) / (time[1] - time[0])
+        data.qvel[model.jnt_dofadr[play]] = speed - (motor[1] - motor[0]) / step
+    angle = np.empty(len(grid))
+    angle[0] = data.qpos[link].sum()
+    sites = [f"{joint}.{end}" for end in ("rim", "bore")]
+    named = {model.site(index).name for index in range(model.nsite)}
+    leans = "lean" in past and named.issuperset(sites)
+    lean = np.zeros((len(grid), 3))
+    begun = clock.process_time()
+    for i in range(1, len(grid)):
+        speed = (goals[i] - data.qpos[at]) / step
+        data.qfrc_applied[dof] = _HELD * (speed - data.qvel[dof]) / step
+        mujoco.mj_step(model, data)
+        angle[i] = data.qpos[link].sum()
+        if leans:
+            rim, bore = (data.site(name).xpos for name in sites)
+            lean[i] = (rim - bore) / reduction.half_length
+    spent = clock.process_time() - begun
+    difference = angle - np.interp(grid, time, past["full"])
+    return Followed(
+        grid,
+        angle,
+        float(np.abs(difference).max()),
+        float(np.sqrt(np.mean(difference**2))),
+        spent / max(len(grid) - 1, 1),
+        step,
+        _lean_difference(grid, lean, past) if leans else None,
+    )
+
+
+def _lean_difference(grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]) -> float:
+    """Largest difference of leans (n, 3), the beginning left aside, in which one falls."""
+    wanted = np.column_stack([np.interp(grid, past["time"], one) for one in past["lean"].T])
+    settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
+    away = np.linalg.norm(lean - wanted, axis=1)[settled]
+    return float(away.max())

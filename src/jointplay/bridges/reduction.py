@@ -1,0 +1,558 @@
+"""Reduced models of a joint's play for other simulators, fitted to the full model.
+
+What a robot simulator can bear is a hinge: a dead band between motor and link, a stiffness and a
+damping of the teeth, and dry friction. What of these a joint has comes from different places. The
+dead band about the joint's own axis is that of its gear; the bearing's clearance gives none, for
+the drive turns the journal. The bearing gives friction about the axis, in proportion to its load,
+and lets the journal lean: a dead band across the axis.
+
+The full model runs through reversals of the one joint, the others standing: friction is fitted to
+its contacts, damping to its link's motion. The written model is then run through the same
+reversals. The error it comes with is `SAFETY` times the largest difference of the link's angle, and
+of what a simulator's longer steps change.
+
+Of the lean the reduced model knows a dead band: the axis leans, as far as both rims on opposite
+sides of the bore let it, to where the load's moment turns it. The full model's contacts give way,
+walls hold the journal more upright, friction drags it aside, and a side force may press both rims
+to one side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import nnls
+
+from jointplay.accuracy.error_model import play_model
+from jointplay.accuracy.jacobians import place
+from jointplay.accuracy.poses import moving
+from jointplay.base.errors import JointplayError, MissingName, require_a, require_positive
+from jointplay.base.progress import ProgressBar
+from jointplay.base.schema import plain
+from jointplay.model.gear import Gear, Gearing
+from jointplay.model.impact import elastic_energy, fitting_step
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
+from jointplay.simulation.analysis.bearings import element_loads
+from jointplay.simulation.loads.drive import JointFriction, Prescribed
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.simulation import Simulation
+
+_MOST = 400
+"""Records of leans that are compared."""
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """A journal's lean in a run, and how the reduced model differs."""
+
+    full: np.ndarray
+    """Where the journal's axis points beside the bearing's, world axes, shape (n, 3) [rad]."""
+    largest: float
+    """Largest difference of the reduced model's lean, a vector, from it [rad]."""
+    rms: float
+    """[rad]."""
+
+
+def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | None:
+    """Compare leans in the configurations q (n, nq) of a run; None if the joint cannot lean."""
+    clearance = mechanism.clearance.get(joint)
+    if clearance is None or clearance.hinge is None or not clearance.hinge.leans:
+        return None
+    model, data = mechanism.model, mechanism.data
+    full, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    for i, row in enumerate(q):
+        pin.forwardKinematics(model, data, row)
+        _, seat = place(mechanism, joint)
+        (b, bearing), (j, journal) = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
+        axis = (data.oMi[b] * bearing).rotation[:, 2]
+        full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
+        axes[i] = seat.rotation
+    some = np.unique(np.linspace(0, len(q) - 1, min(_MOST, len(q))).astype(int))
+    upright = q[some].copy()
+    for part in clearance.freedoms:
+        if part not in clearance.ideal_freedoms:
+            upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
+    plays = play_model(mechanism, upright)
+    moment = plays.load[plays.names.index(joint), :, 3:5]
+    size = np.linalg.norm(moment, axis=1, keepdims=True)
+    unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
+    _, tilt = clearance.play(second_order=False).reach
+    # The body turns about its moment; its axis goes across it.
+    sign = -1.0 if clearance.exchanged else 1.0
+    lean = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
+    there = np.einsum("nij,nj->ni", axes[some], lean)
+    away = np.linalg.norm(full[some] - there, axis=1)
+    return Leaning(full, float(away.max()), float(np.sqrt(np.mean(away**2))))
+
+
+SAFETY = 3.0
+"""What the largest difference in the fit's own reversals is multiplied by."""
+AMPLITUDE, PERIOD = 0.1, 2.0
+"""Of the reversals [rad, s]."""
+SETTLED = 0.1
+"""Part of the run after which it counts: before, the journal falls onto its bore."""
+_MOVING = 0.05
+"""Part of the largest speed above which a contact slides for certain."""
+_DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
+"""Of the gear's damping, tried; the written one acts within the play, too."""
+_DAMPED = 0.3
+"""Damping ratio of the largest damping tried for a gear that loses energy by friction."""
+_STEP_S = 2e-5
+LONGEST_STEP_S = 1e-3
+"""Of a simulator that runs the reduced model."""
+_BEYOND = 1e-3
+"""Part of the play by which a bearing's ring must lean further to tell a chord."""
+_LOOPED = (
+    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
+    "two ends; jointplay budget and allocate accept loops"
+)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A joint with play as a hinge, with which error; angles in rad, torques in N m.
+
+    `dead_band` is the whole angle by which the link turns freely while the motor stands. What a
+    joint without gear, or without bearing, has not is zero.
+    """
+
+    joint: str
+    dead_band: float = 0.0
+    stiffness: float = 0.0
+    """Of the teeth in contact [N m/rad]."""
+    damping: float = 0.0
+    """Between motor and link [N m s/rad]."""
+    rotor_inertia: float = 0.0
+    """On the joint's side [kg m^2]."""
+    friction: float = 0.0
+    """Dry friction of bearing and joint about the axis [N m]."""
+    viscous: float = 0.0
+    """[N m s/rad]."""
+    friction_error: float = 0.0
+    """RMS difference of the bearing's friction from the full model's while it slides [N m]."""
+    friction_range: tuple[float, float] = (0.0, 0.0)
+    """5 % and 95 % quantiles of the full model's friction while it slides [N m]."""
+    angle_error: float = 0.0
+    """Error of the link's angle in reversals [rad]: `SAFETY` times the largest of the fit, and what
+    steps of `timestep` add."""
+    angle_rms: float = 0.0
+    """RMS difference of the link's angle in the fit's reversals [rad]."""
+    tilt: float = 0.0
+    """How far the axis can lean, either way [rad]."""
+    tilt_stiffness: float = 0.0
+    """Of the lean beyond that, at the resting load [N m/rad]."""
+    lateral: float = 0.0
+    """How far the journal can be aside, either way [m]."""
+    axial: float = 0.0
+    """How far it can be along, either way [m]."""
+    contact_stiffness: float = 0.0
+    """Of a radial contact at the resting load: chord of the law; of rolling bearings the mean
+    stiffness across the axis [N/m]."""
+    load: tuple[float, ...] = (0.0,) * 6
+    """Gravity on the bearing in its axes: force [N] and moment [N m]."""
+    pose: Mapping[str, float] = field(default_factory=dict)
+    """Joint positions about which it was fitted [rad or m]."""
+    half_length: float = 0.0
+    """Of the journal; zero if it cannot lean [m]."""
+    tilt_error: float = 0.0
+    """Error of the lean, size and direction, in reversals: `SAFETY` times the largest [rad]."""
+    tilt_rms: float = 0.0
+    """RMS difference of the lean in the fit's reversals [rad]."""
+    history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
+    """Of the fit: time [s], motor, full model's link and reduced model's link [rad]; if the journal
+    leans, where the full model's axis points beside the bearing's, `lean`, world axes (n, 3)."""
+
+    @property
+    def timestep(self) -> float:
+        """A step that resolves the teeth's stiffness, at most a millisecond [s]."""
+        if self.stiffness <= 0.0:
+            return LONGEST_STEP_S
+        swing = math.sqrt(self.rotor_inertia / self.stiffness)
+        return float(min(LONGEST_STEP_S, 0.2 * swing))
+
+    def describe(self) -> dict[str, Any]:
+        """All numbers as plain data."""
+        return {name: plain(value) for name, value in vars(self).items() if name != "history"}
+
+    def __str__(self) -> str:
+        """The table."""
+        rows = [
+            ("dead band about the axis (gear)", 1e3 * self.dead_band, "mrad, whole"),
+            ("stiffness of the teeth", self.stiffness, "N m/rad"),
+            ("damping motor to link", self.damping, "N m s/rad"),
+            ("dry friction about the axis", self.friction, "N m"),
+            ("viscous friction about the axis", self.viscous, "N m s/rad"),
+            ("  friction, RMS difference", self.friction_error, "N m"),
+            ("dead band of the lean (bearing)", 1e3 * self.tilt, "mrad, either way"),
+            ("stiffness of the lean beyond", self.tilt_stiffness, "N m/rad"),
+            ("  lean, stated error", 1e3 * self.tilt_error, "mrad, size and direction"),
+            ("  lean, RMS difference", 1e3 * self.tilt_rms, "mrad"),
+            ("lateral play (bearing)", 1e6 * self.lateral, "um, either way"),
+            ("axial play (bearing)", 1e6 * self.axial, "um, either way"),
+            ("link's angle, stated error", 1e6 * self.angle_error, "urad"),
+            ("link's angle, RMS difference", 1e6 * self.angle_rms, "urad"),
+        ]
+        return "\n".join(f"{name:<34} {value:>12.5g}  {unit}" for name, value, unit in rows)
+
+
+def reduce(
+    mechanism: Mechanism,
+    joint: str,
+    pose: Mapping[str, float] | None = None,
+    *,
+    amplitude: float = AMPLITUDE,
+    period: float = PERIOD,
+    joint_friction: JointFriction | None = None,
+    progress: bool = False,
+) -> Reduction:
+    """Fit the reduced model of a revolute joint with clearance, or a gear with play, or both.
+
+    Args:
+        mechanism: the robot; of its play only that of `joint` counts here.
+        pose: joint positions about which the joint reverses [rad or m]; the rest zero.
+        amplitude, period: of the reversals [rad, s].
+        joint_friction: of the joint besides its bearing's; None takes the URDF's.
+
+    Raises:
+        MissingName: no such joint with play.
+        JointplayError: loops; a joint that slides or is a ball; a run that failed.
+    """
+    require_a("mechanism", mechanism, "Mechanism")
+    if mechanism.loops:
+        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
+    names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
+    if joint not in names:
+        raise MissingName("joint with play", joint, names)
+    if why := _no_hinge(mechanism, joint):
+        raise JointplayError(why)
+    clearance = mechanism.clearance.get(joint)
+    require_positive("amplitude", amplitude, "rad")
+    require_positive("period", period, "s")
+    bearings = {} if clearance is None else {joint: clearance}
+    gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
+    alone = mechanism.with_clearance(bearings, gears)
+    positions = dict(pose or {})
+    result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
+    entry = mechanism.description.joints[joint]
+    own = joint_friction or JointFriction(entry.friction, entry.damping)
+    rubs = _fit_friction(result, alone, joint)
+    losses: dict[str, Any] = {
+        "friction": own.coulomb + rubs.pop("dry", 0.0),
+        "viscous": own.viscous + rubs.pop("viscous", 0.0),
+    }
+    link = _Link(alone, joint, positions, **losses)
+    kept = result.time >= SETTLED * result.time[-1]
+    time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
+    motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
+    begin = float(full[0]), float(v[0, alone.coordinate(joint)])
+    gear: Gearing | None = gears.get(joint)
+    reduced, step_error = full, 0.0
+    teeth: dict[str, Any] = {}
+    if gear is not None:
+        top = float(np.abs(result["gear_torque"].sel(gear=joint).values).max())
+        plain, damping, reduced = link.fit(
+            time, motor, _plain_gears(gear, top, link.inertia), begin, full
+        )
+        teeth = {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
+        teeth["rotor_inertia"] = plain.rotor_inertia
+    difference = reduced - full
+    if teeth:
+        draft = Reduction(joint, **teeth, **losses)
+        coarse = link.run(time, motor, plain, teeth["damping"], begin, draft.timestep)
+        step_error = float(np.abs(coarse - reduced).max())
+    history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
+    leans: dict[str, Any] = {}
+    lean = compare_leans(alone, joint, q)
+    if lean is not None:
+        history["lean"] = lean.full
+        leans = {"tilt_error": SAFETY * lean.largest, "tilt_rms": lean.rms}
+    return Reduction(
+        joint,
+        **teeth,
+        **losses,
+        **rubs,
+        angle_error=SAFETY * (float(np.abs(difference).max()) + step_error),
+        angle_rms=float(np.sqrt(np.mean(difference**2))),
+        **_across(alone, clearance, positions),
+        **leans,
+        pose=positions,
+        history=history,
+    )
+
+
+def reduce_all(
+    mechanism: Mechanism,
+    pose: Mapping[str, float] | None = None,
+    *,
+    amplitude: float = AMPLITUDE,
+    period: float = PERIOD,
+    progress: bool = False,
+) -> tuple[list[Reduction], dict[str, str]]:
+    """Reduce every joint that has play; each alone, as `reduce` does.
+
+    Args:
+        mechanism: the robot.
+        pose: joint positions about which each reverses [rad or m]; the rest zero.
+        amplitude, period: of the reversals [rad, s].
+        progress: show a bar.
+
+    Returns:
+        The reductions, and why other joints with play have none, by joint.
+
+    Raises:
+        JointplayError: loops; no joint has play; none that has can be a hinge; a run that failed.
+    """
+    if mechanism.loops:
+        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
+    names = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
+    if not names:
+        raise JointplayError(
+            "no joint has play; joints that could have it: " + ", ".join(mechanism.joints)
+        )
+    refused = {name: why for name in names if (why := _no_hinge(mechanism, name))}
+    able = [name for name in names if name not in refused]
+    if not able:
+        raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
+    found = []
+    with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
+        for name in bar:
+            found.append(reduce(mechanism, name, pose, amplitude=amplitude, period=period))
+    return found, refused
+
+
+def _no_hinge(mechanism: Mechanism, joint: str) -> str:
+    """Why a joint with play cannot be represented by a hinge; empty if it can."""
+    clearance = mechanism.clearance.get(joint)
+    if joint in mechanism.mounts:
+        return f"joint {joint!r} is a mount, which does not turn"
+    if clearance is None or clearance.hinge is not None:
+        return ""
+    kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
+    return (
+        f"joint {joint!r} is {clearance.kind}, which cannot be represented by a hinge; kinds "
+        f"that can be reduced: {', '.join(kinds)}"
+    )
+
+
+def _plain_gears(gear: Gearing, top: float, inertia: float) -> list[Gear]:
+    """What a dead band, one stiffness and a damper can say of a gear of any kind, to be tried.
+
+    The stiffness is that up to the largest torque, `top` [N m]. Hysteresis is a dead band where the
+    load turns its sign, and none where it does not; a damper stands for what it loses.
+    """
+    if isinstance(gear, Gear):
+        return [gear]
+    wound = float(gear.wound_up(top)) - gear.play / 2.0
+    stiffness = top / wound if wound > 0.0 else float(gear.curve().slopes[0])
+    damping = gear.damping
+    if gear.bristles[0] > 0.0:
+        damping = max(damping, 2.0 * _DAMPED * math.sqrt(stiffness * inertia))
+    bands = dict.fromkeys([gear.play, gear.unloaded_range])
+    return [Gear(band, gear.rotor_inertia, stiffness, damping) for band in bands]
+
+
+def _full_run(
+    mechanism: Mechanism,
+    joint: str,
+    pose: Mapping[str, float],
+    amplitude: float,
+    period: float,
+    friction: JointFriction | None,
+    progress: bool,
+) -> Result:
+    """The full model through two reversals of the joint's motor, the other joints held."""
+    names = moving(mechanism)
+    for name in pose:
+        if name not in names:
+            raise MissingName("moving joint", name, names)
+    middle = np.array([pose.get(name, 0.0) for name in names])
+    signs = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
+    positions = np.tile(middle, (len(times), 1))
+    positions[:, names.index(joint)] += amplitude * signs
+    motion = Motion(names, times, positions)
+    begin = dict(zip(names, middle.tolist(), strict=True))
+    step = 1e-5
+    if mechanism.clearance:
+        step = fitting_step(mechanism, mechanism.configuration(begin))
+    simulation = Simulation(
+        mechanism,
+        motion,
+        drive=Prescribed(),
+        step=step,
+        record_every=max(round(2e-4 / step), 1),
+        joint_friction=None if friction is None else {joint: friction},
+    )
+    return simulation.run(progress, estimate=False).completed("the run of the full model")
+
+
+def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str, Any]:
+    """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
+    clearance = mechanism.clearance.get(joint)
+    if clearance is None or clearance.hinge is None:
+        return {}
+    force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
+    speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
+    settled = result.time >= SETTLED * result.time[-1]
+    slides = settled & (speed > _MOVING * speed.max())
+    if isinstance(clearance, RollingBearing):
+        loads = element_loads(result, joint).values[slides].sum(axis=1)
+        torque = clearance.drag + clearance.friction_lever * loads
+    else:
+        torque = clearance.hinge.radius * force.sum(axis=1)[slides]
+    if not len(torque):
+        return {}
+    shape = np.column_stack([np.ones(len(torque)), speed[slides]])
+    (dry, viscous), _ = nnls(shape, torque)
+    left = float(np.sqrt(np.mean((shape @ [dry, viscous] - torque) ** 2)))
+    low, high = np.quantile(torque, [0.05, 0.95])
+    return {
+        "dry": float(dry),
+        "viscous": float(viscous),
+        "friction_error": left,
+        "friction_range": (float(low), float(high)),
+    }
+
+
+class _Link:
+    """The written model: one body about a fixed axis, driven through play, with friction."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        joint: str,
+        pose: Mapping[str, float],
+        friction: float,
+        viscous: float,
+    ) -> None:
+        ideal = mechanism.ideal()
+        at = ideal.coordinate(joint)
+        q = ideal.configuration(pose)
+        mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, -1)
+        self.inertia = float(mass[at, at])
+        torques = []
+        for angle in (0.0, math.pi / 2.0, math.pi):
+            q[at] = angle
+            torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]))
+        # Gravity about a fixed axis: c + a cos(angle) + b sin(angle).
+        self.even = 0.5 * (torques[0] - torques[2])
+        self.mean = 0.5 * (torques[0] + torques[2])
+        self.odd = torques[1] - self.mean
+        self.friction, self.viscous = friction, viscous
+
+    def fit(
+        self,
+        time: np.ndarray,
+        motor: np.ndarray,
+        gears: Sequence[Gear],
+        start: tuple[float, float],
+        full: np.ndarray,
+    ) -> tuple[Gear, float, np.ndarray]:
+        """Gear and damping [N m s/rad] whose link comes closest to `full`, and its angle then."""
+        tried = {}
+        for gear in gears:
+            for part in _DAMPINGS:
+                damping = part * gear.damping
+                tried[gear, damping] = self.run(time, motor, gear, damping, start)
+        best = min(tried, key=lambda one: float(np.square(tried[one] - full).sum()))
+        return *best, tried[best]
+
+    def run(
+        self,
+        time: np.ndarray,
+        motor: np.ndarray,
+        gear: Gear,
+        damping: float,
+        start: tuple[float, float],
+        step: float | None = None,
+    ) -> np.ndarray:
+        """The link's angle at the times `time` (n,) while the motor turns as given, (n,) [rad].
+
+        From an angle [rad] and a speed [rad/s] on, `start`, in steps of at most `step` [s], or fine
+        ones.
+        """
+        half, stiffness = gear.play / 2.0, gear.stiffness
+        if step is None:
+            step = min(_STEP_S, 0.05 * math.sqrt(self.inertia / stiffness))
+        count = math.ceil((time[-1] - time[0]) / step)
+        grid = np.linspace(time[0], time[-1], count + 1)
+        step = float(grid[1] - grid[0])
+        lead = np.interp(grid, time, motor)
+        speeds = np.gradient(lead, step)
+        angles, (angle, speed) = np.empty(count + 1), start
+        slowed = step / (self.inertia + step * (damping + self.viscous))
+        for i in range(count + 1):
+            angles[i] = angle
+            twist = lead[i] - angle
+            torque = stiffness * (twist - min(max(twist, -half), half)) + damping * speeds[i]
+            torque += self.mean + self.even * math.cos(angle) + self.odd * math.sin(angle)
+            free = slowed * (self.inertia / step * speed + torque)
+            speed = math.copysign(max(abs(free) - slowed * self.friction, 0.0), free)
+            angle += step * speed
+        return np.interp(time, grid, angles)
+
+
+def _across(
+    mechanism: Mechanism, clearance: Clearance | None, pose: Mapping[str, float]
+) -> dict[str, Any]:
+    """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
+    if clearance is None or clearance.hinge is None:
+        return {}
+    hinge = clearance.hinge
+    load = play_model(mechanism, pose).load[0, 0]
+    if isinstance(clearance, RollingBearing):
+        return _across_elements(clearance, load)
+    _, tilt = clearance.play(second_order=False).reach
+    arm = hinge.length / 2.0
+    # Each rim carries half the force, and what the moment over the length asks for.
+    push = math.hypot(load[0], load[1]) / 2.0
+    push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
+    stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
+    found = {
+        "lateral": hinge.lateral,
+        "axial": hinge.axial,
+        "contact_stiffness": stiffness,
+        "load": tuple(float(x) for x in load),
+    }
+    if hinge.leans:
+        tilting = 2.0 * stiffness * arm**2
+        found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
+    return found
+
+
+def _across_elements(bearing: RollingBearing, load: np.ndarray) -> dict[str, Any]:
+    """The same of a rolling bearing: the chord of its moment beyond the play, at rest."""
+    hinge = bearing.hinge
+    tilt = float(bearing.play(second_order=False).reach[1])
+    rest = bearing.deflection(load[:3], [load[3], load[4], 0.0])
+    stiffness = bearing.load(rest).stiffness
+    moment, lean = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
+    tangent = float(np.linalg.eigvalsh(stiffness[3:5, 3:5]).mean())
+    if moment > 0.0 and lean > (1.0 + _BEYOND) * tilt:
+        tangent = moment / (lean - tilt)
+    return {
+        "lateral": hinge.lateral,
+        "axial": hinge.axial,
+        "contact_stiffness": float(np.linalg.eigvalsh(stiffness[:2, :2]).mean()),
+        "load": tuple(float(x) for x in load),
+        "tilt": tilt,
+        "tilt_stiffness": tangent,
+        "half_length": hinge.length / 2.0,
+    }
+
+
+def _chord(clearance: Clearance, radius: float, force: float) -> float:
+    """Force over penetration of a contact of the journal that carries `force` [N/m]."""
+    law = clearance.normal
+    parameters = law.parameters(clearance.contact_properties(0))
+    depths = np.geomspace(1e-12, 0.05 * radius, 4000)
+    forces = np.gradient(elastic_energy(law, parameters, depths), depths)
+    at = min(int(np.searchsorted(forces, force)), len(depths) - 1)
+    return float(forces[at] / depths[at])

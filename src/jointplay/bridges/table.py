@@ -1,0 +1,109 @@
+"""Histories as a wide table: one row a record, one column a number.
+
+Columns are called by the variable and by what it has along its other dimensions:
+``tool_position.x``, ``q.joint_b.yaw``, ``normal_force_peak.joint_b.radial_A``. Contacts that a
+joint does not have give no column.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay import bridges as exports
+from jointplay.base.imports import extra
+from jointplay.simulation.result.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_BLOCK = 1000
+"""Rows that are written before the progress is shown."""
+EFFORT_UNITS = {"rad": "N m", "m": "N"}
+"""Units of drives by those of their coordinates."""
+
+
+def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
+    """Values (n,) and unit of each column, by its name; the first is the time."""
+    histories: dict[str, tuple[np.ndarray, str]] = {"time": (result.time, "s")}
+    for name, variable in result.dataset.data_vars.items():
+        if "time" not in variable.dims:
+            continue  # over the whole run, such as sliding_work
+        variable = variable.transpose("time", ...)
+        labels = [variable[dimension].values for dimension in variable.dims[1:]]
+        for index in itertools.product(*(range(len(label)) for label in labels)):
+            place: Any = (slice(None), *index)
+            values = variable.values[place]
+            if values.dtype.kind == "f" and len(values) and np.isnan(values).all():
+                continue
+            parts = [str(label[i]) for label, i in zip(labels, index, strict=True)]
+            histories[".".join([str(name), *parts])] = (values, _unit(result, str(name), index))
+    return histories
+
+
+def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
+    """Unit of one number of a variable; coordinates have each their own."""
+    if name in ("q", "v", "drive"):
+        unit = str(result.dataset["coordinate_unit"].values[index[0]])
+        return {"q": unit, "v": f"{unit}/s", "drive": EFFORT_UNITS[unit]}[name]
+    return str(result[name].attrs.get("units", ""))
+
+
+def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
+    """A pandas table, one row a record, one column a number.
+
+    Returns:
+        The time [s] is a column. ``attrs["units"]`` has the units by column, ``attrs["message"]``
+        how the run ended.
+
+    Raises:
+        JointplayError: `every` is not a whole number from 1 on.
+    """
+    import pandas as pd
+
+    histories = columns(result.thinned(every))
+    table = pd.DataFrame({name: values for name, (values, _) in histories.items()})
+    table.attrs = {
+        "units": {name: unit for name, (_, unit) in histories.items()},
+        "message": result.message,
+    }
+    return table
+
+
+def csv(result: Result, suffix: str, progress: bool) -> bytes:
+    """Text with a header line of names and units, ``tool_position.x [m]``.
+
+    Numbers have the digits it takes to read them back bit for bit.
+    """
+    table = dataframe(result)
+    units = table.attrs["units"]
+    table.columns = [f"{name} [{units[name]}]" for name in table.columns]
+    parts = [
+        table.iloc[block].to_csv(index=False, header=block.start == 0)
+        for block in exports.in_blocks(len(table), _BLOCK, "table", progress)
+    ]
+    return "".join(parts).encode()
+
+
+def parquet(result: Result, suffix: str, progress: bool) -> bytes:
+    """Apache Parquet, with each column's unit in its field's metadata and in pandas' ``attrs``.
+
+    Raises:
+        JointplayError: pyarrow is not installed.
+    """
+    with extra("tables", "pyarrow"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    frame = dataframe(result)
+    table = pa.Table.from_pandas(frame, preserve_index=False)
+    units = frame.attrs["units"]
+    fields = [field.with_metadata({"units": units[field.name]}) for field in table.schema]
+    own: dict[Any, Any] = {"jointplay_audit": json.dumps(result.audit.describe())}
+    made = table.cast(pa.schema(fields, {**(table.schema.metadata or {}), **own}))
+    sink = io.BytesIO()
+    pq.write_table(made, sink, compression="zstd")
+    return sink.getvalue()

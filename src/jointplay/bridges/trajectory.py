@@ -1,0 +1,124 @@
+"""Joint trajectories with the URDF's joint names, as robots' controllers take them.
+
+A joint with clearance has up to six coordinates; what its encoder sees is the one that the ideal
+joint would have, and goes by the joint's name. Ball joints have no such coordinate and are left
+out, as are motors behind gears.
+"""
+
+from __future__ import annotations
+
+import csv as _csv
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jointplay import bridges as exports
+from jointplay.base.errors import JointplayError
+from jointplay.base.imports import extra
+from jointplay.model.free_base import BASE, FREE
+from jointplay.physics.joints import MOTOR, Coordinate, class_of
+from jointplay.simulation.analysis.twins import inputs
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.stored import stored_coordinates
+
+_NANO = 1_000_000_000
+_BLOCK = 500
+"""Points that are written before the progress is shown."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What the joints did, by record."""
+
+    time: np.ndarray
+    """(n,) [s]."""
+    joints: tuple[str, ...]
+    """Names of the URDF's joints."""
+    position: np.ndarray
+    """(n, joints) [rad, or m for prismatic joints]."""
+    velocity: np.ndarray
+    """The same, per second."""
+    effort: np.ndarray
+    """Of the drives (n, joints) [N m or N]."""
+
+
+def encoders(result: Result) -> dict[str, int]:
+    """Joints that have a single coordinate, each with its index in q; ball joints have none."""
+    given = inputs(result)["mechanism"]
+    known, free_base = stored_coordinates(given), given.get("base") == FREE
+    at: dict[str, int] = {}
+    for index, name in enumerate(result["coordinate"].values.tolist()):
+        coordinate = known.get(name, Coordinate(name))
+        joint, part = coordinate.joint, coordinate.part
+        if part == MOTOR or (free_base and joint == BASE):
+            continue
+        kind = class_of(given["clearance"][joint]) if part else None
+        if kind is None or kind.ideal_freedoms == (part,):
+            at[joint] = index
+    return at
+
+
+def joint_trajectory(result: Result) -> Trajectory:
+    """Positions, velocities and drive efforts of the joints as their encoders see them.
+
+    Raises:
+        JointplayError: no joint has a single coordinate.
+    """
+    at = encoders(result)
+    if not at:
+        raise JointplayError("no joint of this result has one coordinate: there is no trajectory")
+    columns = list(at.values())
+    position, velocity, effort = (result[name].values[:, columns] for name in ("q", "v", "drive"))
+    return Trajectory(result.time, tuple(at), position, velocity, effort)
+
+
+def stamp(time: float) -> dict[str, int]:
+    """A time [s] as ROS has it: whole seconds and nanoseconds, rounded to these."""
+    seconds, nanoseconds = divmod(round(float(time) * _NANO), _NANO)
+    return {"sec": seconds, "nanosec": nanoseconds}
+
+
+def message(motion: Trajectory) -> dict[str, Any]:
+    """A ROS 2 ``trajectory_msgs/msg/JointTrajectory`` as plain data."""
+    rows = zip(motion.time, motion.position, motion.velocity, motion.effort, strict=True)
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": list(motion.joints),
+        "points": [
+            {
+                "positions": position.tolist(),
+                "velocities": velocity.tolist(),
+                "accelerations": [],
+                "effort": effort.tolist(),
+                "time_from_start": stamp(time),
+            }
+            for time, position, velocity, effort in rows
+        ],
+    }
+
+
+def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
+    """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads.
+
+    Raises:
+        JointplayError: PyYAML is not installed (for YAML).
+    """
+    motion = joint_trajectory(result)
+    if suffix == ".csv":
+        text = io.StringIO()
+        writer = _csv.writer(text, lineterminator="\n")
+        writer.writerow(["time_s", *motion.joints])
+        writer.writerows(np.column_stack([motion.time, motion.position]).tolist())
+        return text.getvalue().encode()
+    with extra("ros", "PyYAML"):
+        import yaml
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}
+    whole = message(motion)
+    points = whole.pop("points")
+    parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
+    for block in exports.in_blocks(len(points), _BLOCK, "points", progress):
+        parts.append(yaml.dump(points[block], Dumper=dumper, **options))
+    return "".join(parts).encode()

@@ -1,0 +1,153 @@
+"""A URDF with play in it: each joint with clearance becomes the chain of its virtual link.
+
+Other simulators then have the freedoms that play adds. The bearings themselves - round, elastic,
+with friction - cannot be said in a URDF; limits take their place: a box about twice the clearance,
+or of a rolling bearing, to which no contacts can be added, as far as its inner ring is free.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from xml.parsers import expat
+
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError, require_a
+from jointplay.model.elements import Element, put, put_inertial
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import VIRTUAL_LINK
+
+LIMIT_FACTOR = 2.0
+"""Limits per clearance: beyond it, so that contacts added to the file act before the limits."""
+
+MASS_FRACTION = 1e-6
+"""Mass of each link within a virtual link, relative to that of the body it carries.
+
+Other simulators want no massless links between moving joints. Each is a ball as large as the
+bearing's bore.
+"""
+LEAST_MASS = 1e-9
+"""If the body it carries has next to none [kg]."""
+
+SPEED = {"prismatic": 10.0, "revolute": 100.0}
+"""Velocity limits of the freedoms that play adds, for the format demands some [m/s or rad/s]."""
+
+
+def to_urdf(mechanism: Mechanism) -> str:
+    """Text of the mechanism's URDF in which each joint with clearance is a chain of single joints.
+
+    The joint J becomes J.x, J.y, J.z, J, J.pitch, J.roll, but for what is locked: the coordinates
+    of `mechanism`, J being the one that a drive acts on. It keeps its name, type, limits, dynamics
+    and whatever else it had, so that transmissions, mimics and controllers find it. The axes
+    are those of the bearing frame, given in the joint's own frame, which therefore
+    needs no turning: poses and inertias of all bodies stay as written. All other text stays byte
+    for byte.
+
+    Raises:
+        JointplayError: the mechanism has loops or gears, which URDF cannot express, a joint has no
+            play, such as a preloaded bearing, or one of the new names is taken.
+    """
+    require_a("mechanism", mechanism, "Mechanism")
+    for name in (*mechanism.loops, *mechanism.gears):
+        what = "loop" if name in mechanism.loops else "gear with play"
+        raise JointplayError(
+            f"{what} {name!r} cannot be written: a URDF can only describe a tree of joints"
+        )
+    text = mechanism.description.text  # mounts have no play, and stay fixed
+    data = text.encode("utf-8")
+    joints = mechanism.description.elements().findall("joint")
+    elements = {joint.get("name", ""): joint for joint in joints}
+    taken = set(elements) | set(mechanism.description.links)
+    pieces, end = [], 0
+    for name, start, stop in _spans(data):
+        if name in mechanism.clearance and name not in mechanism.mounts:
+            chain = _chain(mechanism, name, elements[name])
+            for element in chain:
+                if element.get("name") in taken - {name}:
+                    raise JointplayError(f"the URDF already has a {element.get('name')!r}")
+            pieces += [data[end:start], _written(chain).encode("utf-8")]
+            end = stop
+    return b"".join([*pieces, data[end:]]).decode("utf-8")
+
+
+def _spans(data: bytes) -> list[tuple[str, int, int]]:
+    """Name of each of the robot's joints, and where in the file it begins and ends [bytes]."""
+    spans, depth, begun = [], 0, ("", 0)
+    # The text has been decoded, whatever encoding its first line declares.
+    parser = expat.ParserCreate(encoding="utf-8")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, begun
+        depth += 1
+        if depth == 2 and tag == "joint":
+            begun = (attributes.get("name", ""), parser.CurrentByteIndex)
+
+    def stop(tag: str) -> None:
+        nonlocal depth
+        if depth == 2 and tag == "joint":
+            spans.append((*begun, data.index(b">", parser.CurrentByteIndex) + 1))
+        depth -= 1
+
+    parser.StartElementHandler, parser.EndElementHandler = start, stop
+    parser.Parse(data, True)
+    return spans
+
+
+def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
+    """Joints and links, from the parent's side to the child's."""
+    joint = mechanism.clearance[name]
+    if max(joint.play(second_order=False).reach) == 0.0:
+        raise JointplayError(
+            f"joint {name!r} has no play ({joint.words}), and a URDF cannot say how it gives way: "
+            "leave it out, or give it a bearing with clearance"
+        )
+    entry = mechanism.description.joints[name]
+    child = mechanism.model.getFrameId(entry.child, pin.FrameType.BODY)
+    # The mechanism turned the child's frame back from the bearing's: this is the way there.
+    axes = mechanism.model.frames[child].placement.rotation.T
+    carried = mechanism.model.inertias[mechanism.model.getJointId(name)].mass
+    chain: list[Element] = []
+    link = entry.parent
+    for freedom in joint.freedoms:
+        group = VIRTUAL_LINK.index(freedom) // 3
+        axis = axes[:, "xyz".index(freedom) if group == 0 else 2 - VIRTUAL_LINK[3:].index(freedom)]
+        if freedom == joint.drive_coordinate:
+            element = Element("joint", original.attrib)
+            element.extend(e for e in original if e.tag not in ("parent", "child", "origin"))
+            if original.get("type") == "floating":
+                element.set("type", "continuous")
+            if element.find("axis") is None:
+                put(element, "axis", xyz=axis)
+        else:
+            kind = "revolute" if group else "prismatic"
+            element = Element("joint", name=f"{name}.{freedom}", type=kind)
+            put(element, "axis", xyz=axis)
+            room = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
+            put(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
+        last = freedom == joint.freedoms[-1]
+        following = entry.child if last else f"{name}.{freedom}_link"
+        ends = [
+            Element("parent", link=link),
+            Element("child", link=following),
+        ]
+        if not chain and (origin := original.find("origin")) is not None:
+            ends.append(origin)
+        for place, end in enumerate(ends):
+            element.insert(place, end)
+        chain.append(element)
+        if not last:
+            mass = max(MASS_FRACTION * carried, LEAST_MASS)
+            chain.append(Element("link", name=following))
+            put_inertial(chain[-1], pin.Inertia.FromSphere(mass, joint.half_width))
+        link = following
+    return chain
+
+
+def _written(chain: Iterable[Element]) -> str:
+    parts = []
+    for element in chain:
+        ElementTree.indent(element, "  ", 1)
+        element.tail = None
+        parts.append(ElementTree.tostring(element, encoding="unicode"))
+    return "\n  ".join(parts)

@@ -1,0 +1,144 @@
+"""A whole robot with the play of all its joints as OpenUSD, by UsdPhysics and Newton's schemas.
+
+Play is a revolute joint in series, `J_play`, behind a body that is the motor's rotor; its limits
+are the dead band and their spring the teeth. Friction, damping and the limits' springs are not in
+UsdPhysics: they are attributes of Newton's `NewtonJointAPI`, which other programs may ignore.
+Bodies have masses and no shapes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.imports import extra
+from jointplay.bridges.reduced_files import LEAST, Body, bodies
+from jointplay.bridges.reduction import Reduction
+from jointplay.model.mechanism import Mechanism
+
+_PER_DEGREE = math.pi / 180.0
+
+
+def load_usd() -> tuple[Any, ...]:
+    """The modules Gf, Sdf, Tf, Usd, UsdGeom and UsdPhysics, with Newton's schemas registered.
+
+    Raises:
+        JointplayError: one of the packages cannot be imported.
+    """
+    with extra("simulators", "OpenUSD with Newton's schemas"):
+        import newton_usd_schemas  # noqa: F401 - before the registry of schemas is first used
+        from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
+    return Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
+
+
+def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
+    """The robot as text of a USD stage (.usda): metres, kilograms, z upwards; angles in degrees.
+
+    Raises:
+        JointplayError: a package is missing; a robot that cannot be held as a tree of single
+            joints; see `bodies`.
+    """
+    stage = _Stage(mechanism)
+    paths = {"": stage.base}
+    for body in bodies(mechanism, reductions):
+        paths[body.link] = stage.body(body.link, body.place, body.inertia)
+        parent = "" if body.parent is None else body.parent.link
+        joint = stage.joint(body, paths[parent], paths[body.link])
+        per = 1.0 if body.slides else _PER_DEGREE
+        if body.stop is None:
+            stage.newton(joint, friction=body.friction, damping=body.damping * per)
+        else:
+            stiffness, damping = body.stop
+            stage.newton(joint, limitStiffness=stiffness * per, limitDamping=damping * per)
+    return str(stage.stage.GetRootLayer().ExportToString())
+
+
+class _Stage:
+    """A stage with a robot at its root, to which bodies and joints are added."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.gf, self.sdf, self.tf, usd, geom, physics = load_usd()
+        self.geom, self.physics = geom, physics
+        self.stage = usd.Stage.CreateInMemory()
+        geom.SetStageUpAxis(self.stage, geom.Tokens.z)
+        geom.SetStageMetersPerUnit(self.stage, 1.0)
+        physics.SetStageKilogramsPerUnit(self.stage, 1.0)
+        self.names: set[str] = set()
+        self.root = "/" + self._name(mechanism.description.path.stem)
+        robot = geom.Xform.Define(self.stage, self.root)
+        self.stage.SetDefaultPrim(robot.GetPrim())
+        scene = physics.Scene.Define(self.stage, f"{self.root}/physics")
+        self.names.add("physics")
+        gravity = np.array(mechanism.gravity, float)
+        size = float(np.linalg.norm(gravity))
+        down = gravity / size if size > 0.0 else np.array([0.0, 0.0, -1.0])
+        scene.CreateGravityDirectionAttr(self.gf.Vec3f(*down.tolist()))
+        scene.CreateGravityMagnitudeAttr(size)
+        physics.ArticulationRootAPI.Apply(robot.GetPrim())
+        robot.GetPrim().AddAppliedSchema("NewtonArticulationRootAPI")
+        self.base = self.body("base", pin.SE3.Identity(), LEAST)
+        fixed = physics.FixedJoint.Define(self.stage, f"{self.root}/{self._name('base_fixed')}")
+        fixed.CreateBody1Rel().SetTargets([self.base])
+
+    def _name(self, text: str) -> str:
+        """A name that USD allows and that none has yet."""
+        name = first = self.tf.MakeValidIdentifier(text)
+        number = 1
+        while name in self.names:
+            number += 1
+            name = f"{first}_{number}"
+        self.names.add(name)
+        return str(name)
+
+    def _turned(self, rotation: np.ndarray, kind: Any) -> Any:
+        quaternion = pin.Quaternion(rotation)
+        return kind(quaternion.w, quaternion.x, quaternion.y, quaternion.z)
+
+    def body(self, name: str, place: pin.SE3, inertia: pin.Inertia) -> Any:
+        """Add a body; its path."""
+        body = self.geom.Xform.Define(self.stage, f"{self.root}/{self._name(name)}")
+        body.AddTranslateOp(precision=self.geom.XformOp.PrecisionDouble).Set(
+            self.gf.Vec3d(*place.translation.tolist())
+        )
+        body.AddOrientOp(precision=self.geom.XformOp.PrecisionDouble).Set(
+            self._turned(place.rotation, self.gf.Quatd)
+        )
+        prim = body.GetPrim()
+        self.physics.RigidBodyAPI.Apply(prim)
+        moments, axes = np.linalg.eigh(inertia.inertia)
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        mass = self.physics.MassAPI.Apply(prim)
+        mass.CreateMassAttr(float(inertia.mass))
+        mass.CreateCenterOfMassAttr(self.gf.Vec3f(*inertia.lever.tolist()))
+        mass.CreateDiagonalInertiaAttr(self.gf.Vec3f(*moments.tolist()))
+        mass.CreatePrincipalAxesAttr(self._turned(axes, self.gf.Quatf))
+        return prim.GetPath()
+
+    def joint(self, body: Body, parent: Any, child: Any) -> Any:
+        """Add the joint that moves a body, about z of its frames; its prim."""
+        kind = self.physics.PrismaticJoint if body.slides else self.physics.RevoluteJoint
+        joint = kind.Define(self.stage, f"{self.root}/{self._name(body.name)}")
+        joint.CreateBody0Rel().SetTargets([parent])
+        joint.CreateBody1Rel().SetTargets([child])
+        joint.CreateAxisAttr(self.physics.Tokens.z)
+        upright = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), body.axis).matrix()
+        joint.CreateLocalPos0Attr(self.gf.Vec3f(*body.placement.translation.tolist()))
+        joint.CreateLocalRot0Attr(self._turned(body.placement.rotation @ upright, self.gf.Quatf))
+        joint.CreateLocalPos1Attr(self.gf.Vec3f(0.0))
+        joint.CreateLocalRot1Attr(self._turned(upright, self.gf.Quatf))
+        low, high = body.limits
+        if np.isfinite([low, high]).all():
+            per = 1.0 if body.slides else 1.0 / _PER_DEGREE
+            joint.CreateLowerLimitAttr(low * per)
+            joint.CreateUpperLimitAttr(high * per)
+        return joint.GetPrim()
+
+    def newton(self, prim: Any, **values: float) -> None:
+        """Apply Newton's joint schema with these attributes."""
+        prim.AddAppliedSchema("NewtonJointAPI")
+        for name, value in values.items():
+            kind = self.sdf.ValueTypeNames.Float
+            prim.CreateAttribute(f"newton:{name}", kind, custom=False).Set(float(value))

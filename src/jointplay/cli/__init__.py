@@ -1,0 +1,162 @@
+"""The command line: a module for each command, and one line that says what is wrong."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import importlib
+import re
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from jointplay.base import signals, streams
+from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.signals import INTERRUPTED
+from jointplay.cli.commands import MODULES
+
+BAD_INPUT = 2
+STOPPED = 1
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
+
+    def __init__(
+        self, *args: Any, lazy: Callable[[_Parser], None] | None = None, **options: Any
+    ) -> None:
+        """`lazy` completes the parser for who asks for help."""
+        super().__init__(*args, **options)
+        self._lazy = lazy
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.option_strings and action.nargs is None and arg_strings == ["--"]:
+            self.error(f"argument {'/'.join(action.option_strings)}: '--' is not a value")
+        if action.option_strings and any(not text.strip() for text in arg_strings):
+            self.error(f"argument {'/'.join(action.option_strings)}: the value is empty")
+        return super()._get_values(action, arg_strings)  # type: ignore[misc]
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.dest == "command" and action.choices and value not in action.choices:
+            from jointplay.base.schema import one_of  # takes long to import
+
+            self.error(one_of("command", value, action.choices))
+        super()._check_value(action, value)
+
+    def format_help(self) -> str:
+        if self._lazy is not None:
+            self._lazy(self)
+        return super().format_help()
+
+    def error(self, message: str) -> NoReturn:
+        message = one_line(message)
+        self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    made = _Parser(
+        prog="jointplay",
+        description="Simulate robots whose joints have play: each journal flies, hits, slides "
+        "and tilts in its bearing, and the tool loses accuracy.",
+        epilog="Values of options are in SI units (m, s, kg, N, rad), or carry a unit, as in "
+        '"0.1 mm". Documentation: docs/.',
+    )
+    made.add_argument("--version", action="store_true", help="print the version and exit")
+    commands = made.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name in MODULES:
+        importlib.import_module(f"jointplay.cli.commands.{name}").add(commands)
+    return made
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status.
+
+    0: done, also if told to stop when all was computed: then it is saved. 1: the simulation
+    stopped early (kept as far as it came). 2: wrong input. 130: told to stop by Ctrl-C, SIGTERM or
+    SIGHUP before all was computed (likewise kept).
+    """
+    with streams.forgiving():
+        try:
+            made = parser()
+            options = made.parse_args(arguments)
+            with signals.listening():
+                status = _command(made, options)
+            sys.stdout.flush()  # what cannot be written must show here
+            return status
+        except BrokenPipeError:  # the reader, such as `head`, has seen enough
+            streams.silence(sys.stdout)
+            return STOPPED
+        except OSError as error:  # of a file that has a name, else standard output on a full disk
+            # Files of ours say their name; what is left of a full disk is standard output.
+            full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+            what = "cannot print" if full or streams.full(sys.stdout) else "the system reports"
+            if error.filename:
+                what = f"cannot use {str(error.filename)!r}"
+            streams.silence(sys.stdout)
+            print(f"jointplay: error: {what}: {one_line(error.strerror or error)}", file=sys.stderr)
+            return STOPPED
+        except KeyboardInterrupt:  # once more, while ending
+            return INTERRUPTED
+
+
+def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """Do what the options say; errors are one line."""
+    if options.version:
+        from importlib.metadata import version
+
+        print(f"jointplay {version('jointplay')}")
+        return 0
+    if options.command is None:
+        parser.print_help()
+        return 0
+    try:
+        with streams.noting(getattr(options, "quiet", False)):
+            module = options.command.replace("-", "_")
+            return int(importlib.import_module(f"jointplay.cli.commands.{module}").run(options))
+    except JointplayError as error:
+        return _refuse(options, str(error))
+    except KeyboardInterrupt as error:
+        return _interrupted(str(error))
+    except (ArithmeticError, ValueError) as error:
+        # Converters written in C, such as matplotlib's, report the interrupt as a wrong value.
+        if signals.stop_requested():
+            return _interrupted("")
+        numpy = sys.modules.get("numpy")
+        linear = () if numpy is None else (numpy.linalg.LinAlgError,)
+        if not isinstance(error, (ArithmeticError, *linear)):
+            raise
+        reason = f"one of them is far too large or too small ({error})"
+        return _refuse(options, f"these numbers cannot be computed with: {reason}")
+    except MemoryError:
+        less = "record less often, or simulate a shorter time"
+        return _refuse(options, f"this machine has too little memory for it; {less}")
+
+
+def _interrupted(lost: str) -> int:
+    """Say that the command was told to stop, and what is there of it."""
+    print(f"\ninterrupted{_kept(lost)}", file=sys.stderr)
+    return INTERRUPTED
+
+
+def _refuse(options: argparse.Namespace, reason: str) -> int:
+    """Say why there are no results, and remove the folders that were made for them."""
+    from jointplay.base import files
+
+    files.remove_made_folders()
+    print(f"jointplay {options.command}: error: {reason}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _kept(lost: str) -> str:
+    """What was given up, and what is there."""
+    from jointplay.base import files
+
+    parts = [lost] if lost else []
+    if files.written:
+        names = ", ".join(path.name for path in files.written)
+        parts.append(f"{files.written[0].parent} contains {names}")
+    elif not lost:
+        parts.append("nothing was written")
+    return f"; {'; '.join(parts)}"

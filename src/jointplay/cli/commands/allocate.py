@@ -1,0 +1,208 @@
+"""`jointplay allocate`: which clearances keep the tool within its tolerance, at the least cost."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import (
+    Outputs,
+    add_option,
+    add_repeatable,
+    add_shared,
+    add_switch,
+    given,
+    listed,
+    numbers_by_name,
+)
+from jointplay.cli.commands.inputs import (
+    MOTION,
+    POSES,
+    add_inputs,
+    chosen_preset,
+    explain,
+    is_scenario,
+)
+from jointplay.cli.commands.mechanism import (
+    LOOSE,
+    add_load,
+    add_poses,
+    add_whole,
+    error_class,
+    load_on_tool,
+    task,
+)
+
+if TYPE_CHECKING:
+    from jointplay.accuracy.allocation import Allocation
+    from jointplay.cli.commands.mechanism import Task
+
+COSTS = ("reciprocal", "reciprocal-squared", "linear")
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "allocate",
+        help="the largest clearances that keep the tool's error below a target",
+        description="Find the cheapest clearances of all joints that keep the tool's static "
+        "error below a target, at a pose, along a motion or over the workspace, and "
+        "the marginal cost of each. The bearings' dimensions come from the options "
+        "or the scenario; the ratio of axial to radial clearance is kept. With --whole, which "
+        "cause of the whole error to improve at which joint. See docs/decisions.md.",
+        epilog='Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200',
+        lazy=explain,
+    )
+    add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
+    add_poses(parser)
+    add_option(parser, "--target LENGTH", "largest error of the tool", required=True)
+    add_option(
+        parser,
+        "--quantile P",
+        "share of states that must meet the target, such as 0.99 (default: all)",
+    )
+    add_whole(parser)
+    add_switch(
+        parser, "--statistical", "with --whole, the target is of the RMS, not of the worst case"
+    )
+    add_option(
+        parser,
+        "--keep LIST",
+        "with --whole, causes that count but stay as they are, such as heat,play",
+        type=listed,
+    )
+    add_repeatable(
+        parser,
+        "--limit CAUSE=X",
+        "with --whole, part of a cause that remains at least (default 0.1)",
+    )
+    add_load(parser)
+    add_option(
+        parser, "--cost", f"cost of a clearance c: 1/c, 1/c^2 or -c (default {COSTS[0]})",
+        choices=COSTS,
+    )  # fmt: skip
+    add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost (default 1)")
+    add_repeatable(
+        parser,
+        "--price NAME=X",
+        "price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1, preloaded), relative: "
+        "joints given as NAME=BEARING are allocated by class; with --whole, of halving a cause",
+    )
+    add_option(parser, "--least LENGTH", "smallest possible clearance (default 2 um)")
+    add_option(parser, "--most LENGTH", "largest possible clearance (default 1 mm)")
+    add_option(
+        parser,
+        "--verify RUNS",
+        "simulate the motion with the clearances found, in this many perturbed runs (3 if no "
+        "number is given)",
+        nargs="?",
+        const=3,
+    )
+    add_option(parser, "--out DIR", "folder for allocation.csv and the figure")
+    add_shared(parser, "--jobs", "--quiet")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Allocate, verify, print."""
+    out = Outputs(options.out, ["allocation.csv", "allocation.png"])
+    from jointplay.accuracy.allocation import allocate
+    from jointplay.physics.joints import RollingBearing
+
+    _require_fitting(options)
+    whole = options.whole is not None
+    chosen = chosen_preset(options)
+    named = is_scenario(options) or (chosen is not None and chosen.bearings)
+    if options.clearance is None and not named and not whole:
+        options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
+    work = task(options)
+    if options.verify is not None and work.motion is None:
+        raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
+    joints = [one for one in work.mechanism.clearance.values() if one.clearances]
+    rolling = [one for one in joints if isinstance(one, RollingBearing)]
+    if rolling and len(rolling) == len(joints) and not whole:
+        for name in (*_OF_CLEARANCES, "weight"):
+            if getattr(options, name) not in (None, []):
+                raise JointplayError(
+                    f"--{name} is for clearances that can be any; bearings have classes (--price "
+                    "CLASS=X)"
+                )
+    more: dict[str, Any] = {}
+    if whole:
+        from jointplay.accuracy.causes import CAUSES
+
+        more = {
+            "causes": options.causes or CAUSES,
+            "statistical": options.statistical,
+            "keep": options.keep or (),
+            "force": load_on_tool(options, work.mechanism.gravity),
+            "errors": work.errors,
+            "kind": error_class(options, work),
+        }
+    prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
+    weights = numbers_by_name(options.weight, "--weight JOINT=X")
+    limits = numbers_by_name(options.limit, "--limit CAUSE=X")
+    out.claim()
+    allotment = allocate(
+        work.mechanism,
+        work.q,
+        options.target,
+        quantile=options.quantile,
+        driven=work.driven,
+        progress=not options.quiet,
+        prices=prices,
+        weights=weights,
+        limits=limits,
+        **more,
+        **given(options, "cost", "least", "most"),
+    )
+    notes = [note for note in work.notes if whole or rolling or not note.startswith("play:")]
+    print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
+    if rolling and not options.price and not whole:
+        print("prices of the classes are assumed; give your own with --price CLASS=X")
+    if options.verify is not None:
+        _verify(options, work, allotment)
+    if options.out:
+        from jointplay.show.plots import design as plots
+
+        contents: dict[str, Any] = {"allocation.csv": allotment.data().csv()}
+        if whole:
+            contents["allocation.png"] = plots.cause_allocation(allotment)
+        elif len(rolling) < len(joints):
+            contents["allocation.png"] = plots.allocation(allotment)
+        out.write(contents)
+    return 0
+
+
+def _verify(options: argparse.Namespace, work: Task, allotment: Allocation) -> None:
+    """Simulate the motion with what was allocated, and print its peak error."""
+    from jointplay.study.courses import dynamic_error
+
+    assert work.motion is not None
+    error = dynamic_error(
+        allotment.mechanism,
+        work.motion,
+        work.simulation,
+        runs=options.verify,
+        jobs=options.jobs,
+        progress=not options.quiet,
+    )
+    peak = float(error.peak.max())
+    kept = "keeps" if peak <= allotment.target else "exceeds"
+    print(f"{error}; {kept} the target ({peak / allotment.target:.2f} of it)")
+
+
+_OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
+_OF_THE_WHOLE = ("causes", "keep", "limit", "statistical", "force", "payload")
+
+
+def _require_fitting(options: argparse.Namespace) -> None:
+    """Refuse options that would be ignored, with --whole or without.
+
+    Raises:
+        JointplayError: one of them was given.
+    """
+    for name in _OF_THE_WHOLE if options.whole is None else _OF_CLEARANCES:
+        if getattr(options, name) not in (None, [], False):
+            needs = "needs --whole" if options.whole is None else "does not go with --whole"
+            raise JointplayError(f"--{name} {needs}, which allocates causes of the whole error")

@@ -1,0 +1,158 @@
+"""`jointplay budget`: how far off play lets the tool be, and which joint is to blame."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import Outputs, add_option, add_switch
+from jointplay.cli.commands.inputs import MOTION, POSES, add_inputs, explain
+from jointplay.cli.commands.mechanism import (
+    LOOSE,
+    add_load,
+    add_poses,
+    add_whole,
+    error_class,
+    load_on_tool,
+    task,
+)
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "budget",
+        help="how much error play allows at the tool, and which joint causes it; no simulation",
+        description="Static error budget of the tool from the play of all joints: worst case in "
+        "every direction, the position at rest under gravity and how far friction "
+        "may change it, RMS for a load in a random direction, and each joint's "
+        "share. At a pose, along a motion, or over the workspace. docs/decisions.md "
+        "explains the numbers.",
+        epilog='Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda',
+        lazy=explain,
+    )
+    groups = add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
+    add_option(
+        groups["robot"],
+        "--relative-to BODY",
+        "link or frame from which the error is seen, in its axes, such as the palm of a hand or "
+        "the trunk of what walks: what moves both does not count (default: the world)",
+    )
+    add_poses(parser)
+    add_load(parser)
+    add_option(
+        parser,
+        "--friction MU",
+        "friction coefficient that may hold journals away from their frictionless rest position "
+        "(default: the largest of each joint's friction law)",
+    )
+    add_switch(
+        parser,
+        "--rest-everywhere",
+        "for budget.csv, find the position at rest at every pose, not only the worst one (0.4 s "
+        "per pose with one joint, up to 3.5 s with six)",
+    )
+    add_whole(parser)
+    add_option(parser, "--out DIR", "folder for budget.csv (errors.csv) and the figures")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compute, print, draw."""
+    out = Outputs(options.out, ["budget.csv" if options.whole is None else "errors.csv"])
+    from jointplay.accuracy.error_budget import FOLLOW, budget
+    from jointplay.simulation.loads.drive import Drive
+
+    if options.causes is not None and options.whole is None:
+        raise JointplayError(
+            f"--causes {','.join(options.causes)} selects causes of the whole error: give --whole "
+            "CLASS, too"
+        )
+    if options.relative_to is not None and options.whole is not None:
+        raise JointplayError(
+            f"--relative-to {options.relative_to}: the whole error (--whole) is known in the world "
+            "only; leave one of the two out"
+        )
+    work = task(options)
+    force = load_on_tool(options, work.mechanism.gravity)
+    if options.whole is not None:
+        return _whole(options, work, force, out)
+    seen = options.relative_to is not None  # figures of the robot are in the world
+    out.names += ["bars.png", *([] if seen else ["robot.png", "reach.png"])]
+    of_kind = {"motion": ["course.png"], "workspace": [] if seen else ["map.png"]}
+    out.names += of_kind.get(work.kind, [])
+    out.claim()
+    own = None if work.simulation is None else work.simulation.drive
+    errors = budget(
+        work.mechanism,
+        work.q,
+        force=force,
+        driven=work.driven,
+        friction=options.friction,
+        drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
+        relative_to=options.relative_to,
+    )
+    print("\n".join([*work.notes, f"at: {work.poses}"]))
+    if errors.relative_to is not None:
+        print(f"seen from {errors.relative_to!r}, in its axes")
+    if work.names:
+        print(errors.by_pose(work.names))
+    if len(errors.worst) > 1:
+        at = errors.worst_pose
+        place = ", ".join(f"{x:.3f}" for x in errors.positions[at])
+        print(
+            f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
+            f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
+            f"{work.names[at] if work.names else at}, tool at {place} m), which is made up like "
+            "this:"
+        )
+    print(errors.table())
+    print(errors.ranking)
+    print(errors.accuracy)
+    if not options.out:
+        return 0
+    from jointplay.show.plots import design as plots
+
+    if options.rest_everywhere:
+        errors.rest_interval  # noqa: B018  which finds the places of rest, too
+    contents = {
+        "budget.csv": errors.data(work.names or ()).csv(),
+        "bars.png": plots.bars(errors),
+    }
+    if not seen:
+        contents["robot.png"] = plots.robot(work.mechanism, errors, work.q)
+        contents["reach.png"] = plots.reachable(errors)
+    if work.kind == "motion":
+        from jointplay.accuracy.poses import times_along
+
+        assert work.motion is not None
+        contents["course.png"] = plots.course(errors, times_along(work.motion))
+    if work.kind == "workspace" and not seen:
+        contents["map.png"] = plots.workspace_map(errors)
+    out.write(contents)
+    return 0
+
+
+def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: Outputs) -> int:
+    """Print the whole error budget."""
+    from jointplay.accuracy.causes import CAUSES
+    from jointplay.accuracy.error_budget import budget
+
+    out.names.append("errors.png")
+    out.claim()
+    errors = budget(
+        work.mechanism,
+        work.q,
+        causes=options.causes or CAUSES,
+        force=force,
+        errors=work.errors,
+        kind=error_class(options, work),
+    )
+    print("\n".join([*work.notes, f"at: {work.poses}"]))
+    print(errors.table())
+    if options.out:
+        from jointplay.show.plots.design import cause_bars
+
+        out.write({"errors.csv": errors.data().csv(), "errors.png": cause_bars(errors)})
+    return 0

@@ -1,0 +1,96 @@
+"""`jointplay check`: whether a scenario can run, and how it was understood."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import add_option, add_switch
+from jointplay.cli.commands.inputs import add_inputs, explain, scenario_of
+
+if TYPE_CHECKING:
+    from jointplay.scenario import Scenario
+    from jointplay.simulation.run import Run
+
+MARK = "jointplay check"
+"""In the PNG's metadata: a picture that this command may replace."""
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "check",
+        help="check a scenario file, or a robot with options, without running it",
+        description="Check a scenario without running it: its keys, values and units, the "
+        "robot, and whether every case can start. Prints how the file was "
+        "understood, and draws the mechanism at the start of the first case with "
+        "clearance. All input options of jointplay run are accepted too.",
+        lazy=explain,
+    )
+    add_inputs(parser, several=True, needed=True)
+    group = parser.add_mutually_exclusive_group()
+    add_option(group, "--picture PNG", "picture of the mechanism (default: beside FILE, as .png)")
+    add_switch(group, "--no-picture", "do not draw a picture")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check, print, draw."""
+    scenario = scenario_of(options)
+    place = None if options.no_picture else _place(options, scenario)
+    from jointplay.scenario.summary import summary  # what comes now takes long to import
+
+    runs = {case: scenario.ready_run(case) for case in options.case or scenario.cases}
+    lines = [summary(scenario, runs), *(f"  {line}" for line in scenario.assumptions)]
+    if scenario.sweep:
+        from jointplay.study import plan_of
+
+        lines.append(f"sweep: {plan_of(scenario).words}")
+    if place is not None:
+        lines.append(_draw(*place, scenario.title, runs))
+    print("\n".join(lines))
+    return 0
+
+
+def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]:
+    """Where to draw, and whether a picture there is replaced.
+
+    Raises:
+        JointplayError: another file is there.
+    """
+    beside = scenario.path.with_suffix(".png")
+    if ":" in options.place:  # not into the package
+        beside = Path(beside.name.rpartition(":")[2])
+    path = Path(options.picture or beside)
+    # What an earlier check drew is of no value once the scenario has changed.
+    replaced = options.picture is None and files.holds(path, MARK)
+    if not replaced:
+        with _or_another():
+            files.check_picture(path)
+    return path, replaced
+
+
+@contextmanager
+def _or_another() -> Iterator[None]:
+    """Say of errors in the block what else can be asked for."""
+    try:
+        yield
+    except JointplayError as error:
+        other = "--picture PNG chooses another, --no-picture none"
+        raise JointplayError(f"{error} ({other})") from None
+
+
+def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Run]) -> str:
+    """Draw the mechanism of the first case with clearance; says where."""
+    from jointplay.show.picture import picture
+
+    first = next(iter(runs.values()))
+    shown = next((run for run in runs.values() if run.mechanism.clearance), first)
+    figure = picture(shown.mechanism, shown.workspace.q, title=title)
+    with _or_another():
+        files.picture(path, figure, mark=MARK)
+    return f"picture: {path}{' (replaced)' if replaced else ''}"

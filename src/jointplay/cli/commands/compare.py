@@ -1,0 +1,60 @@
+"""`jointplay compare`: two results side by side."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from jointplay.cli.commands import Outputs, add_option, add_shared
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "compare",
+        help="two results side by side: inputs that differ, figures with errors, tool paths",
+        description="Compare two results: which inputs differ, by how much the headline figures "
+        "do and whether that is more than their numerical errors, how often the joints strike, "
+        "and how far apart the two tools are.",
+        epilog="Example: jointplay compare old/result.nc new/result.nc --out difference",
+    )
+    for name in ("A", "B"):
+        parser.add_argument(
+            name.lower(),
+            metavar=name,
+            help="result file (.nc), or a folder with one",
+        )
+    add_option(parser, "--out DIR", "folder for comparison.txt and the figures that compare both")
+    add_shared(parser, "--quiet", "--trust")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Read both, compare, print, draw."""
+    out = Outputs(options.out, ["comparison.txt"])
+    from jointplay.base.errors import JointplayError
+    from jointplay.show import plots, reports
+    from jointplay.simulation.analysis import compare
+
+    paths = [Path(options.a), Path(options.b)]
+    labels = [path.stem if path.is_file() else path.name for path in paths]
+    if labels[0] == labels[1]:
+        labels = [str(path) for path in paths]
+    found: dict[str, Any] = {}
+    for label, path in zip(labels, paths, strict=True):
+        read = reports.load([path], [], options.trust)
+        if len(read) > 1:
+            raise JointplayError(
+                f"{str(path)!r} has {len(read)} results; name one: "
+                f"{', '.join(f'{name}.nc' for name in read)}"
+            )
+        found[label] = next(iter(read.values()))
+    if len(found) < 2:
+        raise JointplayError(f"{str(paths[0])!r} twice: give two results")
+    folder = out.claim()
+    comparison = compare(found, not options.quiet)
+    print(comparison)
+    if folder is not None:
+        out.write({"comparison.txt": f"{comparison}\n"})
+        plots.save(found, folder)
+    return 0

@@ -1,0 +1,323 @@
+"""`jointplay identify`: clearance and friction from measurements, and what to measure."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import (
+    Outputs,
+    add_option,
+    add_repeatable,
+    add_shared,
+    add_switch,
+    given,
+    in_unit,
+    quantity,
+)
+from jointplay.cli.commands.inputs import MOTION, POSES, add_inputs, explain
+from jointplay.cli.commands.mechanism import LOOSE, Task, task
+
+REFERENCES = ("place", "frame", "ideal")
+DRIFT = 3
+RUNS = 40
+VERIFYING = 6
+"""Runs by which restitution is sought, and with which a measurement is compared."""
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "identify",
+        help=(
+            "identify clearance, friction, restitution of each joint from measurements; or plan "
+            "what to measure"
+        ),
+        description="Identify clearances, friction, gear play and restitution from measured "
+        "signals, with 95 % confidence intervals, or state that this measurement "
+        "cannot determine a value and which further measurement would. Means over "
+        "stops and slow stretches are compared with the static model, impacts (of an "
+        "accelerometer or of forces in bearings) by their statistics. With --plan: "
+        "the most informative poses and motions. docs/identify.md lists the columns "
+        "of a measurement.",
+        epilog="Example: jointplay identify my_robot.toml measured.csv --out worn",
+        lazy=explain,
+    )
+    add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
+    parser.add_argument(
+        "data",
+        nargs="?",
+        metavar="DATA",
+        help="measurement: CSV with columns such as 'time [s]', 'tool x [mm]'; ROS 2 bag (.mcap or "
+        "its folder); folder of a LeRobot dataset",
+    )
+    group = parser.add_argument_group("measurement")
+    add_option(
+        group,
+        "--reference",
+        "what is known of the tool's ideal position: place: only that it is the same at each "
+        "visit; frame: everything except the pose of the tracker's frame; ideal: everything "
+        "(calibrated)",
+        REFERENCES[0],
+        choices=REFERENCES,
+    )
+    add_repeatable(
+        group,
+        "--noise SIGNAL=X",
+        'standard deviation of a record, such as "tool=20 um"; by default estimated from the '
+        "records",
+    )
+    add_repeatable(
+        group,
+        "--known UNKNOWN",
+        'unknown to take from the scenario instead, such as "friction" or "elbow radial clearance"',
+    )
+    add_repeatable(
+        group,
+        "--also",
+        "identify the dry friction on the joint's side of every gear, not only where the "
+        "scenario has some",
+        choices=("friction",),
+    )
+    add_repeatable(
+        group,
+        "--stiffness PART=X[+-Y%]",
+        'known stiffness, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there is '
+        'one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), '
+        '"all=inf" (except gears); stiffnesses that are not given are unknown',
+    )
+    add_option(
+        group,
+        "--drift N",
+        "degree of the polynomial in time by which readings may drift; 0: no drift",
+        DRIFT,
+    )
+    add_option(
+        group,
+        "--lag TIME",
+        "about how late readings of the tool, and of links, may be behind the motors' encoders; 0: "
+        "simultaneous, inf: unknown (default: 0, of bags and datasets inf)",
+        type=_lag,
+    )
+    group = parser.add_argument_group("bags and datasets")
+    add_repeatable(
+        group,
+        "--source SIGNAL=TOPIC",
+        "topic of a bag that has a signal, or feature of a dataset and its unit: "
+        '"motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]", '
+        '"elbow reaction=/load_cell"; signals are motor, link, torque, tool, force, acceleration '
+        "and, of one joint, reaction; without the option, the error lists what there is",
+    )
+    add_repeatable(
+        group,
+        "--map JOINT=NAME",
+        "recorded name of a joint (or axis x, y, z), with a sign, factor and offset: "
+        '"elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"',
+    )
+    add_option(group, "--episode N", "episode of a dataset, counted from 0")
+    add_repeatable(
+        group, "--world FRAME", "frame of a bag whose axes are those of the robot's base"
+    )
+    group = parser.add_argument_group("by simulated runs of the scenario")
+    add_option(
+        group,
+        "--runs RUNS",
+        "where flights do not determine restitution, fit the impact statistics with this many "
+        f"runs ({RUNS} if no number is given)",
+        nargs="?",
+        const=RUNS,
+    )
+    add_option(
+        group,
+        "--verify RUNS",
+        "run the scenario with the identified values and check that its statistics agree with "
+        f"the measurement's, within the scatter of this many runs ({VERIFYING} if no number is "
+        "given)",
+        nargs="?",
+        const=VERIFYING,
+    )
+    add_shared(group, "--jobs")
+    group = parser.add_argument_group("plan")
+    add_switch(group, "--plan", "propose what to measure")
+    add_repeatable(
+        group,
+        "--signal",
+        "signal that can be measured besides the motors' encoders; by default tool",
+        choices=("tool", "link", "torque"),
+    )
+    add_option(group, "--count N", "number of experiments to choose", 6)
+    add_option(
+        group, "--push FORCE", "force with which the tool can be pushed; 0: none (default 20)"
+    )
+    add_option(parser, "--out DIR", "folder for the tables (CSV, JSON) and the figure")
+    add_shared(parser, "--quiet")
+    parser.set_defaults(pose=None, workspace=None)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Identify or plan, print, draw."""
+    from jointplay.base import processes
+
+    if options.plan and options.data is not None:
+        raise JointplayError("give either --plan or a measurement, not both")
+    processes.number_of(options.jobs)
+    if not options.plan and options.data is None:
+        raise JointplayError(
+            "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
+        )
+    data = options.data if options.plan else _recording(options)
+    names = ["identified.csv", "identified.json", "identified.png"]
+    out = Outputs(options.out, ["plan.txt"] if options.plan else names)
+    work = task(options)
+    for option in ("verify", "runs"):
+        if getattr(options, option) and work.simulation is None:
+            raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
+    shared: dict[str, Any] = {
+        "noise": _noise(options.noise),
+        "also": options.also,
+        "known": options.known,
+        "stiffness": _stiffness(options.stiffness),
+    }
+    out.claim()
+    if options.plan:
+        text = _plan(options, work, shared)
+        print("\n".join([*work.notes, text]))
+        if options.out:
+            out.write({"plan.txt": f"{text}\n"})
+        return 0
+    fit = _identify(options, data, work, shared)
+    notes = list(work.notes)
+    if options.gear and work.simulation is None:
+        notes.append(
+            "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
+            "it, it is sought from 1e+04 N m/rad on"
+        )
+    print("\n".join([*notes, str(fit)]))
+    found = fit.describe()
+    if options.verify and work.simulation is not None:
+        from jointplay.estimate.verification import verify
+
+        checked = verify(
+            work.simulation,
+            fit,
+            runs=options.verify,
+            jobs=options.jobs,
+            progress=not options.quiet,
+        )
+        print(checked)
+        found["verification"] = checked.describe()
+    if options.out:
+        from jointplay.show.plots.design import identification
+
+        contents = (fit.data.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
+        out.write(dict(zip(names, contents, strict=True)))
+    return 0
+
+
+def _plan(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -> str:
+    """What to measure."""
+    from jointplay.estimate import plan_measurement
+
+    plan = plan_measurement(
+        work.mechanism,
+        signals=options.signal or ["tool"],
+        count=options.count,
+        joint_friction=None if work.simulation is None else work.simulation.joint_friction,
+        **given(options, "push"),
+        **shared,
+    )
+    return str(plan)
+
+
+def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[str, Any]) -> Any:
+    """What the measurement tells."""
+    from jointplay.estimate import identify
+
+    machine: Any = work.mechanism
+    if work.simulation is not None:
+        machine = replace(work.simulation, mechanism=work.mechanism)
+    return identify(
+        machine,
+        data,
+        motion=work.motion,
+        reference=options.reference,
+        drift=options.drift,
+        lag=options.lag,
+        runs=options.runs or 0,
+        jobs=options.jobs,
+        progress=not options.quiet,
+        **shared,
+    )
+
+
+def _lag(text: str) -> float:
+    """A time [s], or inf."""
+    return math.inf if text == "inf" else in_unit("s")(text)
+
+
+def _recording(options: argparse.Namespace) -> Any:
+    """The bag or dataset that is measured, or the path of a CSV."""
+    from jointplay.estimate.recordings import Recording, is_recording
+
+    about = (options.source, options.map, options.episode is not None, options.world)
+    if not any(about) and not is_recording(options.data):
+        return options.data
+    sources = _pairs(options.source, "--source SIGNAL=TOPIC, such as motor=/joint_states")
+    names = _pairs(options.map, "--map JOINT=NAME")
+    return Recording(options.data, sources, names, options.episode, tuple(options.world))
+
+
+def _pairs(entries: list[str], form: str) -> dict[str, str]:
+    """What stands before and after the sign of equality of a repeatable option."""
+    option, _, words = form.partition(" ")
+    pairs: dict[str, str] = {}
+    for text in entries:
+        first, equals, second = (part.strip() for part in text.partition("="))
+        if not (first and equals and second):
+            raise JointplayError(f"{option} must read {words}, got {text!r}")
+        if first in pairs:
+            raise JointplayError(f"{option} {first!r} appears twice")
+        pairs[first] = second
+    return pairs
+
+
+def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:
+    """Stiffness by label and its relative standard deviation [SI]."""
+    given = {}
+    for text in entries:
+        label, equals, value = (part.strip() for part in text.partition("="))
+        value, plus, part = (one.strip() for one in value.partition("+-"))
+        try:
+            deviation = float(part.removesuffix("%")) / 100.0 if plus else 0.0
+        except ValueError:
+            equals = ""
+        if not equals or (plus and not part.endswith("%")):
+            raise JointplayError(
+                f'--stiffness must read PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad", '
+                f"got {text!r}"
+            )
+        lengthwise = label.endswith((" radial", " axial")) or label == "tool"
+        unit = "N/m" if lengthwise else "N*m/rad"
+        size = math.inf if value == "inf" else quantity(value, unit, f"--stiffness {label}")
+        given[label] = (size, deviation)
+    return given
+
+
+def _noise(entries: list[str]) -> dict[str, float]:
+    """Standard deviations by kind of signal [SI]."""
+    from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
+
+    units = {**TOOL_UNITS, **{kind: units[0] for kind, units in JOINT_UNITS.items()}}
+    deviations = {}
+    for text in entries:
+        kind, equals, value = text.partition("=")
+        if not equals or kind not in units:
+            raise JointplayError(
+                f"--noise must read SIGNAL=X with a signal of {', '.join(units)}, got {text!r}"
+            )
+        deviations[kind] = quantity(value, units[kind], f"--noise {kind}")
+    return deviations

@@ -1,0 +1,645 @@
+"""Options that say what a command looks at: a scenario file, or a robot, in the scenario's words.
+
+`add_inputs` adds them, `scenario_of` makes of them the scenario that the command is about. An
+option for a key of the scenario is named in `OPTIONS` only: what the key is, its unit, its choices
+and its default come from the field that the scenario's tables have for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base import streams
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import (
+    UNITS,
+    add_option,
+    add_repeatable,
+    add_shared,
+    add_switch,
+    name_and_value,
+    numbers_by_name,
+)
+
+if TYPE_CHECKING:
+    from jointplay.base.schema import Field
+    from jointplay.model.urdf import Description
+    from jointplay.physics.joints import Clearance
+    from jointplay.scenario import Scenario
+    from jointplay.scenario.presets import Preset
+    from jointplay.scenario.settings import Setting
+    from jointplay.simulation.simulation import Simulation
+
+OPTIONS = {
+    "robot": ("robot.tool", "robot.gravity", "robot.base"),
+    "joints with clearance": (
+        "joints.JOINT.axial_clearance",
+        "joints.JOINT.bearing_radius",
+        "joints.JOINT.bearing_length",
+        "joints.JOINT.journal_radius",
+        "joints.JOINT.journal_length",
+    ),
+    "gears": (
+        "gear_stiffness=gears.GEAR.stiffness",
+        "gear_damping=gears.GEAR.damping",
+        "gears.GEAR.rotor_inertia",
+    ),
+    "contacts": (
+        "young=joints.JOINT.bearing_material.young+joints.JOINT.journal_material.young",
+        "poisson=joints.JOINT.bearing_material.poisson+joints.JOINT.journal_material.poisson",
+        "joints.JOINT.stiffness",
+        "joints.JOINT.axial_stiffness",
+        "joints.JOINT.normal.law",
+        "joints.JOINT.restitution",
+        "joints.JOINT.normal.damping",
+        "impact_mass=joints.JOINT.normal.mass",
+        "friction=joints.JOINT.friction.mu_d",
+    ),
+    "motion": ("motion=motion.file", "motion.interpolation"),
+    "drive and start": (
+        "drive.bandwidth",
+        "drive.damping_ratio",
+        "integration.seed",
+        "integration.start",
+        "integration.settle",
+        "integration.judge_from",
+    ),
+    "integration and output": (
+        "integration.step",
+        "integration.duration",
+        "integration.integrator",
+        "integration.macro_step",
+        "integration.tolerance",
+        "output.record_every",
+    ),
+}
+"""Options that are names for keys of a scenario, by group: a key, whose last part is the name.
+
+Each is one setting, as if by ``--set KEY=VALUE``: the scenario's tables read its value, check it,
+and say what it is. In a key, ``JOINT`` stands for each joint of ``--joint``, ``GEAR`` for each of
+``--gear``. An option of another name than its key's, or with several keys, has it in front.
+"""
+
+POSES = ("robot", "joints with clearance", "gears")
+"""Groups of who looks at poses, where nothing moves."""
+
+MOTION = "motion"
+"""Group of who looks along a motion as well."""
+
+_STATIC_GEAR = {"rotor_inertia": 0.1, "stiffness": 1e4}
+"""Of gears of which only the play is given, where only that counts."""
+
+MOST_CHOICES = 9
+"""Words that an option's help lists."""
+
+_LINEAR = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
+"""Laws whose stiffness is in N/m, and therefore their own."""
+
+
+def number(text: str) -> Any:
+    """A number, or text with its unit, which the scenario reads or refuses."""
+    from jointplay.base.units import plain_number
+
+    with suppress(ValueError):
+        value = plain_number(text)
+        return int(text) if text.strip().lstrip("+-").isdecimal() else value
+    return text
+
+
+def gravity(text: str) -> Any:
+    """A word, or three components."""
+    parts = text.split(",")
+    return text if len(parts) == 1 else [number(part.strip()) for part in parts]
+
+
+def as_local_path(text: str) -> str:
+    """A path as seen from here, where a scenario would take it for one as seen from its file."""
+    return text if text.startswith("jointplay:") else str(Path(text).resolve())
+
+
+_READERS: dict[str, Callable[[str], Any]] = {
+    "tool": str,
+    "gravity": gravity,
+    "motion": as_local_path,
+}
+"""From the text of the command line to a value of the scenario; other values are numbers."""
+
+
+@dataclass(frozen=True)
+class Flag:
+    """An option, and the keys that its value is for."""
+
+    attribute: str
+    """Name of its value among the options."""
+    keys: tuple[tuple[str, ...], ...]
+    group: str
+
+    @classmethod
+    def parse(cls, text: str, group: str) -> Flag:
+        """An entry of `OPTIONS`."""
+        name, _, keys = text.rpartition("=")
+        paths = tuple(tuple(key.split(".")) for key in keys.split("+"))
+        return cls(name or paths[0][-1], paths, group)
+
+    @property
+    def name(self) -> str:
+        """As it is typed."""
+        return f"--{self.attribute.replace('_', '-')}"
+
+    def read(self, text: Any) -> Any:
+        """From the text of the command line to a value of the scenario."""
+        return _READERS.get(self.attribute, number)(text) if isinstance(text, str) else text
+
+
+FLAGS = tuple(Flag.parse(text, group) for group, several in OPTIONS.items() for text in several)
+
+
+def add_inputs(
+    parser: Any,
+    groups: Sequence[str] = tuple(OPTIONS),
+    *,
+    several: bool = False,
+    needed: bool = False,
+    joints: str = "the options of this group and of contacts apply to these joints",
+) -> dict[str, Any]:
+    """Add the options that say what a command looks at; returns their groups.
+
+    Args:
+        parser: of the command; one with ``lazy=explain``.
+        groups: those of `OPTIONS` that it has.
+        several: whether it takes several cases of a file at once.
+        needed: whether the file or the robot must be given; else it is the SCARA.
+        joints: what --joint does beside naming joints, in words.
+    """
+    parser.add_argument(
+        "place",
+        nargs=None if needed else "?",
+        metavar="FILE | ROBOT",
+        help="scenario (TOML; see jointplay init, jointplay check), URDF, or name of a robot of "
+        "example-robot-data such as ur5 (jointplay robots)",
+    )
+    add_repeatable(
+        parser,
+        "--set KEY=VALUE",
+        'any key of the scenario, such as joints.joint_b.radial_clearance="0.3 mm"; '
+        "docs/scenarios.md lists them",
+    )
+    if several:
+        add_repeatable(parser, "--case NAME", "run only this case of FILE")
+    else:
+        add_shared(parser, "--case")
+    add_shared(parser, "--trust")
+    made = {name: parser.add_argument_group(name) for name in groups}
+    parser.set_defaults(groups=tuple(groups))
+    if "robot" in made:
+        add_shared(made["robot"], "--allow-unphysical", "--fix")
+    if "joints with clearance" in made:
+        group = made["joints with clearance"]
+        add_repeatable(
+            group,
+            "--joint NAME[=LENGTH|=BEARING]",
+            "joint with clearance, optionally with its radial clearance or the designation of its "
+            f'rolling bearing, such as elbow="6010/C3"; {joints}',
+        )
+        add_option(
+            group,
+            "--clearance LENGTH",
+            "radial clearance of these joints; of sliders, that on each side",
+            type=str,
+        )
+        add_switch(group, "--ideal", "the robot without clearance")
+        group.add_argument(
+            "--preset",
+            metavar="NAME",
+            nargs="?",
+            const="",
+            help="joints, gears and drives as they are publicly known, or assumed for a class of "
+            "robots (jointplay presets lists them; without NAME that of ROBOT); what else is given "
+            "counts more",
+        )
+    if "gears" in made:
+        add_repeatable(
+            made["gears"],
+            "--gear JOINT=ANGLE",
+            'total play of a joint\'s gear, such as elbow="2 arcmin"; the options of this group '
+            "apply to these gears, or to all",
+        )
+    for flag in FLAGS:
+        if flag.group in made:
+            made[flag.group].add_argument(flag.name)
+    if "drive and start" in made:
+        add_repeatable(
+            made["drive and start"],
+            "--joint-friction JOINT=C,V",
+            "Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction (default: from the URDF)",
+        )
+    return made
+
+
+def explain(parser: argparse.ArgumentParser) -> None:
+    """Fill in what the scenario's tables say; only who asks for help waits for them."""
+    known = {flag.name: flag for flag in FLAGS}
+    for action in parser._actions:
+        for name in action.option_strings:
+            if name in known and not action.help:
+                action.help, action.metavar = explanation(known[name])
+
+
+def explanation(flag: Flag) -> tuple[str, str]:
+    """What fields say of an option's key, with choices and default; and what stands for a value."""
+    from jointplay.base.schema import fields_at, is_word
+    from jointplay.scenario.model import Model
+
+    found = list(fields_at(Model, flag.keys[0]))
+    text = next((text for _, text in found if text), "")
+    text = " ".join(text.split()).replace("`", "").rstrip(".")
+    field = found[0][0]
+    words = [word for one, _ in found if one.choices for word in one.choices[1]]
+    choices = list(dict.fromkeys(words))
+    if choices and len(choices) < MOST_CHOICES:
+        text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
+    elif choices:
+        text = f"{text or 'one'} of {len(choices)}, see docs/laws.md: {', '.join(choices[:3])} ..."
+    units = [unit.replace("*", " ") for unit in field.units if unit]
+    if units and "[" not in text:
+        text += f" [{' or '.join(units)}]"
+    known = [default for key in flag.keys if (default := default_of(key))]
+    text += f" (default {' '.join(dict.fromkeys(known))})" if known else ""
+    by_unit = {unit: word for word, unit in UNITS.items()}
+    metavar = by_unit.get(field.units[0], "X") if field.units != ("",) else "X"
+    if is_word(field.hint):
+        metavar = "WORD" if choices else flag.keys[0][-1].upper()
+    return f"{text}: {'.'.join(flag.keys[0])}".removeprefix(": ").replace("%", "%%"), metavar
+
+
+def default_of(key: Sequence[str]) -> str:
+    """What holds for a bare robot of which a key is not given, as text; empty if nothing does."""
+    from jointplay.base.schema import fields_at
+    from jointplay.scenario.model import Model
+
+    field: Field | None = next((one for one, _ in fields_at(Model, key, every=False)), None)
+    value = None if field is None else field.default
+    words = field.choices[1] if field is not None and field.choices else ()
+    if isinstance(words, Mapping) and not isinstance(value, str):
+        value = next((word for word, stands_for in words.items() if stands_for == value), None)
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    return value if isinstance(value, str) else ""
+
+
+_CLEARANCE = Flag("clearance", (("joints", "JOINT", "clearance"),), "joints with clearance")
+"""For which each kind of joint has a name of its own: the first of its ``clearance_fields``."""
+
+SCARA_JOINT = "joint_b"
+"""Joint of the SCARA that has clearance where nothing is named."""
+
+
+def is_scenario(options: argparse.Namespace) -> bool:
+    """Whether the options name a scenario file rather than a robot."""
+    from jointplay.model.robots import is_robot
+
+    return options.place is not None and not is_robot(options.place)
+
+
+def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
+    """The scenario that the options of `add_inputs` describe.
+
+    Args:
+        options: those of the command.
+        still: whether nothing moves, so that a gear's play is all that counts of it.
+
+    Raises:
+        JointplayError: options that do not go together, or what they name is not there.
+    """
+    from jointplay.scenario import Scenario
+    from jointplay.scenario.load import merge
+    from jointplay.scenario.robot import robot_scenario
+    from jointplay.scenario.settings import Setting, parse, tree
+
+    ideal = bool(_value(options, "ideal"))
+    wanted = [*robot_settings(options), *(parse(text) for text in options.set)]
+    file = _file(options)
+    if file is not None and ideal:
+        raise JointplayError(
+            "--ideal is for a robot; for a joint of a scenario use --set joints.NAME.ideal=true"
+        )
+    if file is None and options.case:
+        raise JointplayError("--case needs a scenario (.toml)")
+    of_file = {} if file is None else _tables(file)
+    preset, settings = _of_preset(options, wanted, file)
+    settings = [one for one in settings if one.key[1] not in of_file.get(one.key[0], {})]
+    names = list(named_joints(options))
+    if options.place is None and not names and not ideal:
+        names = [SCARA_JOINT]
+    bearings, lengths = _of_joints(options)
+    settings += bearings
+    said = merge(of_file, tree([*settings, *wanted]))
+    if names or for_joints(options):
+        settings += _joint_settings(options, names, lengths, said, file, wanted)
+        if still and file is not None:  # who names a joint of one case wants its play
+            settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
+    settings += [*_gear_settings(options, said, still), *_other_settings(options), *wanted]
+    if file is None:
+        scenario = robot_scenario(options.place, names, settings, ideal, still)
+    elif not settings:
+        return file
+    else:
+        scenario = Scenario.load(options.place, options.trust, settings)
+    if preset is not None:
+        scenario.assumptions.append(f"preset {preset.name}: {preset.words}")
+        scenario.assumptions.extend(f"preset {preset.name}: {one}" for one in preset.origins)
+    return scenario
+
+
+def simulation_of(options: argparse.Namespace) -> Simulation:
+    """The one simulation that the options of `add_inputs` describe.
+
+    Raises:
+        JointplayError: several cases, or what `jointplay run` would refuse.
+    """
+    from jointplay.scenario.assumptions import decisive
+
+    scenario = scenario_of(options)
+    simulation = scenario.simulation(options.case)
+    scenario.ready_run(options.case)  # says what cannot be, with its line
+    for line in decisive(scenario, {options.case or scenario.cases[0]: simulation}):
+        streams.note(line)
+    motion = simulation.motion
+    if motion is None:
+        streams.note("no motion")
+    else:
+        streams.note(f"one cycle: {simulation.duration or motion.duration:g} s simulated")
+    return simulation
+
+
+def robot_settings(options: argparse.Namespace) -> list[Setting]:
+    """What --allow-unphysical and --fix say."""
+    from jointplay.scenario.settings import Setting
+
+    given = {key: _value(options, key) for key in ("allow_unphysical", "fix")}
+    return [
+        Setting(("robot", key), list(names), f"--{key.replace('_', '-')}")
+        for key, names in given.items()
+        if names
+    ]
+
+
+def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
+    """Joints of --joint, each with its clearance or bearing if it has one."""
+    from jointplay.physics.joints.bearings import is_designation
+
+    if "joints with clearance" not in options.groups:
+        return {}
+    return dict(name_and_value(entry, is_value=is_designation) for entry in options.joint)
+
+
+def for_joints(options: argparse.Namespace) -> list[Flag]:
+    """Options that were given for joints with clearance."""
+    return [flag for flag in _given(options) if flag.keys[0][0] == "joints"]
+
+
+def _given(options: argparse.Namespace) -> list[Flag]:
+    """Options for keys of the scenario that were given."""
+    return [
+        flag
+        for flag in (_CLEARANCE, *FLAGS)
+        if flag.group in options.groups and _value(options, flag.attribute) is not None
+    ]
+
+
+def chosen_preset(options: argparse.Namespace) -> Preset | None:
+    """What --preset selects: by its name, or without one that of the robot.
+
+    Raises:
+        JointplayError: there is none of that name, or none is known for the robot.
+    """
+    from jointplay.scenario.presets import preset_for
+
+    name = _value(options, "preset")
+    robot = "scara" if options.place is None else str(options.place)
+    return None if name is None else preset_for(robot, name)
+
+
+def _value(options: argparse.Namespace, attribute: str) -> Any:
+    """Value of an option; None also if the command does not have it."""
+    return getattr(options, attribute, None)
+
+
+def _file(options: argparse.Namespace) -> Scenario | None:
+    """The scenario file as it stands, if the target is one."""
+    from jointplay.scenario import Scenario
+
+    if not is_scenario(options):
+        return None
+    _require_known(options.place)
+    return Scenario.load(options.place, options.trust)
+
+
+def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
+    """What any case of a file says of single joints, by the name of the table."""
+    found: dict[str, dict[str, Any]] = {
+        name: {} for name in ("joints", "gears", "drives", "joint_friction")
+    }
+    for case in file.cases:
+        model = file.model(case)
+        for table, joints in found.items():
+            for name, draft in getattr(model, table).items():
+                joints.setdefault(name, {"kind": draft.word, **draft.fields})
+    return found
+
+
+def _of_preset(
+    options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
+) -> tuple[Preset | None, list[Setting]]:
+    """A preset, and its tables as settings."""
+    chosen = chosen_preset(options)
+    if chosen is None:
+        return None, []
+    return chosen, chosen.settings(_description(options, wanted, file))
+
+
+def _description(
+    options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
+) -> Description:
+    """The robot that is looked at."""
+    from jointplay.model.robots import resolve
+    from jointplay.scenario.robot import description_of, robot_path
+
+    if file is None:
+        return description_of(robot_path(options.place), wanted)
+    case = options.case if isinstance(options.case, str) else None
+    robot = file.model(case or file.cases[0]).robot
+    return description_of(resolve(robot.urdf, file.path.parent), wanted)
+
+
+def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, str]]:
+    """Bearings of joints given as NAME=BEARING, and clearances of those given as NAME=LENGTH."""
+    from jointplay.physics.joints.bearings import bearing_kind
+    from jointplay.scenario.settings import Setting
+
+    bearings, lengths = [], {}
+    for name, text in named_joints(options).items():
+        if text is None:
+            continue
+        if (kind := bearing_kind(text)) is None:
+            lengths[name] = text
+            continue
+        for key, value in (("kind", kind), ("designation", text)):
+            bearings.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
+    return bearings, lengths
+
+
+def _joint_settings(
+    options: argparse.Namespace,
+    names: Sequence[str],
+    lengths: Mapping[str, str],
+    said: Mapping[str, Any],
+    file: Scenario | None,
+    wanted: Sequence[Setting],
+) -> list[Setting]:
+    """What options say of joints, in the words of each joint's kind.
+
+    Args:
+        options: those of the command.
+        names: of --joint; without any they are for all joints with clearance.
+        lengths: clearances of single joints.
+        said: of joints otherwise, by the file, the preset, and --set.
+        file, wanted: as in `_description`.
+
+    Raises:
+        JointplayError: an option for a joint, and no joint.
+    """
+    from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
+    from jointplay.scenario.settings import Setting
+
+    tables = said.get("joints", {})
+    given = for_joints(options)
+    joints = list(names) or [*tables]
+    if given and not joints:
+        raise JointplayError(
+            f"{given[0].name} is for a joint with clearance; name it: --joint NAME"
+        )
+    description = _description(options, wanted, file)
+    settings, kinds = [], {}
+    for name in joints:
+        own = tables.get(name, {})
+        kinds[name] = class_of_joint(kind_of_joint(name, description, own))
+        if file is not None and name not in tables:
+            settings.append(assumed_joint(name, description, own))
+    for flag in given:
+        value = flag.read(_value(options, flag.attribute))
+        able = [name for name, kind in kinds.items() if _has(kind, flag)] or joints
+        for key in flag.keys:
+            for name in able:
+                path = _path(key, name, kinds[name], options)
+                settings.append(Setting(path, value, flag.name))
+    for name, text in lengths.items():
+        path = _path(_CLEARANCE.keys[0], name, kinds[name], options)
+        settings.append(Setting(path, number(text), f"--joint {name}={text}"))
+    return settings
+
+
+def _has(kind: type[Clearance], flag: Flag) -> bool:
+    """Whether joints of a kind have what an option is for."""
+    from jointplay.base.schema import fields_of
+
+    own = fields_of(kind)
+    return bool(kind.clearance_fields) if flag == _CLEARANCE else flag.keys[0][2] in own
+
+
+def _path(
+    key: Sequence[str], joint: str, kind: type[Clearance], options: argparse.Namespace
+) -> tuple[str, ...]:
+    """The key of a joint's option: the name that its kind has for a clearance, its law's own."""
+    rest = tuple(key[2:])
+    if rest == ("clearance",):
+        rest = (next(iter(kind.clearance_fields), "clearance"),)
+    elif rest == ("stiffness",) and _value(options, "law") in _LINEAR:
+        rest = ("normal", "stiffness")
+    return ("joints", joint, *rest)
+
+
+def _gear_settings(
+    options: argparse.Namespace, said: Mapping[str, Any], still: bool
+) -> list[Setting]:
+    """What options say of gears: those of --gear, or else all.
+
+    Raises:
+        JointplayError: an option for a gear, and no gear.
+    """
+    from jointplay.scenario.settings import Setting
+
+    plays = numbers_by_name(_value(options, "gear") or (), "--gear JOINT=ANGLE", "rad")
+    known = said.get("gears", {})
+    settings = [
+        Setting(("gears", name, key), value, f"--gear {name}", assumed=True)
+        for name in plays
+        if still and name not in known
+        for key, value in _STATIC_GEAR.items()
+    ]
+    for name, angle in plays.items():
+        settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
+    for flag in _given(options):
+        if flag.keys[0][0] != "gears":
+            continue
+        if not (plays or known):
+            raise JointplayError(
+                f"{flag.name} needs a gear, and no joint has one; add it with --gear"
+            )
+        for name in plays or known:
+            value = flag.read(_value(options, flag.attribute))
+            settings.append(Setting(("gears", name, flag.keys[0][2]), value, flag.name))
+    return settings
+
+
+def _other_settings(options: argparse.Namespace) -> list[Setting]:
+    """What options say that is for no single joint, or names each joint itself."""
+    from jointplay.scenario.settings import Setting
+
+    settings = [
+        Setting(key, flag.read(_value(options, flag.attribute)), flag.name)
+        for flag in _given(options)
+        for key in flag.keys
+        if key[0] not in ("joints", "gears")
+    ]
+    if any(one.key[0] == "drive" for one in settings):
+        settings.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
+    for entry in _value(options, "joint_friction") or ():
+        name, _, values = entry.rpartition("=")
+        parts = [number(value.strip()) for value in values.split(",")]
+        if not name or len(parts) != 2:
+            raise JointplayError(f"--joint-friction must read JOINT=COULOMB,VISCOUS, got {entry!r}")
+        for key, value in zip(("coulomb", "viscous"), parts, strict=True):
+            settings.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
+    return settings
+
+
+def _require_known(target: str) -> None:
+    """Refuse what is neither a scenario file nor looks like one: perhaps a robot's name gone wrong.
+
+    Raises:
+        JointplayError: with the robots whose names resemble it.
+    """
+    import difflib
+
+    from jointplay.base.files import is_file
+    from jointplay.model.robots import robots
+
+    if is_file(Path(target)) or Path(target).suffix or "/" in target or ":" in target:
+        return
+    try:
+        known = robots()
+    except JointplayError as error:
+        raise JointplayError(f"no file {target!r}, and {error}") from None
+    near = [name for name in known if target.lower() in name] or difflib.get_close_matches(
+        target.lower().replace("-", "_"), known
+    )
+    similar = f"; did you mean {', '.join(near)}?" if near else ""
+    raise JointplayError(
+        f"{target!r} is neither a file nor a robot{similar} (jointplay robots lists all)"
+    )

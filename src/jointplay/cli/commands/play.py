@@ -1,0 +1,160 @@
+"""`jointplay play`: results in motion, in the browser or as a file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from jointplay.base import files, streams
+from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.signals import INTERRUPTED
+from jointplay.cli.commands import add_option, add_repeatable, add_shared, add_switch, given
+
+
+def add(commands: Any) -> None:
+    """Add the command to the subparsers `commands`."""
+    parser = commands.add_parser(
+        "play",
+        help="play results in the browser, or write a page that does",
+        description="Show results in motion: robots side by side, their ideal counterparts as "
+        "ghosts, paths of the tool, contact forces, and a close-up of a joint with "
+        "its play magnified. Play in real time, slower or faster, scrub, jump from "
+        "impact to impact.",
+        epilog="The file of --html needs no server and no network: send it to anyone. Films need "
+        "the extra jointplay[movie] and Chromium, but neither a screen nor a graphics "
+        "card.",
+    )
+    parser.add_argument("results", nargs="+", metavar="RESULT", help="result files (.nc)")
+    add_option(parser, "--html FILE", "write one self-contained page instead of serving it")
+    add_option(
+        parser,
+        "--movie FILE",
+        "write a picture (.png) or a film (.gif, .mp4, .webm, .webp) instead of serving a page",
+    )
+    add_option(parser, "--joint NAME", "joint of the close-up (default: the first)")
+    add_option(
+        parser,
+        "--magnify X",
+        "factor of displacements in the close-up (default: one that shows the gap)",
+    )
+    add_repeatable(
+        parser,
+        "--meshes DIR",
+        "folder of the URDF's meshes or packages; those of example-robot-data are found without it",
+    )
+    add_switch(parser, "--no-ghost", "do not show the ideal counterparts")
+    add_option(
+        parser,
+        "--host HOST",
+        "interface to listen on; other machines cannot reach the default",
+        "127.0.0.1",
+    )
+    add_option(parser, "--port N", "port to listen on", 7000)
+    add_switch(parser, "--no-browser", "do not open a browser")
+    film = parser.add_argument_group("film (--movie)")
+    add_option(
+        film,
+        "--speed X",
+        "relative to real time, such as 0.01 (default: one that makes a film of 4 to 20 s)",
+    )
+    add_option(
+        film,
+        "--begin T",
+        "start time [s]; for a picture, its time (default: the start; the hardest impact)",
+    )
+    add_option(film, "--end T", "end time [s] (default: the end)")
+    add_option(film, "--fps X", "frames per second (default 25)")
+    add_option(film, "--size WxH", "pixels, even numbers (default 1280x720)")
+    add_option(film, "--view VIEW", "both, robot or closeup (default both)")
+    add_option(
+        film,
+        "--signal NAME",
+        "drawn over time below the picture, such as 'tool error' or 'contact force, JOINT' "
+        "(default: nothing)",
+    )
+    add_shared(parser, "--quiet", "--trust")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Play what the options name; returns the exit status."""
+    require_whole("the port", options.port, 0, 65535)
+    for name in options.results:  # before anything is loaded that takes time
+        if not files.is_file(Path(name)):
+            raise JointplayError(f"no result file {name!r}")
+    if options.html is not None and options.movie is not None:
+        raise JointplayError("give one of --html and --movie")
+    shot = _shot(options)
+    if options.html is not None:
+        files.check_new(options.html)
+    elif options.movie is not None:
+        from jointplay.show.player import movie
+
+        movie.check(options.movie)
+    else:
+        from jointplay.show.player.server import check_host
+
+        check_host(options.host)
+    try:
+        _play(options, shot)
+    except KeyboardInterrupt:  # while preparing; what is served ends with 0
+        print(file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _play(options: argparse.Namespace, shot: Any) -> None:
+    """Make the page; serve, write or film it."""
+    from jointplay.show import player
+
+    results = player.load(options.results, options.trust)
+    shown: dict[str, Any] = {
+        "joint": options.joint,
+        "magnification": options.magnify,
+        "meshes": options.meshes,
+        "ghosts": not options.no_ghost,
+        "progress": not options.quiet,
+    }
+    if options.html is not None:
+        path = player.save_html(results, options.html, _note, **shown)
+        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+    elif options.movie is not None:
+        print(player.save_movie(results, options.movie, shot, _note, **shown))
+    else:
+        where: dict[str, Any] = {"host": options.host, "port": options.port}
+        player.play(results, **where, browser=not options.no_browser, say=_say, **shown)
+
+
+def _shot(options: argparse.Namespace) -> Any:
+    """What the film shows; None if none is wanted.
+
+    Raises:
+        JointplayError: options of films without one, or numbers that make no sense.
+    """
+    chosen = given(options, "speed", "begin", "end", "size", "fps", "view", "signal")
+    if options.movie is None:
+        if chosen:
+            raise JointplayError(f"{', '.join(f'--{name}' for name in chosen)} needs --movie FILE")
+        return None
+    from jointplay.show.player.movie import Shot
+
+    if "size" in chosen:
+        width, cross, height = chosen["size"].lower().partition("x")
+        if not (cross and width.isdigit() and height.isdigit()):
+            raise JointplayError(f"--size {chosen['size']}: give WIDTHxHEIGHT, such as 1280x720")
+        chosen["size"] = (int(width), int(height))
+    if "fps" in chosen:
+        chosen["frames_per_second"] = chosen.pop("fps")
+    return Shot(**chosen)
+
+
+def _note(text: str) -> None:
+    """A note that is shown at once."""
+    streams.note(text)
+    streams.release()
+
+
+def _say(text: str) -> None:
+    """Print at once: who reads a pipe waits for the address."""
+    print(text, flush=True)

@@ -1,0 +1,463 @@
+"""`jointplay reduce`: play as dead band and friction, for other simulators: a joint or all."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.imports import how_to_install
+from jointplay.base.tables import Column, Table
+from jointplay.cli.commands import (
+    Outputs,
+    add_option,
+    add_repeatable,
+    add_shared,
+    add_switch,
+    given,
+)
+from jointplay.cli.commands.inputs import POSES, add_inputs, chosen_preset, explain, named_joints
+from jointplay.cli.commands.mechanism import Task, task
+
+FORMATS = {
+    "mjcf": [".xml"],
+    "sdf": [".sdf"],
+    "urdf": [".urdf", ".yaml"],
+    "json": [".json"],
+    "usd": [".usda"],
+}
+"""Endings of the files of each format."""
+PARAMETERS = (".yaml", ".json")
+"""Those that random copies have not: `batch.csv` has their numbers."""
+NEEDS = {
+    "mjcf": ("mujoco", "MuJoCo compiles the URDF"),
+    "usd": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
+}
+"""Packages that formats need, and for what."""
+LEANS = ("mjcf", "json")
+"""Formats that can hold the lean of an axis."""
+STEM = "robot"
+"""Name of a whole robot's files."""
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "reduce",
+        help="model the play of a joint, or of all, as dead band and friction, for MuJoCo, Gazebo, "
+        "ROS, Newton",
+        description="Fit a hinge with dead band, stiffness, damping and friction to the full "
+        "model of one joint's play, by reversals about a pose, and write it as MJCF "
+        "(MuJoCo), SDF (Gazebo), URDF and YAML (ROS), USD (Newton), JSON with ranges for domain "
+        "randomisation. The dead band about the axis comes from the gear; the "
+        "bearing contributes friction and tilt, which --tilt writes. --joint names the joint. "
+        "With --all: the play of all joints in one file of each format. --batch adds random "
+        "copies. See docs/decisions.md.",
+        epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
+        'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
+        lazy=explain,
+    )
+    only = "one joint, or with --all any number, by default all that move the tool"
+    add_inputs(parser, POSES, needed=True, joints=only)
+    add_option(parser, "--pose JOINT=X,...", "pose about which the joint reverses")
+    group = parser.add_argument_group("reversals")
+    add_option(group, "--amplitude ANGLE", "amplitude of the reversals (default 0.1)")
+    add_option(group, "--period TIME", "period of a reversal, there and back (default 2)")
+    group = parser.add_argument_group("output")
+    add_option(
+        group,
+        "--encoder",
+        "whether the encoder is before or after the play",
+        "motor",
+        choices=("motor", "link"),
+    )
+    add_switch(group, "--tilt", "let the axes tilt as well, which only MJCF and JSON can hold")
+    add_repeatable(group, "--format", "file format; by default all", choices=FORMATS)
+    add_option(
+        group,
+        "--spread X",
+        "JSON and --batch: relative half width of ranges without measured values, such as 20%% "
+        "(default 0.3)",
+        type=_part,
+    )
+    add_switch(group, "--check", "run the MJCF in MuJoCo and compare it with the full model")
+    add_option(group, "--out DIR", "folder for the files", required=True)
+    group = parser.add_argument_group("whole robot, random copies")
+    add_switch(group, "--all", "write all joints with play into one file of each format")
+    add_option(
+        group, "--batch N", "write N copies besides, their play, friction and stiffness random"
+    )
+    add_option(group, "--seed S", "seed of the random numbers (default 0)", type=int)
+    add_option(
+        group,
+        "--identified FILE",
+        "draw from the 95 %% intervals that jointplay identify found (its identified.json), and "
+        "within --spread where it found none",
+    )
+    add_option(
+        group,
+        "--plugin NAME",
+        "URDF: hardware of ros2_control's tags (default gz_ros2_control/GazeboSimSystem)",
+    )
+    add_shared(group, "--quiet")
+    parser.set_defaults(motion=None, workspace=None)
+
+
+def _part(text: str) -> float:
+    """A part of one: 0.2, or 20%."""
+    try:
+        return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"must be a number or a percentage, got {text!r}"
+        ) from None
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit, print, write."""
+    if options.spread is not None:
+        require_non_negative("--spread", options.spread, "")
+    count = _copies(options)
+    joint = None if options.all else _joint(options)
+    stem = STEM if joint is None else joint.replace("/", "_")
+    formats, notes = _formats(options)
+    endings = [ending for one in formats for ending in FORMATS[one]]
+    width = len(str(count))
+    copies = [f"{stem}_{i:0{width}d}" for i in range(1, count + 1)]
+    names = [f"{stem}{ending}" for ending in endings]
+    names += [f"{one}{ending}" for one in copies for ending in endings if ending not in PARAMETERS]
+    names += ["batch.csv"] * bool(count) + ["reversals.png"] * (joint is not None)
+    from jointplay.model.meshes import FOLDER
+
+    out = Outputs(options.out, names + [FOLDER] * ("mjcf" in formats))
+    from jointplay.bridges import random_copies, reduced_files
+    from jointplay.bridges.reduction import reduce, reduce_all
+
+    if options.spread is None:
+        options.spread = reduced_files.SPREAD
+    options.pose = [options.pose or ""]
+    work = task(options)
+    if not (joint is None or options.joint or work.simulation or joint in work.mechanism.gears):
+        raise JointplayError(
+            "--clearance or --gear is missing: without play there is nothing to reduce"
+        )
+    mechanism = work.mechanism
+    _require_whole_gears(options, work)
+    play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
+    _require_play(options, mechanism, play, formats)
+    found = None
+    if options.identified is not None:
+        found = random_copies.read_identified(options.identified, mechanism.joints)
+    out.claim()
+    pose = _pose(mechanism, work)
+    how = given(options, "amplitude", "period") | {"progress": not options.quiet}
+    if joint is None:
+        reductions, refused = reduce_all(mechanism, pose, **how)
+        notes += [f"not reduced: {why}" for why in refused.values()]
+    else:
+        reductions = [reduce(mechanism, joint, pose, **how)]
+    servos = _servos(options, work) if "mjcf" in formats else {}
+    if servos:
+        notes.append(f"servos (MJCF): {', '.join(servos)}")
+    leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
+    shown = _overview(reductions, leaning) if joint is None else str(reductions[0])
+    print("\n".join([*work.notes, shown]))
+    writer = _Writer(options, mechanism, reductions, pose, endings)
+    written, own = reduced_files.reach(mechanism, reductions, pose, leaning)
+    notes.append(
+        f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
+        f"budget's worst case is {1e3 * own.worst[0]:.5g} mm"
+        + _unwritten(mechanism, reductions, leaning)
+    )
+    for one in reductions:
+        if one.joint in leaning and one.tilt_error > one.tilt:
+            notes.append(
+                f"note: the error of the lean of {one.joint} exceeds its dead band: its load does "
+                "not turn the journal to the rim (a side force presses both rims to one side, or "
+                "nothing does); leave --tilt out"
+            )
+    contents: dict[str, Any] = writer.files(stem, reductions, servos)
+    if "urdf" in formats:
+        contents[f"{stem}.yaml"] = reduced_files.to_yaml(reductions, options.encoder)
+    if "json" in formats:
+        contents[f"{stem}.json"] = reduced_files.to_json(
+            reductions, options.encoder, options.spread
+        )
+    if count:
+        compiled = "mjcf" in formats
+        ranges = random_copies.intervals(
+            mechanism, reductions, options.spread, found, servos, leaning if compiled else ()
+        )
+        values = random_copies.draw(ranges, count, options.seed or 0)
+        for name, row in zip(copies, values, strict=True):
+            ones = random_copies.drawn(reductions, ranges, row)
+            contents |= writer.files(name, ones, random_copies.drawn_servos(servos, ranges, row))
+        contents["batch.csv"] = random_copies.table(ranges, values, copies).csv(17)
+        known = [one.label for one in ranges if one.origin == "identified"]
+        assumed = f"within +-{100.0 * options.spread:g} %, assumed"
+        if known:
+            assumed = f"within the intervals of {', '.join(known)}, all others {assumed}"
+        print(f"{count} random copies, uniform {assumed}")
+    if joint is not None:
+        from jointplay.show.plots.design import reversals
+
+        contents["reversals.png"] = reversals(reductions[0])
+    print("\n".join([*notes, *writer.notes]))
+    writer.write_meshes()
+    out.write(contents)
+    if options.check:
+        mjcf = contents[f"{stem}.xml"]
+        _check(mjcf, writer.meshes, reductions)
+        if leaning:
+            from jointplay.bridges.reduced_mjcf import find_reach
+
+            moved = find_reach(mjcf, writer.meshes, mechanism.tool, pose, own.direction[0])
+            print(
+                f"MuJoCo: the axes' lean moves the tool by {1e3 * moved:.5g} mm along the "
+                "budget's worst direction"
+            )
+    return 0
+
+
+def _copies(options: argparse.Namespace) -> int:
+    """How many random copies are wanted."""
+    count: int = 0 if options.batch is None else options.batch
+    if options.batch is not None and count < 1:
+        raise JointplayError(f"--batch must be at least 1, got {count}")
+    if options.seed is not None and options.seed < 0:
+        raise JointplayError(f"--seed must not be negative, got {options.seed}")
+    for option in ("seed", "identified"):
+        if getattr(options, option) is not None and not count:
+            raise JointplayError(f"--{option} is for random copies: add --batch N")
+    if count and options.spread == 0.0 and options.identified is None:
+        raise JointplayError("--spread 0 makes all copies alike: give one above 0, or --identified")
+    return count
+
+
+def _joint(options: argparse.Namespace) -> str:
+    """The one joint that is named; if it has no clearance of its own, it is no option any more."""
+    if len(options.joint) != 1:
+        raise JointplayError(
+            f"--joint must name one joint, got {len(options.joint) or 'none'}: name it, or add "
+            "--all, which reduces every joint that has play"
+        )
+    ((joint, length),) = named_joints(options).items()
+    if length is None and options.clearance is None:
+        options.joint = []  # its play is the scenario's, or its gear's alone
+    return joint
+
+
+def _unwritten(mechanism: Any, reductions: list[Any], leaning: list[str]) -> str:
+    """Which play is in no file, in words after those on the budget; empty if all is."""
+    left = {name: "" for name in [*mechanism.clearance, *mechanism.gears]}
+    for one in reductions:
+        left.pop(one.joint)
+    parts = [f"all play of {', '.join(left)}"] if left else []
+    upright = [one.joint for one in reductions if one.tilt > 0.0 and one.joint not in leaning]
+    if upright:
+        parts.append(f"the lean of {', '.join(upright)} (--tilt writes it)")
+    if any(max(one.lateral, one.axial) > 0.0 for one in reductions):
+        parts.append("the journals' travel aside and along")
+    return f"; not written: {', '.join(parts)}" if parts else ""
+
+
+def _formats(options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """Formats to write, and why some that nobody asked for are left out.
+
+    Raises:
+        JointplayError: a format that was asked for cannot hold what --tilt writes, or needs a
+            package that is missing, or --check does.
+    """
+    from importlib.util import find_spec
+
+    chosen, notes = list(dict.fromkeys(options.format or FORMATS)), []
+    upright = [one for one in chosen if options.tilt and one not in LEANS]
+    if upright:
+        can = f"the lean of an axis, which --tilt writes, is held by {' and '.join(LEANS)} only"
+        if options.format:
+            raise JointplayError(f"--format {upright[0]} with --tilt: {can}")
+        chosen = [one for one in chosen if one in LEANS]
+        notes.append(f"no {', '.join(upright)}: {can}")
+    for name, (package, use) in NEEDS.items():
+        if name not in chosen or find_spec(package) is not None:
+            continue
+        text = f"{use}, and the package {package} is missing: {how_to_install('simulators')}"
+        if options.format:
+            raise JointplayError(text)
+        chosen.remove(name)
+        notes.append(f"no {name}: {text}")
+    if options.check and "mjcf" not in chosen:
+        raise JointplayError("--check runs the MJCF in MuJoCo: it needs --format mjcf and mujoco")
+    return chosen, notes
+
+
+def _require_play(
+    options: argparse.Namespace, mechanism: Any, joints: list[str], formats: list[str]
+) -> None:
+    """Refuse to write files without any play of a robot that has some.
+
+    A journal has no play about its own axis, which is all that a dead band can say; JSON has the
+    numbers of its lean and travel, too.
+
+    Raises:
+        JointplayError: no file but JSON would have any.
+    """
+    gears = [mechanism.gears[name] for name in joints if name in mechanism.gears]
+    reach = {
+        name: mechanism.clearance[name].play(second_order=False).reach
+        for name in dict.fromkeys(joints)
+        if name in mechanism.clearance and mechanism.clearance[name].hinge is not None
+    }
+    loose = [name for name, far in reach.items() if max(far) > 0.0]
+    leans = options.tilt and any(turn > 0.0 for _, turn in reach.values())
+    bands = any(gear.unloaded_range > 0.0 for gear in gears)
+    empty = [name for name in dict.fromkeys(formats) if name != "json"]
+    if not empty or not loose or leans or bands:
+        return
+    remedy = "a gear's play (--gear NAME=ANGLE)"
+    if not options.tilt:
+        remedy = f"--tilt for the lean, or {remedy}"
+    raise JointplayError(
+        f"{', '.join(empty)} would have no play: the clearance of {', '.join(loose)} gives none "
+        f"about a journal's own axis, only lean and travel, which move the tool; add {remedy}; "
+        "--format json has all numbers"
+    )
+
+
+class _Writer:
+    """What writes the files for simulators, of the robot itself and of random copies."""
+
+    def __init__(
+        self,
+        options: argparse.Namespace,
+        mechanism: Any,
+        reductions: list[Any],
+        pose: dict[str, float],
+        endings: list[str],
+    ) -> None:
+        from jointplay.bridges import reduced_files
+
+        self.out = Path(options.out)
+        plugin = options.plugin or reduced_files.PLUGIN
+        self.notes: list[str] = []
+        self.meshes: dict[str, bytes] = {}
+        makers: dict[str, Callable[..., str]] = {
+            ".sdf": lambda ones, _: reduced_files.to_sdf(mechanism, *ones),
+            ".urdf": lambda ones, _: reduced_files.to_urdf(mechanism, *ones, plugin=plugin),
+        }
+        if ".xml" in endings:
+            from jointplay.bridges.reduced_mjcf import compile_robot
+
+            compiled = compile_robot(mechanism, reductions, pose, options.tilt)
+            self.notes += compiled.notes
+            self.meshes = dict(compiled.meshes)
+            makers[".xml"] = lambda ones, servos: compiled.mjcf(
+                ones, encoder=options.encoder, servos=servos
+            )
+        if ".usda" in endings:
+            from jointplay.bridges.usd import to_usd
+
+            makers[".usda"] = lambda ones, _: to_usd(mechanism, *ones)
+        self.makers = {ending: makers[ending] for ending in endings if ending in makers}
+        follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
+        if follow and {".sdf", ".usda"} & set(endings):
+            self.notes.append(
+                f"sdf and usd: that {', '.join(follow)} mimic others is not represented"
+            )
+
+    def files(self, stem: str, reductions: list[Any], servos: dict[str, Any]) -> dict[str, str]:
+        """Contents by name."""
+        makers = self.makers.items()
+        return {f"{stem}{ending}": make(reductions, servos) for ending, make in makers}
+
+    def write_meshes(self) -> None:
+        """Write the shapes of the MJCF."""
+        from jointplay.base import files
+        from jointplay.model.meshes import FOLDER
+
+        if self.meshes:
+            (self.out / FOLDER).mkdir()
+        for name, data in self.meshes.items():
+            files.write(self.out / FOLDER / name, data)
+
+
+def _overview(reductions: list[Any], leaning: list[str]) -> str:
+    """A line for each joint, with the lean of those whose axes lean in the files."""
+    columns = [
+        Column("joint", [one.joint for one in reductions]),
+        Column("half play", [0.5 * one.dead_band for one in reductions], "rad"),
+        Column("friction", [one.friction for one in reductions], "N*m"),
+        Column("stiffness", [one.stiffness for one in reductions], "N*m/rad"),
+        Column("rotor", [one.rotor_inertia for one in reductions], "kg*m^2"),
+    ]
+    if leaning:
+        tilts = [one.tilt if one.joint in leaning else 0.0 for one in reductions]
+        columns.append(Column("lean", tilts, "rad"))
+    return str(Table(columns))
+
+
+def _check(mjcf: str, meshes: dict[str, bytes], reductions: list[Any]) -> None:
+    """Run the MJCF in MuJoCo; print how it differs from the full model, and which play it has."""
+    from jointplay.bridges.reduced_mjcf import find_play, follow
+
+    for one in reductions:
+        seen = follow(mjcf, one, meshes)
+        kept = "within" if seen.error <= one.angle_error else "beyond"
+        print(
+            f"MuJoCo: {one.joint}: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} "
+            f"the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+            f"{1e3 * seen.step:.3g} ms"
+        )
+        if seen.lean_error is not None:
+            kept = "within" if seen.lean_error <= one.tilt_error else "beyond"
+            print(
+                f"MuJoCo: {one.joint}: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, "
+                f"{kept} the stated {1e3 * one.tilt_error:.4g}"
+            )
+    found = find_play(mjcf, meshes)
+    for one in reductions:
+        if one.joint in found:
+            pushed = found[one.joint]
+            print(
+                f"MuJoCo: {one.joint} turns freely by {1e3 * pushed.dead_band:.5g} mrad (written: "
+                f"{1e3 * one.dead_band:.5g}), then {pushed.stiffness:.5g} N m/rad (written: "
+                f"{one.stiffness:.5g})"
+            )
+    if not found:
+        print("MuJoCo: no joint has a dead band about its axis")
+
+
+def _pose(mechanism: Any, work: Task) -> dict[str, float]:
+    """Joint positions about which joints reverse [rad or m]."""
+    from jointplay.accuracy.poses import middle, moving
+
+    found = {name: float(work.q[0, mechanism.coordinate(name)]) for name in moving(mechanism)}
+    return {**middle(mechanism), **found}
+
+
+def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
+    """Servos of the scenario, or of the preset, by joint."""
+    from jointplay.simulation.loads.drive import Drive, Servo
+
+    drives: dict[str, Drive] = {}
+    if (chosen := chosen_preset(options)) is not None:
+        drives = chosen.drives(work.mechanism.description)
+    if work.simulation is not None:
+        own = work.simulation.drive
+        joints = work.mechanism.joints
+        drives |= dict.fromkeys(joints, own) if isinstance(own, Drive) else own
+    return {name: one for name, one in drives.items() if isinstance(one, Servo)}
+
+
+def _require_whole_gears(options: argparse.Namespace, work: Task) -> None:
+    """Refuse gears of --gear of which a reduction does not know enough.
+
+    Raises:
+        JointplayError: the stiffness or the rotor's inertia is missing.
+    """
+    for option in ("gear_stiffness", "rotor_inertia"):
+        if options.gear and work.simulation is None and getattr(options, option) is None:
+            name = option.replace("_", "-")
+            raise JointplayError(f"--{name} is missing: a gear with play needs it")

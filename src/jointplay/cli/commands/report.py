@@ -1,0 +1,128 @@
+"""`jointplay report`: one page on one or several results."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import add_option, add_repeatable, add_shared, add_switch
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "report",
+        help="write a report on results, or on a sweep: one HTML page, and a PDF of the figures",
+        description="Write a report on one or several results: parameters, assumptions, audit, "
+        "zoomable Figures 9-15, contact modes, impacts, spectra, accuracy of the "
+        "tool. The page needs no network. For a sweep: a table, lines with "
+        "confidence bands, heat maps, distributions, failed cases. Runs are repeated "
+        "to show their largest impacts step by step.",
+        epilog="The tool's error is its deviation from an ideal run with the same inputs, which "
+        "is simulated if it is not among the results.",
+    )
+    parser.add_argument(
+        "results",
+        nargs="+",
+        metavar="RESULT",
+        help="result file (.nc), a folder of them such as jointplay scara writes, or the store of "
+        "a sweep",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FILE",
+        help="the page (default: report.html beside the first result); the PDF is named after it",
+    )
+    add_option(parser, "--title TEXT", "title of the page (default: that of the scenario)")
+    add_repeatable(
+        parser,
+        "--label TEXT",
+        "label of a result, in the order of the results (default: its case, or the file name)",
+    )
+    add_option(
+        parser,
+        "--claims CSV",
+        "claims table of jointplay scara (default: claims.csv in a folder given)",
+    )
+    add_option(
+        parser,
+        "--impacts N",
+        "impacts of each run to show step by step; with 0, no run is repeated (default 5)",
+    )
+    add_switch(parser, "--no-pdf", "write the page only")
+    add_switch(parser, "--quiet", "do not report progress")
+    add_shared(parser, "--trust")
+
+
+def _is_sweep(path: Path) -> bool:
+    """Whether a path is a sweep's store."""
+    return (path / "zarr.json").is_file()
+
+
+def run(options: argparse.Namespace) -> int:
+    """Read the results, write the report, say where."""
+    from jointplay.base.errors import JointplayError
+    from jointplay.base.files import check_new
+
+    paths = [Path(name) for name in options.results]
+    if any(_is_sweep(path) for path in paths):
+        return _sweep(paths, options)
+    home = paths[0] if paths[0].is_dir() else paths[0].parent
+    for path in paths:  # before anything is loaded that takes time
+        if not path.exists():
+            raise JointplayError(f"no result file {str(path)!r}")
+    out = Path(options.out) if options.out else home / "report.html"
+    for target in [out] if options.no_pdf else [out, out.with_suffix(".pdf")]:
+        check_new(target)
+    from jointplay.show import reports
+
+    results = reports.load(paths, options.label, options.trust)
+    claims = Path(options.claims) if options.claims else None
+    if claims is None:
+        beside = [path / "claims.csv" for path in paths if path.is_dir()]
+        claims = next((path for path in beside if path.is_file()), None)
+    written = reports.report(
+        results,
+        out,
+        title=options.title,
+        claims=claims,
+        impacts=reports.IMPACTS if options.impacts is None else options.impacts,
+        pdf=not options.no_pdf,
+        say=(lambda text: None) if options.quiet else _say,
+    )
+    for path in written:
+        print(path)
+    return 0
+
+
+def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
+    """Write the report of a sweep."""
+    from jointplay.show.reports import sweep
+    from jointplay.study.store import reading
+
+    if len(paths) > 1:
+        raise JointplayError("a sweep gets a separate report; give only its store")
+    for name in ("label", "claims", "impacts"):
+        if getattr(options, name):
+            raise JointplayError(f"--{name} is for results; {str(paths[0])!r} is a sweep")
+    store = paths[0]
+    default = store.parent / f"{store.name.removesuffix('.zarr')}_report.html"
+    with reading(store):
+        written = sweep.write(
+            store,
+            Path(options.out) if options.out else default,
+            title=options.title,
+            pdf=not options.no_pdf,
+            say=(lambda text: None) if options.quiet else _say,
+        )
+    for path in written:
+        print(path)
+    return 0
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

@@ -1,0 +1,574 @@
+"""`jointplay run FILE`: all cases of a scenario, in parallel, and the figures that compare them."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import math
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base import processes, signals, streams
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.files import claim, holds, refuse_present
+from jointplay.base.progress import current, printing, whole
+from jointplay.base.signals import INTERRUPTED
+from jointplay.base.tables import few
+from jointplay.simulation.working_files import check_own, working_paths
+
+if TYPE_CHECKING:
+    from jointplay.physics.kernel import Status
+    from jointplay.scenario import Scenario
+    from jointplay.scenario.settings import Setting
+    from jointplay.simulation.result.result import Result
+    from jointplay.simulation.run import Run
+    from jointplay.simulation.simulation import Simulation
+
+
+STOPPED = 1
+
+_LONGEST_NAME = 100
+"""Bytes of a file's name that are taken of its case's."""
+
+IDLE, IDLE_S = 0.2, 1.0
+"""More than this part of a run, and more than this [s], without motion is told of."""
+
+_LOOK_S = 0.2
+"""Interval at which progress is looked at."""
+
+
+@dataclass(frozen=True)
+class CaseRun:
+    """A case that is to be run."""
+
+    case: str
+    path: Path
+    """Of its result."""
+    errors: str
+    """How numerical errors are found: ``certify``, ``estimate`` or not at all."""
+    finished: bool = False
+    """Whether its result is there, and only they are missing."""
+
+    @property
+    def certified(self) -> bool:
+        """Whether several further runs find them."""
+        return self.errors == "certify"
+
+    @property
+    def records(self) -> Path:
+        """File of its records while it runs."""
+        return working_paths(self.path)[0]
+
+
+def run(scenario: Scenario, options: argparse.Namespace) -> int:
+    """Run the cases, draw the figures, say how each ended and what came out."""
+    from jointplay.show.plots.names import MARK, is_paper_robot
+    from jointplay.show.plots.names import file_names as names_of_figures
+
+    for case in options.case:
+        if case not in scenario.cases:
+            raise MissingName("case", case, scenario.cases)
+    cases = [case for case in scenario.cases if not options.case or case in options.case]
+    jobs = processes.number_of(options.jobs, cases)
+    out, names = Path(options.out), file_names(cases)
+    drawn: list[str] = []
+    if scenario.figures and not options.no_figures:
+        robots = (scenario.model(case).robot.urdf for case in cases)
+        drawn = names_of_figures(all(map(is_paper_robot, robots)))
+    if not options.resume:
+        check_output_folder(out, names, drawn)
+    from jointplay.physics.kernel import Status
+    from jointplay.scenario.assumptions import decisive
+    from jointplay.show import plots  # what comes now takes long to import
+    from jointplay.simulation.analysis.certification import further_runs
+    from jointplay.simulation.analysis.headline import HISTORIES
+
+    progress = not options.quiet
+    items = {}
+    lengths, simulations, only_run = {}, {}, None
+    remarks: dict[str, list[str]] = {}  # cases by what is said of them
+    for case, name in zip(cases, names, strict=True):  # before anything is written
+        item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
+        run = scenario.ready_run(case, progress, item.records)
+        simulations[case] = run.simulation
+        runs = 1 + (further_runs(run.simulation, item.certified) if item.errors else 0)
+        length = run.total_steps * run.simulation.step
+        # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
+        lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
+        for line in _length_and_size(run):
+            remarks.setdefault(line, []).append(case)
+        only_run = run if len(cases) == 1 else None
+        del run  # and its arrays
+    for line in [*decisive(scenario, simulations), *scenario.notes]:
+        streams.note(line)
+    for line, of in remarks.items():
+        streams.note(line if of == cases else f"case {few(of)}: {line}")
+    done: list[str] = []
+    if options.resume:
+        claim(out, ())
+        for case, item in items.items():
+            if is_finished(item.path, simulations[case]):
+                if item.errors and _lacks_errors(item.path):
+                    items[case] = replace(item, finished=True)
+                else:
+                    done.append(case)
+        for path in (out / name for name in drawn):
+            if path.exists() and not holds(path, MARK):
+                raise JointplayError(
+                    f"{str(path)!r} is not a figure of a run; choose another folder"
+                )
+    else:
+        check_not_interrupted(out, names)
+        claim(out, [*names, *drawn])
+    streams.release()
+    left = [item for case, item in items.items() if case not in done]
+    # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
+    summaries = _Summaries(scenario, items, simulations, None if drawn else HISTORIES, progress)
+    total = sum(lengths[item.case][0] for item in left)
+    if all(map(_gives, simulations.values())):
+        total += sum(more for _, more in lengths.values())
+    with whole(total, progress):
+        summaries.add(*done)
+        if jobs == 1 or len(left) <= 1:
+            stopped = _run_serially(scenario, left, progress, only_run, summaries)
+            only_run = None
+        else:
+            stopped = _run_parallel(scenario, left, jobs, summaries)
+        summaries.finish()
+    results = summaries.results
+    drawable = {case: result for case, result in results.items() if len(result.time) > 1}
+    if drawn and drawable:
+        plots.save(drawable, out)
+    print(f"\nresults in {out}")
+    missing = [case for case in cases if case not in results]
+    unjudged = [
+        case
+        for case, result in results.items()
+        if items[case].errors and result.status == Status.COMPLETED and not result.certificate
+    ]
+    bare = [case for case in unjudged if items[case].certified]
+    interrupted = any(result.status == Status.INTERRUPTED for result in results.values())
+    if interrupted or (stopped and missing + bare):
+        there = ", ".join(items[case].path.name for case in results)
+        note = f"; there is {there}" if there else ""
+        note += f"; without numerical errors: {', '.join(unjudged)}" if unjudged else ""
+        note = f"; no result of: {', '.join(missing)}" if missing else note
+        print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
+        return INTERRUPTED
+    if stopped:
+        print(signals.SAVED, file=sys.stderr)
+        if unjudged:
+            print(
+                f"without numerical errors: {', '.join(unjudged)}; the same command with --resume "
+                "finds them",
+                file=sys.stderr,
+            )
+    return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
+
+
+class _Summaries:
+    """What came out of each case, printed as soon as it can be."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        items: Mapping[str, CaseRun],
+        simulations: Mapping[str, Simulation],
+        only: Sequence[str] | None,
+        progress: bool,
+    ) -> None:
+        """Nothing has been run; `only` are the histories that are looked at, None for all."""
+        self.scenario, self.items, self.simulations = scenario, items, simulations
+        self.only, self.progress = only, progress
+        self.results: dict[str, Result] = {}
+        """Of the cases that are there, in the order of the scenario once all are."""
+        self._printed: set[str] = set()
+        self._ideal = {case for case, one in simulations.items() if not _gives(one)}
+
+    def add(self, *cases: str) -> None:
+        """These are done. Those are printed whose ideal mechanism is there or is no case's."""
+        for case in cases:
+            self._load(case)
+        if self._ideal <= set(self.results):
+            self._print()
+
+    def finish(self) -> None:
+        """No more is run."""
+        for case in self.items:
+            self._load(case)
+        self._print()
+        self.results = {case: self.results[case] for case in self.items if case in self.results}
+
+    def _load(self, case: str) -> None:
+        from jointplay.simulation.result import thinning
+        from jointplay.simulation.result.result import Result
+
+        path = self.items[case].path
+        if case in self.results or not path.exists():
+            return
+        trust = self.scenario.trust
+        if path.stat().st_size < thinning.LARGE_FILE:
+            result = Result.load(path, trust)
+        else:
+            result = Result.load(path, trust, most=thinning.SUMMARY_RECORDS, only=self.only)
+        # What was run, rather than built once more from the file, recorded as seldom as this is.
+        every = json.loads(result.dataset.attrs["simulation"])["record_every"]
+        result.simulation = replace(self.simulations[case], record_every=every)
+        self.results[case] = result
+
+    def _print(self) -> None:
+        for case, result in self.results.items():
+            if case not in self._printed:
+                self._printed.add(case)
+                lines = [*self._headline(result), result.message]
+                if case in self._ideal:  # there is no error to begin with
+                    lines = [lines[-1], *lines[:-1]]
+                answers = "\n  ".join(lines)
+                with printing():
+                    print(f"\n{case}: {answers}\n{result.judgement}", flush=True)
+
+    def _headline(self, result: Result) -> list[str]:
+        """The headline of a case; its ideal mechanism is another case, or simulated for it."""
+        from jointplay.simulation.analysis import is_twin
+        from jointplay.simulation.analysis.headline import headline, reference
+
+        ideal = next((other for other in self.results.values() if is_twin(result, other)), None)
+        return headline(result, ideal or reference(result, self.progress))
+
+
+def _length_and_size(run: Run) -> list[str]:
+    """What is said of a run that goes on without moving, or whose records fill the disk."""
+    simulation, lines = run.simulation, []
+    length = run.total_steps * simulation.step
+    ends = math.inf if simulation.motion is None else simulation.motion.still_from
+    if length - ends > max(IDLE * length, IDLE_S):
+        lines.append(
+            f"the motion ends at {ends:g} s: for the other {length - ends:.4g} s of the duration "
+            "the machine stands still"
+        )
+    if run.overflow is not None and run.overflow.needed:
+        lines.append(
+            f"{run.total_steps // simulation.record_every + 1} records, one every "
+            f"{1e6 * simulation.record_every * simulation.step:g} us, take "
+            f"{run.overflow.bytes / 1e9:.2g} GB on disk while it runs, and the result about as "
+            "much (--record-every makes them fewer)"
+        )
+    return lines
+
+
+def _gives(simulation: Simulation) -> bool:
+    """Whether a mechanism has joints or gears that are not ideal."""
+    return bool(simulation.mechanism.clearance or simulation.mechanism.gears)
+
+
+def _errors(scenario: Scenario, case: str, options: argparse.Namespace) -> str:
+    """How the numerical errors of a case are found."""
+    integration = scenario.model(case).integration
+    if options.certify or integration.certify:
+        return "certify"
+    return "estimate" if integration.estimate_errors and not options.no_error_estimate else ""
+
+
+def file_names(cases: Sequence[str]) -> list[str]:
+    """A file for each case: its label, but for what some file system does not take."""
+    import re
+
+    names: list[str] = []
+    for case in cases:
+        stem = re.sub(r"[^\w.+-]+", "_", case).strip("._") or "case"
+        stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
+        name, number = f"{stem}.nc", 2
+        while name.lower() in (other.lower() for other in names):
+            name, number = f"{stem}_{number}.nc", number + 1
+        names.append(name)
+    return names
+
+
+def _execute(
+    scenario: Scenario,
+    item: CaseRun,
+    run: Run,
+    progress: bool,
+    begin: Callable[[Run], None] = lambda _: None,
+) -> Status:
+    """Run a case, save it with its scenario, find its errors; `begin` gets each run first."""
+    from jointplay.physics.kernel import Status
+    from jointplay.scenario.settings import words
+    from jointplay.simulation.analysis.certification import add_certificate
+    from jointplay.simulation.saving import run_and_save
+
+    notes = {
+        "scenario": scenario.text,
+        "scenario_file": scenario.path.name,
+        "title": scenario.title,
+        "case": item.case,
+    }
+    if scenario.settings:
+        notes["settings"] = "\n".join(words(scenario.settings))
+    status, result = Status.COMPLETED, None
+    if not item.finished:
+        begin(run)
+        resumed = resume_run(run, item.path)
+        status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
+    if item.errors:
+        add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
+    return status
+
+
+def _run_serially(
+    scenario: Scenario,
+    items: Sequence[CaseRun],
+    progress: bool,
+    ready: Run | None,
+    summaries: _Summaries,
+) -> bool:
+    """Run all in this process, the only one as it is `ready`; returns whether told to stop."""
+    from jointplay.physics.kernel import Status
+
+    for item in items:
+        try:
+            prepared = ready or scenario.ready_run(item.case, progress, item.records)
+            if len(items) > 1:
+                prepared.label = f"case {item.case} "
+            status = _execute(scenario, item, prepared, progress)
+        except signals.GivenUp as error:
+            signals.say(str(error))
+            return True
+        except KeyboardInterrupt:
+            return True
+        if status == Status.INTERRUPTED or signals.stop_requested():
+            return True
+        summaries.add(item.case)
+    return False
+
+
+def _run_parallel(
+    scenario: Scenario, items: Sequence[CaseRun], jobs: int, summaries: _Summaries
+) -> bool:
+    """Run each in a process of its own; returns whether it was told to stop."""
+    clocks = multiprocessing.RawArray(ctypes.c_double, len(items))
+    begun = multiprocessing.RawArray(ctypes.c_int, len(items))
+    bar, shown = current(), 0.0
+    given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
+    kept = f"completed results are in {str(items[0].path.parent)!r}"
+    pool = processes.Pool(partial(_work, clocks, begun, *given), jobs, begin=_begin, kept=kept)
+    left = [item.case for item in items]
+    try:
+        with closing(pool):
+            try:
+                pool.start(enumerate(enumerate(items)))
+                while pool.busy:
+                    for place, _ in pool.outcomes(_LOOK_S):
+                        left.remove(items[place].case)
+                        summaries.add(items[place].case)
+                    if bar is None:
+                        continue
+                    now = sum(clocks)
+                    ended = f"{len(items) - len(left)} of {len(items)} cases done"
+                    for item, runs in zip(items, begun, strict=True):
+                        if item.case in left and runs > 1:
+                            ended += f", errors of {item.case} (further run {runs - 1})"
+                    bar.say(ended)
+                    bar.add(now - shown)
+                    shown = now
+            except BaseException:
+                _stop_workers(pool, items, left)
+                raise
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def _stop_workers(
+    pool: processes.Pool[tuple[int, CaseRun], None], items: Sequence[CaseRun], left: list[str]
+) -> None:
+    """Have the processes save their runs as far as they came; told to stop again, end them."""
+    if signals.stop_requested():
+        signals.say("stopping; saving what was computed (interrupt again to discard it)")
+    try:
+        for process in pool.processes.values():
+            process.terminate()  # which ends a run as Ctrl-C does
+        while pool.busy:
+            with suppress(Exception):  # the first is raised
+                for place, _ in pool.outcomes():
+                    left.remove(items[place].case)
+    except KeyboardInterrupt:
+        pool.close()
+        signals.say(f"discarded without saving: {', '.join(left) or 'nothing'}")
+
+
+_ending = False
+_idle = threading.Lock()
+"""Held while a case is being run and saved."""
+
+
+def _begin() -> None:
+    """Set up a process: told to stop, or without its parent, it saves its run and takes no more."""
+    signal.signal(signal.SIGTERM, _end)
+    processes.begin(_save_and_end)
+
+
+def _save_and_end() -> None:
+    """Have the case at hand saved as far as it came."""
+    os.kill(os.getpid(), signal.SIGTERM)
+    _idle.acquire()
+
+
+def _end(*_: Any) -> None:
+    global _ending
+    _ending = True
+
+
+def _work(
+    clocks: Any,
+    begun: Any,
+    path: str,
+    text: str,
+    trust: tuple[str, ...],
+    settings: tuple[Setting, ...],
+    numbered: tuple[int, CaseRun],
+) -> None:
+    """Run a case in this process and save it; then find its numerical errors."""
+    from jointplay.scenario import Scenario
+
+    index, item = numbered
+    with _idle, suppress(KeyboardInterrupt):  # told to stop before its time loop began
+        if _ending:
+            return
+        scenario = Scenario(text, path, trust, settings)
+        prepared = scenario.ready_run(item.case, records=item.records)
+        with _progress_reporter(clocks, begun, index) as begin:
+            _execute(scenario, item, prepared, False, begin)
+
+
+@contextmanager
+def _progress_reporter(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], None]]:
+    """Tell the parent how far the runs of a case have come; gives what each run is begun with."""
+    over = threading.Event()
+    runs: list[Run] = []
+    past = 0.0
+
+    def tell() -> None:
+        clocks[index] = past + sum(run.workspace.time for run in runs)
+
+    def begin(run: Run) -> None:
+        nonlocal past
+        if runs:
+            past += runs.pop().workspace.time
+        run.guards.append(_check_started)
+        run.stop_checks.append(lambda: _ending)
+        runs.append(run)
+        begun[index] += 1
+
+    def tick() -> None:
+        while not over.wait(_LOOK_S):
+            tell()
+
+    thread = threading.Thread(target=tick, daemon=True)
+    thread.start()
+    try:
+        yield begin
+    finally:
+        over.set()
+        thread.join()
+        tell()
+
+
+@contextmanager
+def _check_started() -> Iterator[None]:
+    """Told to stop before the time loop began, there is nothing to be kept."""
+    if _ending:
+        raise KeyboardInterrupt
+    yield
+
+
+# `jointplay run --resume`: which runs in a folder are finished, and going on with the others.
+
+
+def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
+    """Refuse a folder with an interrupted run, which would be lost.
+
+    Raises:
+        JointplayError: there is one, or another file where one would be kept.
+    """
+    for name in names:
+        check_own(out / name)
+        kept = working_paths(out / name)[1]
+        if kept.exists():
+            raise JointplayError(
+                f"{str(out)!r} holds an interrupted run ({kept.name}); --resume continues it, or "
+                "choose another folder"
+            )
+
+
+def check_output_folder(out: Path, names: Sequence[str], drawn: Iterable[str] = ()) -> None:
+    """Refuse a folder that holds results of a run, or an interrupted one of it.
+
+    Raises:
+        JointplayError: there is one; of an interrupted run it says how to go on.
+    """
+    try:
+        refuse_present(out, [*names, *drawn])
+    except JointplayError:
+        check_not_interrupted(out, names)
+        raise
+
+
+def is_finished(path: Path, simulation: Simulation) -> bool:
+    """Whether the result of a simulation is there and whole.
+
+    Raises:
+        JointplayError: it is of another simulation, or was interrupted and left no checkpoint.
+    """
+    from jointplay.physics.kernel import Status
+    from jointplay.simulation.checkpoint import first_difference
+    from jointplay.simulation.result.result import Result
+
+    check_own(path)
+    if working_paths(path)[1].exists() or not path.exists():
+        return False
+    result = Result.open(path)
+    with result.dataset as dataset:
+        was = json.loads(dataset.attrs["simulation"])
+    now = json.loads(json.dumps(simulation.describe()))
+    if was != now:
+        raise JointplayError(
+            f"{str(path)!r} belongs to another run: {first_difference(was, now)}; choose another "
+            "folder, or undo the change"
+        )
+    if result.status == Status.INTERRUPTED:
+        raise JointplayError(
+            f"{str(path)!r} was interrupted and has no checkpoint; delete it to start again, or "
+            "choose another folder"
+        )
+    return True
+
+
+def _lacks_errors(path: Path) -> bool:
+    """Whether nobody has looked for the numerical errors of a finished result."""
+    from jointplay.simulation.result.result import Result
+
+    with (result := Result.open(path)).dataset:
+        return result.certificate is None
+
+
+def resume_run(run: Run, path: Path) -> bool:
+    """Bring a run to its checkpoint, if there is one; returns whether there is."""
+    kept = working_paths(path)[1]
+    if not kept.exists():
+        return False
+    from jointplay.simulation.checkpoint import check_replaceable, continue_run
+
+    check_replaceable(path)
+    continue_run(run, kept)
+    return True

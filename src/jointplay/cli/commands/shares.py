@@ -1,0 +1,82 @@
+"""`jointplay shares`: which joint brings about the tool's error in runs, and on what it depends."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from jointplay.base import streams
+from jointplay.cli.commands import Outputs, add_option, add_shared
+from jointplay.cli.commands.inputs import add_inputs, explain, simulation_of
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "shares",
+        usage="jointplay shares [FILE | ROBOT] [--runs N] [--sobol N] [--jobs N] [options]",
+        help="find each joint's share of the tool's error in simulated runs, and Sobol indices",
+        description="Dynamic error budget: simulate the play of each joint alone and of all "
+        "together, and print each joint's share of the tool's error and the "
+        "interaction; with --sobol also how much of its variance comes from "
+        "clearances, friction, speed and payload. All input options of jointplay run "
+        "are accepted too. See docs/decisions.md.",
+        epilog="Example: jointplay shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2",
+        lazy=explain,
+    )
+    group = parser.add_argument_group("shares")
+    add_option(group, "--runs N", "perturbed runs of each variant", 3)
+    add_option(
+        group,
+        "--sobol N",
+        "also compute Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)",
+    )
+    add_option(group, "--spread X", "factor by which clearances and friction vary, up or down", 2.0)
+    add_option(group, "--slowest X", "lowest share of the motion's speed", 0.7)
+    add_option(group, "--payload MASS", "largest payload at the tool, varied from zero")
+    add_option(
+        group,
+        "--out DIR",
+        "folder for the table, the figure and the runs, from which an interrupted command "
+        "continues",
+    )
+    add_shared(group, "--jobs", "--quiet")
+    add_inputs(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run, print, draw."""
+    out = Outputs(options.out, ["shares.csv", "shares.png"])
+    from jointplay.study.courses import check_numbers
+    from jointplay.study.shares import check, sensitivity, shares
+
+    payload = options.payload or 0.0
+    check_numbers(options.runs, options.jobs)
+    check(options.sobol, options.spread, options.slowest, payload)
+    simulation = simulation_of(options)
+    folder = out.claim()
+    ensemble: dict[str, Any] = {
+        "jobs": options.jobs,
+        "keep": None if folder is None else folder / "runs",
+        "progress": not options.quiet,
+    }
+    streams.release()
+    budget = shares(simulation, options.runs, **ensemble)
+    print(f"tool: {simulation.mechanism.tool!r}\n{budget}")
+    if options.out:
+        from jointplay.show.plots.design import share_bars
+
+        contents = {"shares.csv": budget.runs.csv(), "shares.png": share_bars(budget)}
+        out.write(contents, f"; runs in {options.out}/runs")
+    if options.sobol is not None:
+        print(
+            sensitivity(
+                simulation,
+                options.sobol,
+                spread=options.spread,
+                slowest=options.slowest,
+                payload=payload,
+                **ensemble,
+            )
+        )
+    return 0

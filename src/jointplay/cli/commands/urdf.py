@@ -1,0 +1,55 @@
+"""`jointplay urdf`: write a URDF with play in some of its joints, for other simulators."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import Any
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
+from jointplay.cli.commands import add_option
+from jointplay.cli.commands.inputs import POSES, add_inputs, explain, scenario_of
+
+
+def add(commands: Any) -> None:
+    """Add the command to the subparsers."""
+    parser = commands.add_parser(
+        "urdf",
+        usage="jointplay urdf FILE | ROBOT --joint NAME [--joint NAME] [options] --out FILE",
+        help="write a URDF whose joints have play, for other simulators",
+        description="Write a URDF in which each named revolute joint is replaced by the virtual "
+        "link: three translations x, y, z of the journal in its bearing, then yaw, pitch and roll. "
+        "Yaw keeps the joint's name, limits, friction and transmission. Everything else in the "
+        "file stays as it is.",
+        epilog="Limits let the journal move about twice its clearance, and the inner ring of a "
+        "rolling bearing as far as it is free; the bearings themselves (round, elastic, with "
+        "friction) cannot be described in a URDF: docs/robots.md.",
+        lazy=explain,
+    )
+    add_inputs(parser, POSES[:2], needed=True)
+    add_option(parser, "--out FILE", "URDF file to write", required=True)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the URDF and say what is in it."""
+    from jointplay.bridges.urdf import to_urdf
+
+    out = Path(options.out)
+    files.check_new(out)
+    scenario = scenario_of(options, still=True)
+    mechanism = scenario.mechanism(options.case)
+    if not mechanism.clearance:
+        raise JointplayError("no joint has clearance: name one with --joint NAME")
+    text = to_urdf(mechanism)
+    files.write(out, text)
+    for name, joint in mechanism.clearance.items():
+        own = joint.drive_coordinate
+        parts = [f"{name} ({part})" if part == own else f"{name}.{part}" for part in joint.freedoms]
+        print(f"{name}: {', '.join(parts)}")
+    moved = out.parent.resolve() != mechanism.description.path.parent.resolve()
+    if moved and re.search(r'<mesh[^>]*filename="(?!\w+://|/)', text):
+        print("note: mesh paths are relative to the old file; put the new file in the same folder")
+    print(f"written: {out}")
+    return 0

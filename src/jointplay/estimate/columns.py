@@ -1,0 +1,116 @@
+"""Columns of tables that were measured: what each is called, its unit, its numbers in SI.
+
+A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``tool_x_mm``).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
+from jointplay.base.units import convert, plain_number
+
+Key = tuple[str, str]
+"""``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
+_BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+_SHOWN = 60
+
+
+def read(
+    path: Path,
+    what: str,
+    meaning: Callable[[str], tuple[Key, str] | None],
+    known: str,
+    words: Collection[str] = (),
+    gaps: Collection[str] = (),
+) -> tuple[dict[Key, np.ndarray], dict[str, tuple[str, ...]]]:
+    """Numbers of a CSV file by what they are [SI], shape (n,) each, and texts by column.
+
+    Args:
+        path: the file; lines beginning with # are comments.
+        what: it is, for messages.
+        meaning: what a column of this name is, and its unit in SI; None for nothing.
+        known: which columns there may be, for messages.
+        words: columns of text.
+        gaps: kinds of column that may have empty cells, which are nan.
+
+    Raises:
+        JointplayError: no such file; a column without unit, of an unknown name or given twice; a
+            cell that is not a number (with its line).
+    """
+    rows = files.csv_rows(path, what)
+    numbers: dict[Key, np.ndarray] = {}
+    texts: dict[str, tuple[str, ...]] = {}
+    for column, title in enumerate(cell.strip() for cell in rows[0][1]):
+        cells = [(line, row[column].strip()) for line, row in rows[1:]]
+        if title in words:
+            texts[title] = tuple(cell for _, cell in cells)
+            continue
+        name, unit = split_title(title, path)
+        if (found := meaning(name)) is None:
+            raise JointplayError(f"{path}: column {title!r} is unknown; there are: {known}")
+        key, goal = found
+        try:
+            factor = float(convert(f"1 {unit}", goal))
+        except ValueError as error:
+            raise JointplayError(f"{path}, column {title!r}: {error}") from None
+        if key in numbers:
+            raise JointplayError(f"{path}: {name!r} appears twice")
+        values = np.full(len(cells), np.nan)
+        for i, (line, cell) in enumerate(cells):
+            try:
+                if cell or key[0] not in gaps:
+                    values[i] = plain_number(cell)
+            except ValueError:
+                raise JointplayError(
+                    f"{path}, line {line}: {title!r} must be a number, got {cell[:_SHOWN]!r}"
+                ) from None
+        numbers[key] = factor * values
+    return numbers, texts
+
+
+def split_title(title: str, path: Path) -> tuple[str, str]:
+    """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
+    match = _BRACKETS.match(title)
+    if match:
+        return match[1].strip(), (match[2] or match[3] or "").strip()
+    name, _, unit = title.rpartition("_")
+    try:
+        convert(f"1 {unit}", "s", "m", "rad", "N", "N*m", "m/s^2")
+    except ValueError:
+        name = ""
+    if not name:
+        raise JointplayError(
+            f"{path}: column {title!r} has no unit; write it behind the name, such as "
+            "'time [s]', 'tool x [mm]' or 'elbow motor [deg]'"
+        )
+    return name.strip(), unit
+
+
+def meaning(
+    name: str,
+    joints: Mapping[str, bool],
+    of_joints: Mapping[str, tuple[str, str]],
+    of_axes: Mapping[str, Mapping[str, str]],
+) -> tuple[Key, str] | None:
+    """Which signal a column is, and the unit that it must fit.
+
+    Args:
+        name: ``tool x``, ``elbow motor``.
+        joints: the robot's joints, and whether each slides.
+        of_joints: units of kinds of signal of a joint that turns, and of one that slides.
+        of_axes: units by axis, of kinds of signal that have axes.
+    """
+    for mark in (" ", "_", "."):
+        first, _, last = name.partition(mark)
+        if last in of_axes.get(first, ()):
+            return (first, last), of_axes[first][last]
+        first, _, last = name.rpartition(mark)
+        if last in of_joints and first in joints:
+            return (last, first), of_joints[last][joints[first]]
+    return None

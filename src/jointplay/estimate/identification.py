@@ -1,0 +1,705 @@
+"""Clearances and friction from measurements: what was found, how well, and what was not."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.accuracy.poses import moving
+from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.tables import Table
+from jointplay.base.units import displayed
+from jointplay.estimate import planning
+from jointplay.estimate.least_squares import (
+    FAINT,
+    MODEL_ELSE,
+    NULL,
+    SAFETY,
+    Fit,
+    LeastSquares,
+    basis,
+    estimates,
+    information,
+    search,
+    why_not,
+)
+from jointplay.estimate.machine import (
+    TOOL,
+    WOUND,
+    Given,
+    Machine,
+    compliances,
+    friction_of,
+    known_gears,
+    with_clearance,
+)
+from jointplay.estimate.measurement import (
+    READINGS,
+    SHOWN,
+    Measurement,
+    Observed,
+    TooLittle,
+    Visits,
+    no_visits,
+    stacked,
+    tool_positions,
+    visits,
+)
+from jointplay.estimate.model import StaticModel
+from jointplay.estimate.nuisances import DRIFT, REFERENCES, drifts, lags, offsets
+from jointplay.estimate.recordings import Recording, is_recording
+from jointplay.estimate.restitution import (
+    IMPACT_KINDS,
+    by_flights,
+    by_simulation,
+    channels,
+    nominal_of,
+)
+from jointplay.estimate.unknowns import (
+    LARGEST_SHARE,
+    NORMAL,
+    Estimate,
+    Unknown,
+    by_label,
+    data,
+    listed,
+)
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.simulation import Simulation
+
+_NAMED = 3
+"""Compliances that are named."""
+_SIZE = 8.0
+"""Parts of the strongest push by which sizes of pushes are told apart."""
+LARGE = 3.0
+"""Times the records' scatter from which on residuals are said to be large."""
+_DARK = 1e-12
+"""Square of the part of a compliance's effect below which there is none of its own."""
+_VAGUE = "its interval is wider than half of its value"
+
+# Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
+
+
+def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
+    """Each joint's compliances with what was found; the structure's at the tool is not a number."""
+    effect, left = problem.effects(fit.theta), -problem.off(fit.theta)
+    nuisance, found = problem.nuisance, []
+    assert nuisance is not None
+    for one in model.elastic:
+        if one.label == TOOL or one.label.endswith(" bush") or not one.effect.any():
+            continue
+        others, k = problem.without([one.label]), int(problem.elastic[one.label][0])
+        # Beside the unknowns it is one more, with what was known of it before.
+        whole = problem.rows(nuisance[:, k])
+        column = np.append(others.project(whole), 1.0 / one.unknown.spread)
+        span = basis(np.vstack([others.project(effect), np.zeros(effect.shape[1])]))
+        own = column - span @ (span.T @ column)
+        size, value, half = float(own @ own), one.unknown.nominal, np.inf
+        if size > _DARK * float(whole @ whole):
+            value += float(own[: len(left)] @ left) / size
+            half = fit.quantile * max(fit.misfit, 1.0) / np.sqrt(size)
+            half = SAFETY * float(np.hypot(half, MODEL_ELSE * value))
+        dark = half > LARGEST_SHARE * abs(value)
+        found.append(Estimate(one.unknown, value, half, _VAGUE if dark else ""))
+    return tuple(found)
+
+
+def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
+    """Why an unknown cannot be identified; empty if it can."""
+    one = problem.unknowns[i]
+    if fit.half_width[i] <= one.widest(fit.theta[i]):
+        return _held_by_friction(i, fit, problem)
+    if soft := _explained(i, fit, problem, model.visits):
+        return soft
+    return _without_effect(one, model) if fit.effect[i] < FAINT else why_not(i, fit, problem)
+
+
+def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
+    """That an interval which begins at zero may be due to friction, if this is not identified.
+
+    A journal that friction holds does not move in wide play either: no play, and any play with
+    enough friction, leave the same means.
+    """
+    one = problem.unknowns[i]
+    if not one.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
+        return ""
+    for k, other in enumerate(problem.unknowns):
+        rubs = other.joint == one.joint and other.name == "friction" and other.sought
+        if rubs and fit.half_width[k] > other.widest(fit.theta[k]):
+            return (
+                f"its interval begins at zero, and {other.label}, which cannot be determined, may "
+                "hold the journal wherever it is: pass the places slowly, in both directions"
+            )
+    return ""
+
+
+def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
+    """That elasticity explains what shows of an unknown as well, if it does."""
+    one = problem.unknowns[i]
+    if one.name in WOUND:
+        return ""
+    labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
+    effect = problem.effects(fit.theta)
+
+    def identified(rigid: Collection[str]) -> bool:
+        """Whether it would be, if the machine were rigid in these ways."""
+        kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
+        stiff = problem.without([label for label in rigid if label in problem.elastic])
+        covariance, null, _ = information(stiff.project(effect[:, kept]))
+        k = kept.index(i)
+        half = fit.quantile * SAFETY * max(fit.misfit, 1.0) * np.sqrt(covariance[k, k]) * one.scale
+        return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
+
+    if not labels or not identified(labels):
+        return ""
+    which = [label for label in labels if identified([label])]
+    sizes = np.unique(np.round(_SIZE * made.force / max(np.abs(made.force).max(), 1e-12)), axis=0)
+    count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
+    words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
+    words += f" or another of {len(which)}" if len(which) > _NAMED else ""
+    return (
+        f"elasticity ({words}) explains the data equally well: pushes of {max(count, 0)} "
+        f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
+        f"(--stiffness{f' of {which[0]}' if which else ''})"
+    )
+
+
+def _without_effect(one: Unknown, model: StaticModel) -> str:
+    """Why nothing moves with an unknown."""
+    made = model.visits
+    if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
+        ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
+        if len(ways) < 2:
+            return "not observable: the joint never reverses"
+        if one.name == "gear_play":
+            return "not observable: the load keeps the gear's teeth on one side"
+    if one.joint in model.levers and not model.levers[one.joint].any():
+        return "not observable: the joint does not move the tool"
+    return "not observable: its load pushes the journal the same way at every visit of a place"
+
+
+def advice(
+    fit: Fit,
+    problem: LeastSquares,
+    observed: Observed,
+    use: np.ndarray,
+    model: StaticModel,
+    reasons: Sequence[str],
+) -> tuple[str, ...]:
+    """Which further experiment or signal would identify what cannot be identified."""
+    unknowns = problem.unknowns
+    if not any(why and one.sought for why, one in zip(reasons, unknowns, strict=True)):
+        return ("",) * len(unknowns)
+    gives = [one.unknown.scale * problem.rows(one.effect[use]) for one in model.elastic]
+    rigid = problem.without(problem.elastic)
+    effect = rigid.project(np.column_stack([problem.effects(fit.theta), *gives]))
+    before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
+    noise = dict(planning.NOISE)
+    for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
+        noise[kind] = max(spread, 1e-9)
+    offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
+    lines = []
+    for i, (one, why) in enumerate(zip(unknowns, reasons, strict=True)):
+        best, words = np.inf, ""
+        for gain, text in offers if why and one.sought else ():
+            half = planning.half_widths(unknowns, before + gain)[i]
+            if half < 0.8 * best:  # the simpler comes first
+                best, words = half, text
+        limit = one.widest(fit.theta[i])
+        if best <= limit:
+            lines.append(f"would determine it, to +- {one.shown(best)}: {words}")
+        elif words and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
+            times = int(np.ceil((best / limit) ** 2))
+            lines.append(f"would determine it if done about {times} times: {words}")
+        else:
+            lines.append("")
+    return tuple(lines)
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What a measurement says of its unknowns; SI units."""
+
+    estimates: tuple[Estimate, ...]
+    """Of all unknowns but restitution and compliances, those that are not sought too."""
+    mechanism: Mechanism
+    """With what was found; unknowns that cannot be identified as in the scenario."""
+    visits: Visits
+    observed: Observed
+    error: np.ndarray
+    """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
+    predicted: np.ndarray
+    """By the static model with what was found, offsets included, shape (n, keys) [SI]."""
+    nuisances: np.ndarray
+    """Effect of what is not sought, see `nuisances`, shape (n, keys, columns)."""
+    misfit: float
+    """RMS of the residuals, in standard errors, which are as large as the residuals demand."""
+    reference: str
+    notes: tuple[str, ...]
+    measured: Measurement
+    restitutions: tuple[Estimate, ...] = ()
+    """Of the joints' impacts, where there is a signal that shows them."""
+    excess: float = np.nan
+    """RMS of the residuals, by the scatter of the records alone."""
+    elasticity: tuple[Estimate, ...] = ()
+    """Compliances of the joints that were accounted for."""
+
+    @property
+    def sought(self) -> tuple[Estimate, ...]:
+        """Of the unknowns that are sought, and of restitution."""
+        own = tuple(one for one in self.estimates if one.unknown.sought)
+        return own + self.restitutions
+
+    def __getitem__(self, label: str) -> Estimate:
+        """What is said of an unknown, by its label such as ``"elbow radial clearance"``."""
+        return by_label((*self.estimates, *self.restitutions), label)
+
+    def __str__(self) -> str:
+        """The table, and why what cannot be told cannot."""
+        soft = [one for one in self.elasticity if one.identified]
+        lines = [*self.notes, listed([*self.sought, *soft], scenario=True)]
+        if not self.estimates:
+            return "\n".join(lines)
+        vague = [one.label for one in self.elasticity if not one.identified]
+        if vague:
+            lines.append(f"accounted for, but not determined: {', '.join(vague)}, tool compliance")
+        used = np.isfinite(self.error)
+        at = used.any(axis=1)
+        lines.append(
+            f"statistical, static model; {int(at.sum())} visits "
+            f"({int((self.visits.stopped & at).sum())} stops) of "
+            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; residual: "
+            f"{self.excess:.2g} times what the records' scatter explains (RMS)"
+        )
+        if self.excess > LARGE:
+            lines.append(
+                "the model does not explain all of it: errors and intervals were enlarged "
+                "accordingly"
+            )
+        return "\n".join(lines)
+
+    @property
+    def data(self) -> Table:
+        """A row for each unknown [SI]."""
+        return data(self.sought)
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        return {
+            "unknowns": [one.describe() for one in self.sought],
+            "compliances": [one.describe() for one in self.elasticity],
+            "misfit": None if np.isnan(self.misfit) else float(self.misfit),
+            "excess": None if np.isnan(self.excess) else float(self.excess),
+            "notes": list(self.notes),
+        }
+
+
+def identify(
+    machine: Simulation | Mechanism,
+    measured: Measurement | Recording | str | Path,
+    *,
+    motion: Motion | None = None,
+    reference: str = "place",
+    noise: Mapping[str, float] | None = None,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    also: Sequence[str] = (),
+    known: Sequence[str] = (),
+    stiffness: Given | None = None,
+    drift: int = DRIFT,
+    lag: float | None = None,
+    runs: int = 0,
+    jobs: int | None = None,
+    progress: bool = False,
+) -> Identification:
+    """Clearances, friction, play of gears and restitution from measured signals.
+
+    Means over stops and slow stretches are compared with the static model, impacts by their
+    statistics, never single records.
+
+    Args:
+        machine: the scenario's simulation or the mechanism, with the play that is expected.
+        measured: signals, or the file that has them (CSV); of a bag or dataset, a `Recording`.
+        motion: reference, if the machine has none of its own; for joints without encoder.
+        reference: what is known of the tool's ideal place, one of `fit.REFERENCES`: ``place``
+            (nothing, but the same at each visit), ``frame`` (all but where the tracker's frame
+            lies), ``ideal`` (all: the geometry is calibrated).
+        noise: standard deviation of a record by kind of signal [SI]; else from the records.
+        joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
+        also: of `parameters.ALSO`: dry ``friction`` behind all gears, not only those with some.
+        known: labels or names of unknowns that are taken from the scenario.
+        stiffness: what is known of the machine's stiffness, by label: ``"elbow torsional"`` (of its
+            gear, if it has one), ``"elbow tilt"`` [N m/rad], ``"elbow radial"``, ``"elbow axial"``,
+            ``"tool"`` [N/m], alone or with its relative standard deviation; ``inf`` is rigid, and
+            ``{"all": inf}`` are all but gears. What is not said is unknown.
+        drift: degree of the polynomial in time by which readings may drift; 0: they do not.
+        lag: standard deviation of the time by which readings of the tool, and of links, may be late
+            behind the motors' encoders [s]; 0: they are simultaneous; ``inf``: nothing is known.
+            None takes the measurement's: 0, but ``inf`` of a `Recording`.
+        runs: simulations by which restitution is sought where flights do not identify it; 0: none.
+        jobs: processes for them; None takes one for each core.
+        progress: show a bar for them, and for reading.
+
+    Raises:
+        JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
+            a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
+    """
+    require_a("machine", machine, "Simulation", "Mechanism")
+    mechanism, motion, friction = _inputs(machine, motion, joint_friction)
+    if reference not in REFERENCES:
+        raise MissingName("reference", reference, REFERENCES)
+    measured = _read(measured, mechanism, noise, progress)
+    bounced = by_flights(mechanism, measured)
+    if drift < 0:
+        raise JointplayError(f"the degree of the drift must not be negative, got {drift}")
+    if lag is not None:
+        if not lag >= 0.0:
+            raise JointplayError(f"the lag must not be negative, got {lag:g} s")
+        measured = replace(measured, lag=lag)
+    prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
+    try:
+        found = _by_means(prior, measured, motion, reference, also, known, drift)
+    except TooLittle as error:
+        if not bounced or not any(measured.has(kind) for kind in IMPACT_KINDS):
+            raise
+        note = f"clearance and friction: this measurement cannot tell: {error}"
+        found = _impacts_only(mechanism, measured, reference, note)
+    if runs and channels(measured) and any(one.reason for one in bounced):
+        if not isinstance(machine, Simulation):
+            raise JointplayError(
+                "restitution by simulated impacts needs the scenario (.toml) that was measured"
+            )
+        own = replace(machine, mechanism=found.mechanism, motion=motion)
+        simulated = by_simulation(
+            own, measured, spreads(found), runs=runs, jobs=jobs, progress=progress
+        )
+        pairs = zip(bounced, simulated, strict=True)
+        bounced = tuple(other if one.reason else one for one, other in pairs)
+    return replace(found, restitutions=bounced, mechanism=with_restitution(found, bounced))
+
+
+def _by_means(
+    machine: Machine,
+    measured: Measurement,
+    motion: Motion | None,
+    reference: str,
+    also: Sequence[str],
+    known: Sequence[str],
+    drift: int,
+) -> Identification:
+    """Everything but restitution."""
+    mechanism = machine.mechanism
+    if mechanism.loops:
+        raise TooLittle(
+            f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
+        )
+    links = set(measured.has("link")) & set(mechanism.gears)
+    if not (measured.has("tool") or measured.has("torque") or links):
+        raise TooLittle(
+            f"{measured.source} has no signal in which play would show: tool x (y, z), JOINT link "
+            "of a gear with play, or JOINT torque is needed in addition to the motors' encoders"
+        )
+    made, observed = visits(mechanism, measured, motion)
+    kinds = [kind for kind, _ in observed.keys]
+    torqued = [name for kind, name in observed.keys if kind == "torque"]
+    stops = bool(made.stopped.any()) and "tool" in kinds
+    unknowns = machine.unknowns(torqued, stops, also, known)
+    model = StaticModel(machine, made, observed.keys, unknowns)
+    use = np.isfinite(observed.mean) & model.certain[:, None]
+    _check(measured, model, use, reference)
+    smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    records = np.where(use, np.maximum(observed.error, smallest), np.nan)
+    nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
+    problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
+    problem, fit = search(problem, np.array([one.nominal or 0.5 * one.scale for one in unknowns]))
+    if fit.freedom < 1:
+        raise TooLittle(
+            f"{measured.source}: {use.sum()} means at {len(made)} visits are too few for "
+            f"{len(unknowns)} unknowns and {problem.projected.shape[1]} offsets, drifts, lags and "
+            "compliances; visit places more often, from both sides"
+        )
+    error = records.copy()
+    error[use] = problem.error
+    reasons = [reason(i, fit, problem, model) for i in range(len(unknowns))]
+    found = estimates(problem, fit, reasons, advice(fit, problem, observed, use, model, reasons))
+    predicted = model.predict(fit.theta) + _offsets(problem, fit.theta, use)
+    left = (observed.mean - predicted)[use] / records[use]
+    return Identification(
+        found,
+        apply(mechanism, found),
+        made,
+        observed,
+        error,
+        predicted,
+        nuisance,
+        fit.misfit,
+        reference,
+        tuple(_assumptions(model, measured, observed, reference, drift)),
+        measured,
+        excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
+        elasticity=elasticity(problem, fit, model),
+    )
+
+
+def spreads(found: Identification) -> dict[str, dict[str, float]]:
+    """Standard deviations of identified clearances and friction, by joint and name."""
+    known: dict[str, dict[str, float]] = {}
+    for one in found.estimates:
+        if one.joint in found.mechanism.clearance and one.identified:
+            known.setdefault(one.joint, {})[one.unknown.name] = one.half_width / NORMAL
+    return known
+
+
+def with_restitution(found: Identification, bounced: Sequence[Estimate]) -> Mechanism:
+    """The mechanism with the restitutions that are identified and that its laws can deliver."""
+    joints = dict(found.mechanism.clearance)
+    for one in bounced:
+        joint = joints[one.joint]
+        if one.identified and np.isfinite(nominal := nominal_of(joint, one.value)):
+            joints[one.joint] = joint.with_restitution(nominal)
+    return found.mechanism.with_clearance(joints) if joints else found.mechanism
+
+
+def _inputs(
+    machine: Simulation | Mechanism,
+    motion: Motion | None,
+    joint_friction: Mapping[str, JointFriction] | None,
+) -> tuple[Mechanism, Motion | None, dict[str, JointFriction]]:
+    """Mechanism, reference, and friction of the joints besides their bearings'."""
+    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
+    friction = planning.urdf_friction(mechanism)
+    if isinstance(machine, Simulation):
+        motion = motion or machine.motion
+        if machine.payloads:
+            raise JointplayError(
+                "identify does not support payloads that are picked up; put them into the URDF"
+            )
+        friction |= dict(machine.joint_friction or {})
+    return mechanism, motion, friction | dict(joint_friction or {})
+
+
+def _impacts_only(
+    mechanism: Mechanism, measured: Measurement, reference: str, note: str
+) -> Identification:
+    """Where means say nothing."""
+    made, observed = no_visits()
+    none = np.zeros((0, 0))
+    return Identification(
+        (), mechanism, made, observed, none, none, none[..., None], np.nan, reference,
+        (*measured.notes, note), measured,
+    )  # fmt: skip
+
+
+def _read(
+    measured: Measurement | Recording | str | Path,
+    mechanism: Mechanism,
+    noise: Mapping[str, float] | None,
+    progress: bool,
+) -> Measurement:
+    """The measurement, of a file if it is one, with the noise that is given."""
+    if not isinstance(measured, Measurement):
+        entries = mechanism.description.joints
+        slides = {name: entries[name].slides for name in moving(mechanism)}
+        slides = dict.fromkeys(mechanism.clearance, False) | slides
+        if not isinstance(measured, Recording):
+            if not is_recording(measured):
+                return Measurement.from_csv(measured, slides, noise)
+            measured = Recording(measured, {})
+        return measured.measurement(slides, noise, progress)
+    return replace(measured, noise={**measured.noise, **(noise or {})})
+
+
+def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference: str) -> None:
+    """Raise if no place is visited in two ways."""
+    at, made = use.any(axis=1), model.visits
+    if not at.any():
+        raise TooLittle(
+            f"{measured.source}: no visit can be used: it is never known on which side teeth and "
+            "journals lie; each gear must cross its play before, by a reversal or a push, and "
+            "each bearing be pressed: push the tool"
+        )
+    if reference != "place" or any(kind == "torque" for kind, _ in model.keys):
+        return
+    ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
+    if len(np.unique(ways, axis=0)) == len(np.unique(made.cell[at])):
+        raise TooLittle(
+            f"{measured.source}: the motion never reverses: no place is visited from two sides or "
+            "under two forces, so play does not show; measure the way back, too (if the robot's "
+            "geometry is calibrated, use the reference 'ideal')"
+        )
+
+
+def nuisances(
+    model: StaticModel, observed: Observed, reference: str, drift: int, late: bool
+) -> tuple[np.ndarray, list[str]]:
+    """What moves the signals and is not sought: its effect (n, keys, columns).
+
+    First that readings are late, then offsets, drift, what friction holds anywhere, and last the
+    compliances, by their labels.
+    """
+    made, keys = model.visits, model.keys
+    tool = tool_positions(model.mechanism, made.joints, made.position)
+    parts = [
+        lags(observed) if late else stacked([], len(made), keys),
+        offsets(keys, made.cell, made.position, tool, reference),
+        drifts(keys, made.time.mean(axis=1), drift),
+        model.loose(),
+        *(one.effect for one in model.elastic),
+    ]
+    labels = [one.label for one in model.elastic for _ in range(one.effect.shape[2])]
+    return np.concatenate(parts, axis=2), labels
+
+
+def _problem(
+    model: StaticModel,
+    mean: np.ndarray,
+    error: np.ndarray,
+    nuisance: np.ndarray,
+    labels: Sequence[str],
+    lag: float,
+) -> LeastSquares:
+    """Least squares of the means that have an error, and of what was known before."""
+    made, use = model.visits, np.isfinite(error)
+    known = np.full(nuisance.shape[2], np.inf)
+    known[len(known) - len(labels) :] = [
+        one.unknown.spread for one in model.elastic for _ in range(one.effect.shape[2])
+    ]
+    if lag:
+        known[: len({kind for kind, _ in model.keys if kind in READINGS})] = lag
+    kinds = [kind for kind, _ in model.keys]
+    strength = max(float(np.abs(made.force).max()), 1e-12)
+    loads = np.column_stack([made.direction, made.stopped, np.round(4.0 * made.force / strength)])
+    _, load = np.unique(loads, axis=0, return_inverse=True)
+    groups = [n[:, None] * len(kinds) + np.arange(len(kinds)) for n in (made.cell, np.ravel(load))]
+    return LeastSquares(
+        model.unknowns,
+        lambda theta: model.predict(theta)[use],
+        mean[use],
+        error[use],
+        nuisance[use],
+        tuple(labels),
+        known,
+        tuple(group[use] for group in groups),
+        np.broadcast_to([kinds.index(kind) for kind in kinds], use.shape)[use],
+        softening={
+            name: np.broadcast_to(factor[:, None], use.shape)[use]
+            for name, factor in model.softening.items()
+        },
+    )
+
+
+def _offsets(problem: LeastSquares, theta: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Best nuisances' effect, shape (n, keys); zero where nothing counted."""
+    left, span = problem.off(theta), problem.projected
+    shifts = np.zeros(use.shape)
+    shifts[use] = -problem.error * (span @ (span[: len(left)].T @ left))[: len(problem.error)]
+    return shifts
+
+
+def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
+    """The mechanism with those values that are identified."""
+    joints, gears = dict(mechanism.clearance), known_gears(mechanism)
+    for one in found:
+        joint, name, value = one.joint, one.unknown.name, one.value
+        if one.reason or not joint:
+            continue
+        if name == "gear_play":
+            gears[joint] = replace(gears[joint], play=value)
+        elif name == "gear_compliance":
+            gears[joint] = replace(gears[joint], stiffness=1.0 / max(value, 1e-12))
+        elif joint in joints and name in (*joints[joint].clearances, "friction"):
+            joints[joint] = with_clearance(joints[joint], {name: value})
+    return mechanism.with_clearance(joints, gears)
+
+
+_IDEAL = {
+    "place": "the tool's ideal place is the same at each visit of a place",
+    "frame": "the tool's ideal place is known except for the tracker's frame",
+    "ideal": "the tool's ideal place is known",
+}
+
+
+def _assumptions(
+    model: StaticModel, measured: Measurement, observed: Observed, reference: str, drift: int
+) -> list[str]:
+    """All that was taken for granted, a line each."""
+    machine = model.machine
+    stated, weak = [], []
+    sought = {one.label for one in model.elastic if one.label.endswith(" bush")}
+    for label, one in machine.compliances.items():
+        unit = "N*m/rad" if one.unit == "rad/(N*m)" else "N/m"
+        if one.nominal:
+            part = f" +- {100.0 * one.spread / one.nominal:.3g} %" if one.spread else ""
+            stated.append(f"{label} {1.0 / one.nominal:.4g} {unit}{part}")
+        elif not one.spread:
+            stated.append(f"{label} rigid")
+        elif label.removesuffix(" link") in machine.wound or label in sought:
+            weak.append(f"{label} 0 +- {one.shown(one.spread)}")
+    if all(word.endswith(" rigid") for word in stated) and "tool rigid" in stated:
+        stated = ["everything rigid but gears"]
+    lines = [
+        *measured.notes,
+        f"assumed (--reference {reference}): {_IDEAL[reference]}",
+        f"assumed (--stiffness): {', '.join(stated) or 'nothing'}; other compliances are unknown",
+    ]
+    softest = [
+        f"{one.label} at most {one.shown(one.most)}" for one in model.unknowns if one.name in WOUND
+    ]
+    if weak or softest:
+        lines.append(f"assumed (--stiffness) of compliances: {', '.join([*softest, *weak])}")
+    words = f"like a polynomial in time of degree {drift}" if drift else "not at all"
+    lines.append(f"assumed (--drift {drift}): readings drift {words}")
+    lag = measured.lag
+    words = f"late by some {1e3 * lag:.4g} ms" if np.isfinite(lag) else "late by an unknown time"
+    words = f"{words} behind the motors' encoders" if lag else "simultaneous with motors' encoders"
+    lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
+    deviations = []
+    for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
+        factor, unit = displayed(SHOWN[kind], fine=True)
+        source = "given" if kind in measured.noise else "of the records"
+        deviations.append(f"{kind} {name} {factor * spread:.3g} {unit} ({source})")
+    lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
+    if taken := _taken(machine, {(one.joint, one.name) for one in model.unknowns}):
+        lines.append(f"taken from the scenario: {', '.join(taken)}")
+    if machine.mechanism.clearance:
+        lines.append(
+            "assumed: contacts deform by the scenario's law, in addition to the compliances"
+        )
+    if made := model.visits.without_encoder:
+        lines.append(
+            f"note: no encoder of {', '.join(made)}: taken from the reference (or at rest), so "
+            "tracking errors of the drives count as play"
+        )
+    return lines
+
+
+def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
+    """Values that are taken from the scenario, for their joints and names are not sought."""
+    mechanism, taken = machine.mechanism, []
+    for joint, bearing in mechanism.clearance.items():
+        if (joint, "friction") not in sought:
+            value = friction_of(bearing)
+            taken.append(
+                f"{joint} bearing {'no law of friction known' if value is None else f'{value:g}'}"
+            )
+        for name, size in bearing.clearances.items():
+            if (joint, name) not in sought:
+                taken.append(f"{joint} {name.replace('_', ' ')} {1e6 * size:.4g} um")
+    for joint in mechanism.joints:
+        own = machine.friction.get(joint, JointFriction())
+        if (joint, "dry_friction") not in sought:
+            taken.append(f"{joint} dry friction {own.coulomb:g} N m")
+        if own.viscous:
+            taken.append(f"{joint} viscous friction {own.viscous:g} N m s/rad")
+    for joint, gear in known_gears(mechanism).items():
+        if (joint, "gear_play") not in sought:
+            taken.append(f"{joint} gear play {1e3 * gear.play:.4g} mrad")
+        given = f"{joint} torsional" in machine.compliances
+        if (joint, "gear_compliance") not in sought and not given:
+            taken.append(f"{joint} gear stiffness {gear.stiffness:.4g} N m/rad")
+    return taken

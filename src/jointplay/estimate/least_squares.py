@@ -1,0 +1,527 @@
+"""Least squares of measured signals with nuisances projected out, and what the data can tell.
+
+A kind of measurement says what its unknowns are (`Unknown`: prior, bounds, unit), what signals a
+model predicts by them, how they were measured, and by which noise. The rest is the same of all:
+what is known before counts like a measurement; nuisances (offsets, drift, compliances) enter
+linearly and are projected out. What is left of the unknowns' effect is the sensitivity J, and
+F = J^T J the Fisher information (standard errors one).
+
+Play that may or may not meet its walls has several minima, and edges: at the clearance at which an
+end wall begins to limit the lean, more of it changes nothing. So the search begins at several
+places, and what explains the means as well as the best widens the intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+from scipy.stats import t as student
+
+from jointplay.estimate.unknowns import Estimate, Unknown
+
+CONFIDENCE = 0.95
+_STEP = 1e-3
+"""Step of differences, relative to an unknown's scale."""
+_RANK = 1e-9
+"""Singular values below this part of the largest count as zero."""
+SHARE = 0.1
+"""Part of a direction in the null space from which on an unknown is named with it."""
+MODEL, MODEL_ELSE = {"friction": 0.1}, 0.02
+"""Part of a value by which the static model itself is off, see benchmarks/truth/identify.py."""
+SAFETY = 1.5
+"""By which intervals are wider than the statistics say, for errors of the model that all means
+share; set by the first ten machines of benchmarks/truth/identify.py."""
+_LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
+"""How often effects are sought over the width of the intervals; least and largest step by scale."""
+_LEAST_FREEDOM = 8
+"""Freedom that few groups are granted: with less, intervals say nothing."""
+NULL = 1e-4
+"""Square of the part of an unknown that may lie in the null space."""
+FAINT = 1e-3
+"""Effect of a whole scale below which nothing is identified, in standard errors."""
+_TRIED, _RANGE = 16, 3.0
+"""Starts that are looked at, and how far they lie from the scenario's values."""
+_FIRST, _LATER = 15, 8
+"""Most steps of least squares from each start, and with other errors."""
+_AS_GOOD = 1.1
+"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
+_ROUGH = 0.005
+"""Part of what play does to a signal by which the static model may be off at a visit."""
+_OTHER_WALL = 4.0
+"""Factor of axial clearances that are tried besides the best."""
+_OUTWARDS = 1.3
+"""By which an end of an interval is moved at a time."""
+_ROUNDS = 2
+"""In which errors are made as large as the residuals demand."""
+
+
+def basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the span of columns (m, k), shape (m, rank)."""
+    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, sizes > _RANK * sizes.max(initial=1e-300)]
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """m measured numbers, what a model says of them by p unknowns, and k nuisances.
+
+    Rows of what follows are the numbers, and then what was known before of unknowns, r in all.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    predict: Callable[[np.ndarray], np.ndarray]
+    """From the unknowns (p,) to the numbers (m,)."""
+    measured: np.ndarray
+    """Shape (m,)."""
+    error: np.ndarray
+    """Standard errors, shape (m,)."""
+    nuisance: np.ndarray | None = None
+    """Effect of what is not sought and enters linearly, shape (m, k)."""
+    labels: tuple[str, ...] = ()
+    """Of the last nuisances, where they have some."""
+    spread: np.ndarray | None = None
+    """Standard deviations of the nuisances about zero, as known before, shape (k,); infinite if
+    nothing is."""
+    groups: tuple[np.ndarray, ...] = ()
+    """Numbers that may be wrong together, of a place or of a load, have the same number, (m,)."""
+    kinds: np.ndarray | None = None
+    """Number of each number's kind of signal, (m,): errors of a kind grow together."""
+    jacobian: Callable[[np.ndarray], np.ndarray] | None = None
+    """Derivatives (m, p) of what `predict` says; by differences if None."""
+    softening: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """By joint, see `StaticModel.softening`, (m,)."""
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Sizes that matter, shape (p,)."""
+        return np.array([one.scale for one in self.unknowns])
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Smallest and largest possible values, shape (p,) each."""
+        ends = np.array([(one.least, one.most) for one in self.unknowns]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
+
+    @cached_property
+    def stated(self) -> np.ndarray:
+        """Numbers of the unknowns of which something was known before."""
+        return np.flatnonzero([np.isfinite(one.spread) for one in self.unknowns])
+
+    @cached_property
+    def _before(self) -> tuple[np.ndarray, np.ndarray]:
+        """What was known of these, and its standard deviation."""
+        known = [self.unknowns[i] for i in self.stated]
+        return np.array([one.nominal for one in known]), np.array([one.spread for one in known])
+
+    @cached_property
+    def elastic(self) -> dict[str, np.ndarray]:
+        """Numbers of the nuisances with a label, by it."""
+        first = 0 if self.nuisance is None else self.nuisance.shape[1] - len(self.labels)
+        names = np.array(self.labels)
+        return {one: first + np.flatnonzero(names == one) for one in dict.fromkeys(self.labels)}
+
+    @cached_property
+    def projected(self) -> np.ndarray:
+        """Orthonormal basis of the nuisances in standard errors, with what was known of them."""
+        r = len(self.measured) + len(self.stated)
+        if self.nuisance is None:
+            return np.zeros((r, 0))
+        columns = np.zeros((r, self.nuisance.shape[1]))
+        columns[: len(self.measured)] = self.nuisance / self.error[:, None]
+        if self.spread is not None:
+            known = np.isfinite(self.spread)
+            columns = np.concatenate([columns, np.diag(1.0 / self.spread)[known]])
+        return basis(columns)
+
+    @property
+    def freedom(self) -> int:
+        """Numbers, and what was known before, less nuisances."""
+        known = 0 if self.spread is None else int(np.isfinite(self.spread).sum())
+        return len(self.measured) + len(self.stated) + known - self.projected.shape[1]
+
+    def project(self, values: np.ndarray) -> np.ndarray:
+        """Values in standard errors, (r,) or (r, k), nuisances projected out.
+
+        Behind them are rows for what was known of the nuisances.
+        """
+        span = self.projected
+        more = [(0, len(span) - len(values))] + [(0, 0)] * (values.ndim - 1)
+        padded = np.pad(values, more)
+        return np.asarray(padded - span @ (span.T @ padded))
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """Values of the numbers [SI], (m,) or (m, k), in standard errors, with rows of zeros."""
+        scaled = values / (self.error if values.ndim == 1 else self.error[:, None])
+        more = [(0, len(self.stated))] + [(0, 0)] * (values.ndim - 1)
+        return np.pad(scaled, more)
+
+    def without(self, labels: Collection[str]) -> LeastSquares:
+        """The problem without these nuisances: of a machine that is rigid in these ways."""
+        gone = np.concatenate([np.zeros(0, int), *(self.elastic[label] for label in labels)])
+        if self.nuisance is None or not len(gone):
+            return self
+        return replace(
+            self,
+            nuisance=np.delete(self.nuisance, gone, axis=1),
+            labels=tuple(one for one in self.labels if one not in set(labels)),
+            spread=None if self.spread is None else np.delete(self.spread, gone),
+        )
+
+    def off(self, theta: np.ndarray) -> np.ndarray:
+        """What the model is off by, nuisances left in, in standard errors, shape (r,)."""
+        value, spread = self._before
+        here = (self.predict(theta) - self.measured) / self.error
+        return np.concatenate([here, (theta[self.stated] - value) / spread])
+
+    def residual(self, theta: np.ndarray) -> np.ndarray:
+        """Residual in standard errors, nuisances projected out."""
+        return self.project(self.off(theta))
+
+    def softened(self, joint: str) -> LeastSquares | None:
+        """The problem of a machine whose bearing in a joint gives way like a contact of lines, not
+        in proportion to its load; None where that is no unknown.
+
+        What becomes stiffer under load looks like play and a stiffer one in proportion.
+        """
+        k = self.elastic.get(f"{joint} radial")
+        if k is None or self.nuisance is None:
+            return None
+        nuisance = self.nuisance.copy()
+        nuisance[:, k] *= self.softening[joint][:, None]
+        return replace(self, nuisance=nuisance, softening={})
+
+    def cost(self, theta: np.ndarray) -> float:
+        """Sum of the squared residuals, in standard errors."""
+        return float(np.square(self.residual(theta)).sum())
+
+    def effects(
+        self, theta: np.ndarray, steps: np.ndarray | None = None, sides: int = 2
+    ) -> np.ndarray:
+        """Effect of each unknown by its scale, nuisances left in, in standard errors, (r, p).
+
+        Where a journal just reaches a wall, more clearance changes nothing and less of it much: an
+        interval by the steep side would be far too narrow on the flat one. So of differences over
+        given steps the one to the side with less effect counts.
+
+        Args:
+            theta: where, shape (p,).
+            steps: of the differences, shape (p,); None takes a small part of the scales, and the
+                mean of both sides.
+            sides: 1 for differences to one side, at half the cost.
+        """
+        if self.jacobian is not None:
+            effect = self.rows(self.jacobian(theta) * self.scale)
+            place = len(self.measured) + np.arange(len(self.stated))
+            effect[place, self.stated] = self.scale[self.stated] / self._before[1]
+            return effect
+        here, columns = self.off(theta), []
+        for i, one in enumerate(self.unknowns):
+            step = _STEP * one.scale if steps is None else steps[i]
+            changes: list[np.ndarray] = []
+            for goal in (theta[i] + step, theta[i] - step):
+                moved = theta.copy()
+                moved[i] = min(max(goal, one.least), one.most)
+                size = moved[i] - theta[i]
+                if abs(size) >= 0.2 * step and len(changes) < sides:  # else a limit is too near
+                    changes.append((self.off(moved) - here) * one.scale / size)
+            if steps is None:
+                columns.append(np.mean(changes, axis=0))
+            else:
+                columns.append(min(changes, key=np.linalg.norm, default=np.zeros(len(here))))
+        return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What least squares found of p unknowns."""
+
+    theta: np.ndarray
+    """Shape (p,)."""
+    half_width: np.ndarray
+    """Half of the 95 % confidence intervals; infinite in the null space, shape (p,)."""
+    freedom: int
+    """Numbers less unknowns and nuisances."""
+    misfit: float
+    """RMS of the residuals, in standard errors: one if the model and the errors are right."""
+    null: np.ndarray
+    """Projector on the null space of the unknowns by their scales, shape (p, p)."""
+    effect: np.ndarray
+    """Of each unknown by its scale on all signals, in standard errors, shape (p,)."""
+    quantile: float = np.inf
+    """Of Student's distribution, by which the intervals were made."""
+
+    def partners(self, i: int) -> list[int]:
+        """Unknowns that cannot be told apart from the i-th, the strongest first."""
+        return partners(self.null[i], i)
+
+
+def partners(row: np.ndarray, i: int) -> list[int]:
+    """Which entries share the i-th one's null space, by its row of the projector; strongest first.
+
+    None where the i-th lies outside of it.
+    """
+    row = np.abs(row)
+    others = [int(k) for k in np.argsort(-row) if k != i and row[k] > SHARE * row[i]]
+    return others if row[i] > NULL else []
+
+
+def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
+    """Where the residuals are least, from a start (p,), within the limits of the unknowns, (p,)."""
+    scale, (low, high) = problem.scale, problem.limits
+    bounded = np.isfinite(low).any() or np.isfinite(high).any()
+    if bounded:
+        start = np.clip(start, low + 1e-3 * scale, high * (1.0 - 1e-6))
+    optimum = least_squares(
+        lambda x: problem.residual(x * scale),
+        start / scale,
+        lambda x: problem.project(problem.effects(x * scale, sides=1)),
+        bounds=(low / scale, high / scale),
+        method="trf" if bounded else "lm",
+        x_scale=1.0,
+        max_nfev=most_steps,
+    )
+    return np.asarray(optimum.x * scale)
+
+
+def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
+    """Least squares from a start (p,), with intervals."""
+    theta, scale = minimum(problem, start, most_steps), problem.scale
+    fit = _intervals(problem, theta)
+    for _ in range(_LOOKS):
+        steps = np.clip(fit.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
+        fit = _intervals(problem, theta, steps)
+    return fit
+
+
+def sandwich(
+    covariance: np.ndarray, effect: np.ndarray, left: np.ndarray, group: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """Variances (p,) of estimates where the residuals of a group are wrong together.
+
+    Args:
+        covariance: by independent residuals, shape (p, p).
+        effect: of the unknowns on r residuals, shape (r, p).
+        left: the residuals, shape (r,).
+        group: number of each one's group, shape (r,).
+
+    Returns:
+        The variances, without a factor for few groups; how many groups there are.
+    """
+    _, numbers = np.unique(group, return_inverse=True)
+    scores = np.zeros((numbers.max(initial=-1) + 1, effect.shape[1]))
+    np.add.at(scores, numbers, left[:, None] * effect)
+    return np.asarray(np.sum((scores @ covariance) ** 2, axis=0)), len(scores)
+
+
+def _intervals(problem: LeastSquares, theta: np.ndarray, steps: np.ndarray | None = None) -> Fit:
+    """Intervals about a solution (p,) by effects over steps (p,)."""
+    left, effect = problem.residual(theta), problem.project(problem.effects(theta, steps))
+    covariance, null, rank = information(effect)
+    size = np.linalg.norm(effect, axis=0)
+    freedom = problem.freedom - rank
+    if freedom < 1:
+        infinite = np.full(len(theta), np.inf)
+        return Fit(theta, infinite, freedom, np.nan, null, size)
+    misfit = float(np.sqrt(left @ left / freedom))
+    spread = covariance * max(misfit, 1.0) ** 2
+    variance, least = np.diag(spread), freedom
+    known = -1 - np.arange(len(left) - len(problem.measured))  # each by itself
+    for group in problem.groups:
+        # What is wrong at one place, or under one load, is wrong in all its numbers.
+        robust, number = sandwich(covariance, effect, left, np.concatenate([group, known]))
+        if number > rank:
+            variance = np.maximum(variance, number / (number - rank) * robust)
+            least = min(least, max(number - rank, _LEAST_FREEDOM))
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, least))
+    own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
+    half = SAFETY * np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
+    half[np.diag(null) > NULL] = np.inf
+    return Fit(theta, half, freedom, misfit, null, size, quantile)
+
+
+def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Covariance (p, p) outside of the null space, projector (p, p) on it, and the rank.
+
+    By the effect (m, p) of the unknowns by their scales, in standard errors.
+    """
+    _, sizes, right = np.linalg.svd(effect, full_matrices=len(effect) < effect.shape[1])
+    every = np.zeros(effect.shape[1])
+    every[: len(sizes)] = sizes
+    # An effect of a whole scale that is a thousandth of the noise identifies nothing either.
+    clear = every > max(_RANK * every.max(initial=0.0), FAINT)
+    axes = right[clear].T / every[clear]
+    return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
+
+
+def search(problem: LeastSquares, start: np.ndarray) -> tuple[LeastSquares, Fit]:
+    """Least squares with errors as large as the residuals demand, by kind of signal.
+
+    Means scatter by more than their records do: journals do not come to rest at quite the same
+    place, and the model is not exact. That is added to the errors.
+    """
+    tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
+    best = min(tried, key=lambda fit: problem.cost(fit.theta))
+    own = problem.error
+    kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
+    for _ in range(_ROUNDS):
+        residual = problem.residual(best.theta)
+        left = residual[: len(own)] * problem.error
+        rough = _ROUGH * np.abs(problem.predict(best.theta))
+        share = max(best.freedom, 1) / len(residual)
+        more = np.zeros(len(own))
+        for kind in np.unique(kinds):
+            mine = kinds == kind
+            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
+        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
+        best = solve(problem, best.theta, _LATER)
+    far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
+    others = [
+        solve(problem, fit.theta, _LATER).theta
+        for fit in tried
+        if (np.abs(fit.theta - best.theta) > far).any()
+    ]
+    others += _with_other_walls(problem, best.theta)
+    limit = _AS_GOOD * problem.cost(best.theta)
+    away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
+    plays = [one.name.endswith("clearance") for one in problem.unknowns]
+    softened = [soft for joint in problem.softening if (soft := problem.softened(joint))]
+    for soft in softened:
+        fit = solve(soft, best.theta, _LATER)
+        cost = soft.cost(fit.theta)
+        if cost <= limit:
+            # Where that explains the means better, its own interval counts, too.
+            nearer = fit if cost < problem.cost(best.theta) else best
+            size = np.abs(fit.theta - best.theta) + nearer.half_width
+            away.append(np.where(plays, size, 0.0))
+    wide = np.max([best.half_width, *away], axis=0)
+    wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
+    return problem, replace(best, half_width=wide)
+
+
+def _profiled(problem: LeastSquares, best: Fit, wide: np.ndarray, i: int) -> float:
+    """Half width of an unknown with which the profile of the cost agrees.
+
+    Slopes at the best values do not see how the others, where walls begin or end to hold a journal,
+    make up for a change of this one. So each end is tried with all others fitted anew, and moved
+    outwards until the means are explained worse by what the interval allows.
+    """
+    half = float(wide[i])
+    one = problem.unknowns[i]
+    widest = one.widest(best.theta[i])
+    if not one.sought or half > widest:
+        return half  # it is not identified in any case
+    limit = problem.cost(best.theta) + (best.quantile * SAFETY * max(best.misfit, 1.0)) ** 2
+    for side in (1.0, -1.0):
+        own = float(wide[i])
+        start = best.theta
+        while own <= widest:
+            value = best.theta[i] + side * own
+            if not one.least < value < one.most:
+                break
+            start = _fitted_beside(problem, start, i, value)
+            if problem.cost(start) > limit:
+                break
+            own *= _OUTWARDS
+        half = max(half, own)
+    return half
+
+
+def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarray]:
+    """The best with each axial clearance much larger or smaller than found.
+
+    At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
+    interval by slopes would not see how little is lost far away on the other.
+    """
+    return [
+        _fitted_beside(problem, theta, i, min(max(theta[i], 0.1 * one.scale) * factor, one.most))
+        for i, one in enumerate(problem.unknowns)
+        if one.name == "axial_clearance" and len(theta) > 1
+        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL)
+    ]
+
+
+def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: float) -> np.ndarray:
+    """The best values of all others, from `theta` on, where the i-th has a given one."""
+    kept = np.arange(len(theta)) != i
+
+    def whole(x: np.ndarray) -> np.ndarray:
+        return np.insert(x, i, value)
+
+    if not kept.any():
+        return whole(theta[kept])
+    others = tuple(other for k, other in enumerate(problem.unknowns) if kept[k])
+    slopes = problem.jacobian
+    part = replace(
+        problem,
+        unknowns=others,
+        predict=lambda x: problem.predict(whole(x)),
+        jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
+    )
+    return whole(solve(part, theta[kept], _LATER).theta)
+
+
+def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
+    """Where to begin: at the start, at it with end walls near and far, at the best about it."""
+    walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
+    starts = [start]
+    if walls.any():
+        starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
+    spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
+    options = np.minimum(start * _RANGE ** (2.0 * spread - 1.0), problem.limits[1])
+    return [*starts, min(options, key=problem.cost)]
+
+
+def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
+    """Standard deviation that, added to errors, explains residuals; by bisection."""
+    low, high = 0.0, float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    if np.square(left / error).sum() <= freedom:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = np.square(left / np.hypot(error, middle)).sum() > freedom
+        low, high = (middle, high) if above else (low, middle)
+    return high
+
+
+def estimate(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:
+    """What a measurement says of its unknowns: values with 95 % intervals, or why it cannot tell.
+
+    Args:
+        problem: the measured numbers and their model.
+        start: where the search begins, shape (p,); None takes the nominal values.
+    """
+    if start is None:
+        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
+    problem, fit = search(problem, start)
+    return estimates(problem, fit, [why_not(i, fit, problem) for i in range(len(start))])
+
+
+def estimates(
+    problem: LeastSquares, fit: Fit, reasons: Sequence[str], advice: Sequence[str] = ()
+) -> tuple[Estimate, ...]:
+    """The unknowns with what was found, and why it cannot be told."""
+    rows = zip(problem.unknowns, fit.theta, fit.half_width, reasons, strict=True)
+    more = advice or [""] * len(reasons)
+    return tuple(
+        Estimate(one, float(value), float(half), reason, words)
+        for (one, value, half, reason), words in zip(rows, more, strict=True)
+    )
+
+
+def why_not(i: int, fit: Fit, problem: LeastSquares) -> str:
+    """Why the i-th unknown cannot be identified; empty if it can."""
+    one, half = problem.unknowns[i], fit.half_width[i]
+    if half <= one.widest(fit.theta[i]):
+        return ""
+    if fit.effect[i] < FAINT:
+        return "not observable: nothing that was measured depends on it"
+    if others := fit.partners(i):
+        return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
+    if np.isfinite(half):
+        return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"
+    return "it hardly shows above the noise"

@@ -1,0 +1,704 @@
+"""What was measured on a machine, read and cut into visits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from jointplay.accuracy.poses import middle, moving
+from jointplay.base.errors import JointplayError, MissingName, require_positive
+from jointplay.base.tables import Column, Table
+from jointplay.estimate import columns
+from jointplay.estimate.columns import Key
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.wrench import Wrench, WrenchOverTime
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import AXES, Result
+
+# Columns of a file (see `columns`):
+#
+#     time [s]                            always
+#     tool x, tool y, tool z              position of the tool frame, world axes
+#     JOINT motor, JOINT link             encoders before and after the play of the joint's gear
+#     JOINT torque                        of the drive on its joint, at the joint's side
+#     force x, force y, force z           on the tool, world axes
+#     acceleration x, ... y, ... z        of the tool
+#     JOINT reaction                      force between bearing and journal, its size
+
+
+TOOL_UNITS = {"tool": "m", "force": "N", "acceleration": "m/s^2"}
+"""Signals along x, y and z, and their units."""
+JOINT_UNITS = {
+    "motor": ("rad", "m"),
+    "link": ("rad", "m"),
+    "torque": ("N*m", "N"),
+    "reaction": ("N", "N"),
+}
+"""Signals of a joint, and their units for one that turns and one that slides."""
+READINGS = ("tool", "link")
+"""Kinds of signal of instruments of their own: they drift, and may be late behind the motors'
+encoders."""
+FEWEST_RECORDS = 20
+"""Records that a measurement must have."""
+SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
+"""Units of the signals whose means are compared."""
+
+_TIME: Key = ("time", "")
+
+
+class TooLittle(JointplayError):
+    """Means of a measurement that say nothing of clearance and friction; impacts still may."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Signals over time, SI units.
+
+    Raises:
+        JointplayError: times that do not increase; too few records; lengths that differ.
+    """
+
+    time: np.ndarray
+    """Shape (n,) [s]."""
+    signals: Mapping[Key, np.ndarray]
+    """By kind and axis or joint, shape (n,) each; nan where nothing was recorded."""
+    noise: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviation of a record by kind of signal, where known [SI]."""
+    source: str = "the measurement"
+    """Where it came from, for messages."""
+    sliding: frozenset[str] = frozenset()
+    """Joints that slide: their signals are in m and N, those of others in rad and N m."""
+    lag: float = 0.0
+    """Standard deviation of the time by which readings of the tool, and of links, may be late
+    behind the motors' encoders [s]; ``inf``: nothing is known of it."""
+    notes: tuple[str, ...] = ()
+    """What was chosen or left out when it was read, a line each."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and times."""
+        time = np.asarray(self.time, float)
+        object.__setattr__(self, "time", time)
+        if len(time) < FEWEST_RECORDS:
+            raise JointplayError(
+                f"{self.source} has {len(time)} records; at least {FEWEST_RECORDS} are needed"
+            )
+        late = np.flatnonzero(~(np.diff(time) > 0.0))
+        if late.size:
+            raise JointplayError(
+                f"{self.source}: times must increase, but {time[late[0]]:g} s is followed by "
+                f"{time[late[0] + 1]:g} s (record {late[0] + 2})"
+            )
+        for kind, value in self.noise.items():
+            if kind not in (*TOOL_UNITS, *JOINT_UNITS):
+                choices = (*TOOL_UNITS, *JOINT_UNITS)
+                raise MissingName("signal that could have noise", kind, choices)
+            require_positive(f"noise of {kind!r}", value, "SI")
+        for key, values in self.signals.items():
+            if np.shape(values) != time.shape:
+                raise JointplayError(f"{self.source}: {' '.join(key)} is not as long as the times")
+
+    def has(self, kind: str) -> list[str]:
+        """Axes or joints of which there is a signal of this kind."""
+        return [name for one, name in self.signals if one == kind]
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | Path,
+        joints: Mapping[str, bool],
+        noise: Mapping[str, float] | None = None,
+    ) -> Measurement:
+        """Read a CSV file; lines beginning with # are comments, empty cells are no records.
+
+        Args:
+            path: the file.
+            joints: the robot's joints, and whether each slides.
+            noise: see the class.
+
+        Raises:
+            JointplayError: no such file; no time; a column without unit, of an unknown name or
+                given twice; a cell that is not a number (with its line); see also the class.
+        """
+        path = Path(path)
+        axes = {kind: dict.fromkeys(AXES, unit) for kind, unit in TOOL_UNITS.items()}
+
+        def known(name: str) -> tuple[Key, str] | None:
+            if name.lower() in ("time", "t"):
+                return _TIME, "s"
+            return columns.meaning(name, joints, JOINT_UNITS, axes)
+
+        words = (
+            "time, tool x (y, z), force x, acceleration x, and JOINT motor, JOINT link, JOINT "
+            f"torque, JOINT reaction of the joints {', '.join(joints)}"
+        )
+        gaps = ("time", *TOOL_UNITS, *JOINT_UNITS)
+        signals, _ = columns.read(path, "measurement", known, words, gaps=gaps)
+        for key, values in signals.items():
+            if np.isinf(values).any():
+                record = int(np.isinf(values).argmax()) + 1
+                raise JointplayError(f"{path}: {' '.join(key)} is infinite in record {record}")
+        time = signals.pop(_TIME, None)
+        if time is None:
+            raise JointplayError(
+                f"{path} has no times: a column such as 'time [s]' is needed; there are: "
+                + ", ".join(" ".join(key) for key in signals)
+            )
+        if not signals:
+            raise JointplayError(f"{path} contains only times: nothing was measured")
+        if np.isnan(time).any():
+            raise JointplayError(f"{path}: record {np.isnan(time).argmax() + 1} has no time")
+        sliding = frozenset(name for name, slides in joints.items() if slides)
+        return cls(time, signals, noise or {}, str(path), sliding)
+
+    @classmethod
+    def from_result(
+        cls,
+        result: Result,
+        *,
+        rate: float = 100.0,
+        noise: Mapping[str, float] | None = None,
+        kinds: Sequence[str] = ("tool", "motor"),
+        seed: int = 0,
+        delay: float = 0.0,
+    ) -> Measurement:
+        """What instruments would have seen of a simulated run.
+
+        Args:
+            result: the run.
+            rate: records a second [Hz].
+            noise: standard deviation by kind of signal [SI]; none where not given.
+            kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque``,
+                ``acceleration`` (of the tool), ``reaction`` (between bearing and journal; both
+                means over the interval between records) and ``force`` (the wrenches that act on
+                the tool frame).
+            seed: of the noise.
+            delay: what of the run's start is left out [s].
+
+        Raises:
+            JointplayError: a kind of signal that runs do not have; see also the class.
+        """
+        require_positive("rate", rate, "Hz")
+        random = np.random.default_rng(seed)
+        time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
+        time = time[time <= result.time[-1]]
+        spread = dict(noise or {})
+        clean: dict[Key, np.ndarray] = {}
+        for kind in sorted(kinds, key=lambda one: _RATES.index(one) if one in _RATES else -1):
+            for name, values in _histories(result, kind).items():
+                clean[kind, name] = (
+                    _mean_rate(result.time, values, time, 1.0 / rate)
+                    if kind in _RATES
+                    else np.interp(time, result.time, values)
+                )
+        signals = {
+            key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
+            for key, values in clean.items()
+        }
+        entries = result.simulation.mechanism.description.joints
+        sliding = frozenset(name for name, entry in entries.items() if entry.slides)
+        return cls(time, signals, {}, "the simulated measurement", sliding)
+
+    def csv(self) -> str:
+        """As a file that `from_csv` reads, SI units."""
+        head = ["time [s]"]
+        for kind, name in self.signals:
+            if kind in TOOL_UNITS:
+                head.append(f"{kind} {name} [{TOOL_UNITS[kind]}]")
+            else:
+                head.append(f"{name} {kind} [{JOINT_UNITS[kind][name in self.sliding]}]")
+        rows = zip(head, [self.time, *self.signals.values()], strict=True)
+        return Table([Column(one, values, key=one) for one, values in rows]).csv()
+
+
+_RATES = ("acceleration", "reaction")
+"""Signals that are means between records: rates of change of what `_histories` gives."""
+
+
+def _histories(result: Result, kind: str) -> dict[str, np.ndarray]:
+    """A kind of signal over a run, or its integral (see `_RATES`), by axis or joint."""
+    if kind == "force":
+        return dict(zip(AXES, _wrenches(result).T, strict=True))
+    if kind in TOOL_UNITS:
+        name = {"tool": "tool_position", "acceleration": "tool_velocity"}[kind]
+        return dict(zip(AXES, result[name].values.T, strict=True))
+    if kind not in JOINT_UNITS:
+        raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
+    if kind == "reaction":
+        forces = result["joint_force"]
+        sizes = {
+            name: np.linalg.norm(forces.sel(joint=name).values, axis=1) for name in result.joints
+        }
+        return {
+            name: cumulative_trapezoid(size, result.time, initial=0.0)
+            for name, size in sizes.items()
+        }
+    mechanism = result.simulation.mechanism
+    coordinate = mechanism.coordinate if kind == "link" else mechanism.motor
+    values = result["drive" if kind == "torque" else "q"].values
+    joints = [name for name in mechanism.joints if name in mechanism.description.joints]
+    return {name: values[:, coordinate(name)] for name in joints}
+
+
+def _mean_rate(
+    known: np.ndarray, values: np.ndarray, time: np.ndarray, interval: float
+) -> np.ndarray:
+    """Mean rate of change of values at `known` times over intervals about other times."""
+    before, after = (np.clip(time + side * interval / 2.0, known[0], known[-1]) for side in (-1, 1))
+    change = np.interp(after, known, values) - np.interp(before, known, values)
+    return np.asarray(change / np.maximum(after - before, 1e-12))
+
+
+def _wrenches(result: Result) -> np.ndarray:
+    """Sum of the given forces on the tool frame over time, world axes, shape (n, 3) [N]."""
+    simulation = result.simulation
+    total = np.zeros((len(result.time), 3))
+    for load in simulation.loads.values():
+        if isinstance(load, Wrench | WrenchOverTime) and load.frame == simulation.mechanism.tool:
+            if load.axes != "world" or any(load.at):
+                raise JointplayError("forces of a run are known only at the tool, in world axes")
+            if isinstance(load, Wrench):
+                total += np.array(load.force)
+            elif load.forces:
+                rows = np.array(load.forces)
+                total += np.column_stack(
+                    [np.interp(result.time, load.times, rows[:, i]) for i in range(3)]
+                )
+    return total
+
+
+# From records to visits: short stretches in which the machine stood, or went one way slowly.
+#
+# A machine with play is compared with its model by the means over visits to the same place from
+# different sides, under different loads; single records of an impact tell nothing. Directions are
+# those between turning points; a place is a cell of the joint space.
+
+
+CELLS = 20
+"""Cells over a joint's range, in which what moves one way is taken together."""
+_TRAVEL = 0.3
+"""Part of a cell that a joint must move in a visit."""
+_STOP_CELL = 0.2
+"""Part of a cell within which stops are at the same place."""
+STOP_S = 0.15
+"""Shortest stop that is looked at [s]."""
+SETTLING = 0.4
+"""Part of a stop that is left out at its beginning, while the machine calms down."""
+FEWEST_IN_VISIT = 3
+"""Records that a visit must have."""
+LARGEST_LAG = 0.03
+"""For which readings whose lag is unknown leave records out, at both ends of a visit [s]."""
+_APART = 8
+"""Records over which the interval between records is taken."""
+MOST_PATH = 4000
+"""Points to which the motors' paths are thinned."""
+_THRESHOLD = 6.0
+"""Spreads of an encoder's records by which a position must go back to have turned."""
+_SMALLEST = 1e-6
+"""Motion that counts [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """n visits of a machine with j joints; SI units."""
+
+    joints: tuple[str, ...]
+    """Moving joints, in the order of the columns below."""
+    time: np.ndarray
+    """Their beginnings and ends, shape (n, 2) [s]."""
+    position: np.ndarray
+    """Of the joints, motors where geared, means, shape (n, j) [rad or m]."""
+    speed: np.ndarray
+    """Means, shape (n, j)."""
+    acceleration: np.ndarray
+    """Means, shape (n, j)."""
+    direction: np.ndarray
+    """-1 or 1: which way each joint moves or came from; 0 if it never moved, shape (n, j)."""
+    stopped: np.ndarray
+    """Whether the machine stood, shape (n,)."""
+    force: np.ndarray
+    """On the tool, world axes, shape (n, 3) [N]."""
+    cell: np.ndarray
+    """Number of the place, shape (n,)."""
+    path: np.ndarray
+    """Positions of the motors on the way through all visits, shape (m, j)."""
+    path_visit: np.ndarray
+    """Visit that a point of the path belongs to, -1 for none, shape (m,)."""
+    path_near: np.ndarray
+    """Visit whose loads hold at a point of the path, shape (m,)."""
+    path_force: np.ndarray
+    """On the tool along the path, world axes, shape (m, 3) [N]."""
+    without_encoder: tuple[str, ...] = ()
+    """Joints that were taken where the reference says, or at rest."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.time)
+
+
+def no_visits() -> tuple[Visits, Observed]:
+    """Of a measurement of impacts alone."""
+    none, table = np.zeros(0), np.zeros((0, 0))
+    numbers, sides = none.astype(int), none.astype(bool)
+    made = Visits(
+        (), np.zeros((0, 2)), table, table, table, table, sides, np.zeros((0, 3)), numbers,
+        table, numbers, numbers, np.zeros((0, 3)),
+    )  # fmt: skip
+    return made, Observed((), table, table, (), table)
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What was measured at visits: means and their standard errors, nan where nothing."""
+
+    keys: tuple[Key, ...]
+    mean: np.ndarray
+    """Tool: its distance from where the ideal mechanism would be; link: from its motor; torque:
+    as it is. Shape (n, keys) [m, rad, N m]."""
+    error: np.ndarray
+    """Standard errors of the means from the records' own scatter, shape (n, keys)."""
+    noise: tuple[float, ...]
+    """Spread of single records [SI]."""
+    rate: np.ndarray
+    """How fast the readings themselves change, 0 at stops, shape (n, keys) [m/s, rad/s]."""
+
+
+def signal_effect(keys: Sequence[Key], key: Key, values: np.ndarray) -> np.ndarray:
+    """Values (n,) as what one signal of `keys` shows, shape (n, keys)."""
+    effect = np.zeros((len(values), len(keys)))
+    effect[:, list(keys).index(key)] = values
+    return effect
+
+
+def tool_effect(keys: Sequence[Key], moved: np.ndarray) -> np.ndarray:
+    """What a displacement of the tool (n, 3) [m] does to the signals, shape (n, keys)."""
+    effect = np.zeros((len(moved), len(keys)))
+    for column, (kind, axis) in enumerate(keys):
+        if kind == "tool":
+            effect[:, column] = moved[:, AXES.index(axis)]
+    return effect
+
+
+def stacked(effects: Sequence[np.ndarray], n: int, keys: Sequence[Key]) -> np.ndarray:
+    """Effects (n, keys) as columns of one array, which may have none, shape (n, keys, columns)."""
+    return np.stack(effects, axis=2) if effects else np.zeros((n, len(keys), 0))
+
+
+def tool_positions(
+    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Position of the ideal tool in world axes at joint positions (n, j), shape (n, 3) [m]."""
+    q = configurations(mechanism, joints, positions)
+    tool = np.zeros((len(q), 3))
+    for i, row in enumerate(q):
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, row)
+        tool[i] = mechanism.data.oMf[mechanism.tool_frame].translation
+    return tool
+
+
+def configurations(
+    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Configurations with journals centred and motors before their joints, shape (n, nq)."""
+    q = np.zeros((len(positions), mechanism.model.nq))
+    for column, name in enumerate(joints):
+        q[:, mechanism.coordinate(name)] = positions[:, column]
+        q[:, mechanism.motor(name)] = positions[:, column]
+    return q
+
+
+def positions(
+    mechanism: Mechanism, measured: Measurement, motion: Motion | None
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Where the joints are: from encoders, or the reference.
+
+    Returns:
+        The joints' names; positions (n, j); motion that counts, more than an encoder's noise, (j,)
+        [rad or m]; joints without encoder.
+
+    Raises:
+        JointplayError: a joint that moves in the reference, but the measurement is longer than it;
+            nothing says where a joint is.
+    """
+    names = tuple(moving(mechanism))
+    still = middle(mechanism)
+    joint_positions = np.tile([still[name] for name in names], (len(measured.time), 1))
+    reference = None if motion is None else motion(measured.time)[0]
+    without_encoder = []
+    limits = np.full(len(names), _SMALLEST)
+    for column, name in enumerate(names):
+        for kind in ("motor", "link"):
+            counts = kind == "motor" or name not in mechanism.gears
+            if counts and (kind, name) in measured.signals:
+                records = measured.signals[kind, name]
+                joint_positions[:, column] = _filled(records, measured.time, f"{name} {kind}")
+                spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
+                limits[column] = max(spread, _SMALLEST)
+                break
+        else:
+            without_encoder.append(name)
+            if motion is not None and reference is not None and name in motion.joints:
+                joint_positions[:, column] = reference[:, motion.joints.index(name)]
+    return names, joint_positions, limits, tuple(without_encoder)
+
+
+def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
+    """Positions or forces (n,), gaps interpolated."""
+    good = ~np.isnan(values)
+    if good.sum() < FEWEST_IN_VISIT:
+        raise JointplayError(f"{name} has {good.sum()} records only")
+    return np.asarray(np.interp(time, time[good], values[good]))
+
+
+def scatter(values: np.ndarray) -> float:
+    """Spread of single records about a smooth course, of their second differences; robust."""
+    good = values[~np.isnan(values)]
+    if len(good) < FEWEST_IN_VISIT:
+        return 0.0
+    bends = np.diff(good, 2)
+    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0))
+
+
+def resolution(values: np.ndarray) -> float:
+    """Smallest step between records, if they take few values as an encoder's do; else 0."""
+    good = values[~np.isnan(values)]
+    steps = np.diff(np.unique(good))
+    if not len(steps) or len(steps) > 0.5 * len(good):
+        return 0.0
+    return float(steps.min())
+
+
+def turns(values: np.ndarray, threshold: float) -> np.ndarray:
+    """Which way a position goes at each record: -1 or 1, 0 before it has moved; (n,).
+
+    It has turned when it has come back by `threshold` from its farthest point; what has passed
+    since that point counts to the new direction.
+    """
+    way = np.zeros(len(values), int)
+    now, begin, far = 0, 0, 0
+    low = high = values[0]
+    for i, value in enumerate(values):
+        if now == 0:
+            low, high = min(low, value), max(high, value)
+            if high - low > threshold:
+                now = 1 if value >= high else -1
+                far = i
+            continue
+        if (value - values[far]) * now >= 0.0:
+            far = i
+        elif abs(value - values[far]) > threshold:
+            way[begin : far + 1] = now
+            begin, far, now = far + 1, i, -now
+    way[begin:] = now
+    return way
+
+
+@dataclass(frozen=True)
+class _Course:
+    """The n records of a measurement as a way of j joints."""
+
+    time: np.ndarray
+    """Shape (n,) [s]."""
+    q: np.ndarray
+    """Positions, shape (n, j) [rad or m]."""
+    ways: np.ndarray
+    """Directions, see `turns`, shape (n, j)."""
+    stands: np.ndarray
+    """Whether the machine stands, shape (n,)."""
+    size: np.ndarray
+    """Of a cell, infinite where a joint does not move, shape (j,)."""
+    force: np.ndarray
+    """On the tool, shape (n, 3) [N]."""
+
+    def pieces(self) -> list[slice]:
+        """Stretches of records that belong together."""
+        time, q, size = self.time, self.q, self.size
+        with np.errstate(invalid="ignore"):
+            cells = np.floor((q - q.min(axis=0)) / size).astype(int)
+        cells[self.stands] = -1
+        strength = max(float(np.abs(self.force).max(initial=0.0)), 1e-12)
+        pushes = np.round(self.force / (0.25 * strength)).astype(int)
+        labels = np.column_stack([self.ways, self.stands[:, None], cells, pushes])
+        cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
+        pieces = []
+        for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
+            if self.stands[first]:
+                long = time[last - 1] - time[first]
+                if long < STOP_S:
+                    continue
+                calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+                first = max(first, min(calm, last - FEWEST_IN_VISIT))
+            elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+                continue  # a drive that gives way to a push: the journals hardly turn
+            if last - first >= FEWEST_IN_VISIT:
+                pieces.append(slice(int(first), int(last)))
+        return pieces
+
+    def rates(self, piece: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Mean speed and acceleration: of a parabola through the piece and its neighbours."""
+        more = (piece.stop - piece.start) // 2
+        first, last, way = piece.start, piece.stop, self.ways[piece.start]
+        while first > max(piece.start - more, 0) and (self.ways[first - 1] == way).all():
+            first -= 1
+        end = min(piece.stop + more, len(self.time))
+        while last < end and (self.ways[last] == way).all():
+            last += 1
+        t = self.time[first:last] - 0.5 * (self.time[piece.start] + self.time[piece.stop - 1])
+        shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
+        fitted = np.linalg.lstsq(shape, self.q[first:last], rcond=None)[0]
+        return fitted[1], fitted[2]
+
+
+def visits(
+    mechanism: Mechanism, measured: Measurement, motion: Motion | None
+) -> tuple[Visits, Observed]:
+    """Cut a measurement into visits, and take the means of its signals.
+
+    Raises:
+        JointplayError: see `positions`; nothing that stands or moves slowly enough.
+    """
+    names, q, limit, without_encoder = positions(mechanism, measured, motion)
+    time = measured.time
+    ranges = np.ptp(q, axis=0)
+    ways = np.zeros(q.shape, int)
+    for column in np.flatnonzero(ranges > 2.0 * limit):
+        ways[:, column] = turns(q[:, column], limit[column])
+    size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
+    force = np.zeros((len(time), 3))
+    for axis, name in enumerate(AXES):
+        if not np.isnan(given := measured.signals.get(("force", name), force[:, axis])).all():
+            force[:, axis] = _filled(given, time, f"force {name}")
+    course = _Course(time, q, ways, _standing(time, q, limit), size, force)
+    pieces = course.pieces()
+    if not pieces:
+        raise TooLittle(
+            f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
+            f"{FEWEST_IN_VISIT} records in a cell; measure slower, or with more records a second"
+        )
+    means = np.array([q[piece].mean(axis=0) for piece in pieces])
+    stopped = course.stands[[piece.start for piece in pieces]]
+    rates = np.zeros((2, *means.shape))
+    owner = np.full(len(time), -1)
+    for i, piece in enumerate(pieces):
+        owner[piece] = i
+        if not stopped[i]:
+            rates[:, i] = course.rates(piece)
+    # The way between visits matters to hysteresis: thinned, but for the turning points.
+    keep = np.zeros(len(time), bool)
+    keep[:: max(len(time) // MOST_PATH, 1)] = True
+    turning = np.flatnonzero((np.diff(ways, axis=0) != 0).any(axis=1))
+    keep[turning] = keep[np.minimum(turning + 1, len(time) - 1)] = True
+    keep[[(piece.start + piece.stop) // 2 for piece in pieces]] = True
+    ends = np.array([(time[piece.start], time[piece.stop - 1]) for piece in pieces])
+    at = np.array([0.5 * (begin + end) for begin, end in ends])
+    near = np.abs(time[keep, None] - at[None, :]).argmin(axis=1)
+    near = np.where(owner[keep] >= 0, owner[keep], near)  # a short neighbour's middle may be nearer
+    found = Visits(
+        names,
+        ends,
+        means,
+        speed=rates[0],
+        acceleration=rates[1],
+        direction=np.array([ways[piece.stop - 1] for piece in pieces]),
+        stopped=stopped,
+        force=np.array([force[piece].mean(axis=0) for piece in pieces]),
+        cell=places(means, stopped, size),
+        path=q[keep],
+        path_visit=owner[keep],
+        path_near=near,
+        path_force=force[keep],
+        without_encoder=without_encoder,
+    )
+    return found, _observe(mechanism, measured, found, q, pieces)
+
+
+def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Whether a record belongs to a while in which all joints stay within their limits, (n,)."""
+    # Over several records: signals of different instruments come in pairs, and recordings pause.
+    apart = min(_APART, len(time) - 1)
+    interval = float(np.median(time[apart:] - time[:-apart])) / apart
+    width = max(int(np.ceil(STOP_S / interval)), 2)
+    ranges = maximum_filter1d(q, width, axis=0) - minimum_filter1d(q, width, axis=0)
+    still = (ranges <= limit).all(axis=1)
+    # `still` marks the middles of such whiles: all records within one belong to it. Windows of even
+    # width reach farther back, and the way back to the records farther on.
+    return np.asarray(maximum_filter1d(still, width, origin=-1 if width % 2 == 0 else 0))
+
+
+def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Number of the place of each visit: those within half a cell of its first visitor; (n,).
+
+    Stops have places of their own, and a smaller reach.
+    """
+    numbers = np.zeros(len(middles), int)
+    firsts: list[tuple[bool, np.ndarray]] = []
+    for i, row in enumerate(middles):
+        reach = (_STOP_CELL if stopped[i] else 0.5) * size
+        for number, (stood, first) in enumerate(firsts):
+            if stood == stopped[i] and (np.abs(row - first) <= reach).all():
+                numbers[i] = number
+                break
+        else:
+            numbers[i] = len(firsts)
+            firsts.append((bool(stopped[i]), row))
+    return numbers
+
+
+def _observe(
+    mechanism: Mechanism,
+    measured: Measurement,
+    made: Visits,
+    q: np.ndarray,
+    pieces: Sequence[slice],
+) -> Observed:
+    """Means over the visits of what the model predicts."""
+    keys = tuple(
+        key
+        for key in measured.signals
+        if key[0] in ("tool", "torque") or (key[0] == "link" and key[1] in mechanism.gears)
+    )
+    mean = np.full((len(pieces), len(keys)), np.nan)
+    error, rate, noise = mean.copy(), np.zeros(mean.shape), []
+    inner = [_inner(measured, piece) for piece in pieces]
+    tools = [key for key in keys if key[0] == "tool"]
+    ideal = tool_positions(mechanism, made.joints, q if tools else q[:0])
+    for column, (kind, name) in enumerate(keys):
+        values = measured.signals[kind, name].copy()
+        if kind == "tool":
+            values -= ideal[:, AXES.index(name)]
+        elif kind == "link":
+            values -= q[:, made.joints.index(name)]
+        spread = measured.noise.get(kind) or scatter(values)
+        floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
+        noise.append(max(spread, floor))
+        for i, piece in enumerate(pieces):
+            piece = inner[i] if kind in READINGS else piece
+            good = ~np.isnan(values[piece])
+            known = values[piece][good]
+            if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
+                mean[i, column] = known.mean()
+                error[i, column] = np.hypot(noise[-1] / np.sqrt(len(known)), floor)
+                if not made.stopped[i]:
+                    at = measured.time[piece][good]
+                    rate[i, column] = np.polyfit(
+                        at - at.mean(), measured.signals[kind, name][piece][good], 1
+                    )[0]
+    return Observed(keys, mean, error, tuple(noise), rate)
+
+
+def _inner(measured: Measurement, piece: slice) -> slice:
+    """Records of a visit that belong to it even if they are late, where enough are left.
+
+    Within them speed and loads are steady: what is late is moved, and nothing else.
+    """
+    if not measured.lag:
+        return piece
+    time, margin = measured.time, min(2.0 * measured.lag, LARGEST_LAG)
+    first = int(np.searchsorted(time, time[piece.start] + margin))
+    last = int(np.searchsorted(time, time[piece.stop - 1] - margin, "right"))
+    return slice(first, last) if last - first >= FEWEST_IN_VISIT else piece

@@ -1,0 +1,611 @@
+"""The quasi-static model: where play lets the tool be, and what the drives feel, at each visit.
+
+A journal lies where its load pushes it, turned about the axis by the angle of friction against its
+motion: with the load F and friction mu, the contact force balances F at the azimuth of F less
+atan(mu) in the sense of rotation. Its displacement is the point at which the play's support
+function is attained (`statics`), so that it is exact in the first order of the clearance; contacts
+give way by what their law says of the load. A gear's link is held by friction until its teeth push
+harder: the play operator of M. A. Krasnosel'skii and A. V. Pokrovskii, Systems with Hysteresis
+(1989), with the load's torque. Inertia counts as a load. All is linear algebra: no time loop.
+
+Joints and the structure at the tool are elastic: by what they give way in proportion to their load
+the tool moves, too. Those compliances enter linearly and are columns (`elastic`) beside the
+model, unless they are given. A joint with dry friction winds up: the operator without play.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.accuracy.error_model import play_model
+from jointplay.accuracy.jacobians import place, tool_place
+from jointplay.accuracy.poses import moving
+from jointplay.base.compiler import njit
+from jointplay.estimate.machine import (
+    TOOL,
+    WOUND,
+    Machine,
+    friction_of,
+    known_gears,
+    with_clearance,
+)
+from jointplay.estimate.measurement import (
+    Key,
+    Visits,
+    configurations,
+    stacked,
+    tool_effect,
+)
+from jointplay.estimate.unknowns import Unknown
+from jointplay.model.impact import elastic_energy
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import Clearance
+from jointplay.physics.joints.play import BallPlay, JournalPlay
+from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.result.result import AXES
+
+_LATERAL = [0, 1, 3, 4]
+_AXES = {
+    "torsional": [5],
+    "link": [5],
+    "tilt": [3, 4],
+    "radial": [0, 1],
+    "bush": [0, 1],
+    "axial": [2],
+}
+"""Components of a joint's load and displacement in bearing axes."""
+_LINE_CONTACT = 0.9
+"""Exponent of the load by which contacts of lines give way, those of points by 2/3; the compliances
+here give way in proportion to it."""
+_REMEMBERED = 100
+"""Displacements of bearings and lags that are kept: differences move one joint at a time."""
+_FAINT_LOAD = 0.02
+"""Part of the rims' forces below which a load along the axis moves nothing in time."""
+_STIFFEST = 1e-12
+"""Smallest compliance [rad/(N m)]."""
+_LIGHT = 0.3
+"""Part of the other rim's force below which a rim may lie anywhere."""
+_FAINTEST = 0.015
+"""Part of the largest load of a joint that may be missing in others."""
+_FRICTION = 0.1
+"""Coefficient of the friction along the axis that may hold a journal's lean where it is."""
+_MOVED = 0.35
+"""Part of the clearance by which rims may be held off the place where the load would push them."""
+_DRY, _BREAKS = 2.5, 1.4
+"""Factor by which friction behind a gear may be wrong, and static by dynamic friction."""
+_UNSURE = 3.0
+"""Plays by which a gear must have been crossed before its side is certain."""
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """How signals answer to compliances of one label that nobody knows exactly."""
+
+    label: str
+    """``elbow torsional``, ``tool``."""
+    unknown: Unknown
+    effect: np.ndarray
+    """By a compliance of one, shape (n, keys, c): one for a joint, six for the structure at the
+    tool (a symmetric matrix in its axes)."""
+
+
+@dataclass(frozen=True)
+class _Bearing:
+    """A joint with clearance at n visits."""
+
+    joint: Clearance
+    move: np.ndarray
+    """How its displacements move the tool, (n, 3, 6)."""
+    load: np.ndarray
+    """(n, 6)."""
+    push: np.ndarray
+    """Force of a rim, mean of both, (n,) [N]."""
+    rim: np.ndarray
+    """Force of a radial contact (n,) [N]."""
+    slides: np.ndarray
+    """Part of the full friction by sliding speed, signed, moving visits only (n,)."""
+    kept: np.ndarray
+    """Sense of rotation before the stop, stopped visits only (n,)."""
+    slips: bool
+    """Whether the journal can move along its axis, to end walls."""
+    sure: np.ndarray
+    """Whether the load determines where the journal lies, (n,)."""
+
+    def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
+        """Displacement of the journal at each visit, (n, 6) [m, rad]."""
+        mine = self.joint.clearances
+        sizes = {name: value for name, value in values.items() if name in mine}
+        joint = with_clearance(self.joint, sizes)
+        play = joint.play(second_order=False)
+        point = play.support(self.load).point
+        if isinstance(play, JournalPlay | BallPlay):
+            depth = _depths(joint, self.rim)
+            point[:, _LATERAL] *= (1.0 + depth / joint.radial_room)[:, None]
+        friction = values.get("friction")
+        if friction is None:
+            friction = friction_of(self.joint) or 0.0
+        angle = -np.arctan(friction * (self.slides + held * self.kept))
+        return _turned(point, -angle if self.joint.exchanged else angle)
+
+    def drag(self) -> np.ndarray:
+        """Torque about the axis by the expected friction, against the motion, (n,) [N m].
+
+        At stops half of it stays. It winds the joint up by 2 mu R_i / L of what a push with the
+        lever L does, so that the expected value will do.
+        """
+        return self.torque(None) * (self.slides + 0.5 * self.kept)
+
+    def aside(self) -> np.ndarray:
+        """Load that friction turns out of its direction, by the expected friction, (n, 2) [N].
+
+        A bush gives way along the contact's normal, which friction turns as it turns the journal's
+        place: aside in proportion to the load, where the clearance alone does by the same at all.
+        """
+        angle = np.arctan(friction_of(self.joint) or 0.0) * (self.slides + 0.5 * self.kept)
+        angle = angle if self.joint.exchanged else -angle
+        return np.asarray(_turned(self.load, angle) - self.load)[:, :2]
+
+    def softening(self) -> np.ndarray:
+        """How a contact of lines gives way beside one that gives way in proportion to its load,
+        as a factor, one at the largest load, (n,)."""
+        size = np.linalg.norm(self.load[:, :2], axis=1)
+        part = size / max(float(size.max(initial=0.0)), 1e-300)
+        return np.where(part > 0.0, np.maximum(part, 1e-12) ** (_LINE_CONTACT - 1.0), 0.0)
+
+    def torque(self, friction: float | None) -> np.ndarray:
+        """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
+        coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
+        radius = 0.0 if self.joint.hinge is None else self.joint.hinge.radius
+        return np.asarray(2.0 * self.push * radius * coefficient / np.hypot(1.0, coefficient))
+
+
+def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Displacements and leans turned about z, (n, 6)."""
+    c, s = np.cos(angle), np.sin(angle)
+    rotated = points.copy()
+    for x, y in ((0, 1), (3, 4)):
+        rotated[:, x] = c * points[:, x] - s * points[:, y]
+        rotated[:, y] = s * points[:, x] + c * points[:, y]
+    return rotated
+
+
+class StaticModel:
+    """What a mechanism with play shows at visits.
+
+    Args:
+        machine: a tree, and what is known of its friction and compliances.
+        visits: n of them.
+        keys: signals that are predicted.
+        unknowns: what `predict` is given.
+
+    Attributes:
+        certain: visits at which the sides of all gears, and of all rims, are known, shape (n,).
+        elastic: effects of compliances; what is given of them is in `predict`.
+        softening: of each bearing, see `_Bearing.softening`, by its joint's name, (n,).
+        levers: how displacements of a joint move the tool, by its name, (n, 3, 6).
+
+    Raises:
+        JointplayError: loops; see `error_model.play_model`.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        visits: Visits,
+        keys: tuple[Key, ...],
+        unknowns: tuple[Unknown, ...],
+    ) -> None:
+        """Find levers and loads at each visit, once for all."""
+        self.machine, self.mechanism = machine, machine.mechanism
+        self.visits, self.keys, self.unknowns = visits, keys, unknowns
+        # Differences move one joint at a time: the others' displacements and lags stay.
+        self._point = lru_cache(_REMEMBERED)(self._point_of)
+        self._lag = lru_cache(_REMEMBERED)(self._lag_of)
+        mechanism = self.mechanism
+        q = configurations(mechanism, visits.joints, visits.position)
+        play_model(mechanism, q[:0], second_order=False)  # refuses what this model does not know
+        slides = {name: mechanism.description.joints[name].slides for name in moving(mechanism)}
+        names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *slides])
+        own, inertia, self.levers, tool = _statics(mechanism, visits, q, names)
+        loads = {
+            name: own[name] + np.einsum("nki,nk->ni", lever, visits.force)
+            for name, lever in self.levers.items()
+        }
+        self._bearings = {
+            name: _bearing(name, joint, self.levers[name], loads[name], inertia[name], visits)
+            for name, joint in mechanism.clearance.items()
+        }
+        self._gives = {name: self._give(name) for name in machine.wound}
+        driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
+        about = {name: 2 if slides.get(name, False) else 5 for name in driven}
+        self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
+        self._hold = {name: -own[name][:, axis] for name, axis in about.items()}
+        self._pushed = {name: self.levers[name][:, :, axis] for name, axis in about.items()}
+        self.softening = {name: one.softening() for name, one in self._bearings.items()}
+        elastic = self._elastic(loads, tool)
+        self._known = np.zeros((len(visits), len(keys)))
+        for one in elastic:
+            if one.unknown.nominal:  # the structure's: the same in all directions
+                self._known += one.unknown.nominal * one.effect[:, :, :3].sum(axis=2)
+        self.elastic = tuple(one for one in elastic if one.unknown.spread > 0.0)
+        self.certain = self._sides(
+            np.array(
+                [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
+            )
+        )
+
+    def _give(self, name: str) -> float:
+        """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
+        one = self.machine.compliance(f"{name} torsional")
+        gear = known_gears(self.mechanism).get(name)
+        return 1.0 / gear.stiffness if gear is not None and math.isinf(one.spread) else one.nominal
+
+    def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:
+        """Of each joint and of the structure at the tool (rotations (n, 3, 3))."""
+        found = []
+        for name, load in loads.items():
+            for way, axes in _AXES.items():
+                if (way == "link") != (name in self._gives) and axes == [5]:
+                    continue  # of one that winds up, the torsional one is no column
+                own = load[:, axes]
+                if way == "bush":
+                    if name not in self._bearings or not friction_of(self._bearings[name].joint):
+                        continue
+                    own = self._bearings[name].aside()
+                if way == "torsional" and name in self._bearings:
+                    own = own - self._bearings[name].drag()[:, None]
+                moved = np.einsum("nki,ni->nk", self.levers[name][:, :, axes], own)
+                label, effect = f"{name} {way}", tool_effect(self.keys, moved)[:, :, None]
+                found.append(Elastic(label, self.machine.compliance(label), effect))
+        force = np.einsum("nki,nk->ni", tool, self.visits.force)
+        columns = []
+        for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
+            own = np.zeros_like(force)
+            own[:, i] += force[:, k]
+            if i != k:
+                own[:, k] += force[:, i]
+            columns.append(tool_effect(self.keys, np.einsum("nki,ni->nk", tool, own)))
+        found.append(Elastic(TOOL, self.machine.compliance(TOOL), np.stack(columns, axis=2)))
+        return found
+
+    def predict(self, theta: np.ndarray) -> np.ndarray:
+        """Means of the signals at all visits, shape (n, keys) [m, rad, N m]."""
+        values, held = self._values(theta)
+        means = self._known.copy()
+        tool = np.zeros((len(self.visits), 3))
+        for name, bearing in self._bearings.items():
+            point = self._point(name, held, *values.get(name, {}).items())
+            tool += np.einsum("nij,nj->ni", bearing.move, point)
+        lags = {name: self._lag(name, *values.get(name, {}).items()) for name in self._gives}
+        for name, (twist, _, _) in lags.items():
+            tool += self._pushed[name] * twist[:, None]
+        for column, (kind, name) in enumerate(self.keys):
+            if kind == "tool":
+                means[:, column] += tool[:, AXES.index(name)]
+            elif kind == "link":
+                means[:, column] = lags[name][0]
+            elif name in lags:
+                means[:, column] = lags[name][1]
+            else:
+                means[:, column] = self._torque(name, values.get(name, {}))
+        return means
+
+    def _point_of(self, name: str, held: float, *values: tuple[str, float]) -> np.ndarray:
+        """Displacement of a journal, see `_Bearing.point`."""
+        return self._bearings[name].point(dict(values), held)
+
+    def _lag_of(self, name: str, *values: tuple[str, float]) -> tuple[np.ndarray, ...]:
+        """Lag of a link, see `_wound`."""
+        return self._wound(name, dict(values))
+
+    def loose(self) -> np.ndarray:
+        """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
+
+        A journal that does not turn stays along its axis where friction holds it, and one that
+        turns creeps along it as fast as the load along the axis is large beside those across: the
+        place along each axis with end walls is a column at each stop, unless the load along the
+        axis exceeds all others, and at each other visit, if it is less than `_FAINT_LOAD` of them.
+        """
+        columns = []
+        for bearing in self._bearings.values():
+            if not bearing.slips:
+                continue
+            enough = np.where(self.visits.stopped, 1.0, _FAINT_LOAD) * 2.0 * bearing.push
+            for i in np.flatnonzero(np.abs(bearing.load[:, 2]) <= enough):
+                moved = np.zeros((len(self.visits), 3))
+                moved[i] = bearing.move[i, :, 2]
+                columns.append(tool_effect(self.keys, moved))
+        return stacked(columns, len(self.visits), self.keys)
+
+    def _values(self, theta: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
+        """Values by joint and name, and which part of the friction stays at stops."""
+        values: dict[str, dict[str, float]] = {}
+        held = 0.0
+        for one, value in zip(self.unknowns, theta, strict=True):
+            if one.joint:
+                values.setdefault(one.joint, {})[one.name] = float(value)
+            else:
+                held = float(value)
+        return values, held
+
+    def _dry(self, name: str, mine: Mapping[str, float]) -> np.ndarray:
+        """Friction about a joint's axis while it slides, (n,) [N m]."""
+        dry = mine.get("dry_friction", self._friction(name).coulomb)
+        friction = np.full(len(self.visits), float(dry))
+        if name in self._bearings:
+            friction += self._bearings[name].torque(mine.get("friction"))
+        return friction
+
+    def _friction(self, name: str) -> JointFriction:
+        """Expected friction of a joint besides its bearing's."""
+        return self.machine.friction.get(name, JointFriction())
+
+    def _torque(self, name: str, mine: Mapping[str, float]) -> np.ndarray:
+        """Of a drive without gear on a joint that moves, (n,)."""
+        column = self.visits.joints.index(name)
+        external = np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
+        torque = self._hold[name] - external
+        torque = torque + self._dry(name, mine) * self.visits.direction[:, column]
+        viscous = self._friction(name).viscous
+        return np.asarray(torque + viscous * self.visits.speed[:, column])
+
+    def _wound(
+        self, name: str, mine: Mapping[str, float], more: np.ndarray | float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Link less motor (n,) [rad], torque between them (n,) [N m], and whether both are known.
+
+        Along the whole way, for the side on which teeth lie, and what friction holds wound up,
+        remembers the last turn. `mine` are values of the joint's unknowns; `more` is added to the
+        load (n,) [N m].
+        """
+        visits, gear = self.visits, self.mechanism.gears.get(name)
+        half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
+        give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
+        give = max(give, _STIFFEST)
+        near, column, own = visits.path_near, visits.joints.index(name), self._friction(name)
+        dry = self._dry(name, mine)[near]
+        external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
+        hold = (self._hold[name] + more)[near] - external
+        hold = hold + own.viscous * visits.speed[near, column]
+        motor = visits.path[:, column]
+        ratio = max(
+            mine.get("stiction", 1.0 + own.excess / own.coulomb if own.coulomb else 1.0), 1.0
+        )
+        ends = ((dry, -1.0), (-dry, 1.0), (ratio * dry, -1.0), (-ratio * dry, 1.0))
+        low, high, first, last = (
+            motor + _twist(hold + held, half, give, side) for held, side in ends
+        )
+        halts = np.diff(visits.stopped[near].astype(int), prepend=0) > 0
+        angles, sure = _followed(low, high, first, last, halts)
+        twist = angles - motor
+        beyond = np.maximum(np.abs(twist) - half, 0.0)
+        torque = -np.sign(twist) * beyond / give
+        return visits_mean(visits, twist), visits_mean(visits, torque), visits_mean(visits, sure)
+
+    def _sides(self, theta: np.ndarray) -> np.ndarray:
+        """Visits at which all sides are known, (n,)."""
+        values, _ = self._values(theta)
+        sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
+        for name in self._gives:
+            mine = values.get(name, {})
+            sure &= self._wound(name, mine)[2] > 1.0 - 1e-9
+            if name in self.mechanism.gears:
+                sure &= self._one_side(name, mine)
+        return sure
+
+    def _one_side(self, name: str, values: Mapping[str, float]) -> np.ndarray:
+        """Visits at which it is known on which side the teeth of a gear lie, (n,).
+
+        Whatever the friction is, within a factor, and whether or not inertia and what a load may be
+        off count.
+        """
+        mine = {**values, **dict.fromkeys(WOUND, 0.0)}
+        half = mine["gear_play"] = self.mechanism.gears[name].play or _STIFFEST
+        hold, twists = self._hold[name], []
+        whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
+        off = _FAINTEST * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
+        friction = mine.get("dry_friction", self._friction(name).coulomb)
+        for more in (0.0 * off, off, -off, -self._inertia[name]):
+            for factor in (1.0, _DRY, 1.0 / _DRY):
+                for ratio in (1.0, _BREAKS):
+                    mine |= {"dry_friction": factor * friction, "stiction": ratio}
+                    twists.append(self._wound(name, mine, more)[0])
+        return np.ptp(twists, axis=0) <= 0.02 * half
+
+
+def visits_mean(visits: Visits, values: np.ndarray) -> np.ndarray:
+    """Means over the points of the path that belong to each visit, shape (n,)."""
+    mine = visits.path_visit >= 0
+    at = visits.path_visit[mine]
+    count = np.bincount(at, minlength=len(visits))
+    total = np.bincount(at, np.asarray(values, float)[mine], minlength=len(visits))
+    return np.asarray(total / np.maximum(count, 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _followed(
+    low: np.ndarray, high: np.ndarray, first: np.ndarray, last: np.ndarray, halts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angles of a link that friction holds, and whether they are known, each (n,).
+
+    Args:
+        low, high: between which it lies while it slides up or down, (n,) [rad].
+        first, last: beyond which it does not stick, (n,) [rad].
+        halts: where the machine comes to a stop, (n,): how it calms down decides what friction then
+            holds, until a push makes the link slide.
+    """
+    angles, sure = np.empty(len(low)), np.empty(len(low), np.bool_)
+    link, known, way = 0.5 * (low[0] + high[0]), False, 0
+    for i in range(len(low)):
+        known &= not halts[i]
+        if link <= (low[i] if way > 0 else first[i]):
+            link, known, way = low[i], True, 1
+        elif link >= (high[i] if way < 0 else last[i]):
+            link, known, way = high[i], True, -1
+        elif low[i] < link < high[i]:
+            way = 0
+        angles[i], sure[i] = link, known
+    return angles, sure
+
+
+def _twist(torque: np.ndarray, half: float, give: float, middle: float) -> np.ndarray:
+    """Link less motor while the teeth carry a torque; without one, the end `middle` of the play."""
+    side = np.where(torque > 0.0, -1.0, np.where(torque < 0.0, 1.0, middle))
+    return side * half - give * torque
+
+
+def _statics(
+    mechanism: Mechanism, visits: Visits, q: np.ndarray, names: Mapping[str, None]
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """Loads and levers of joints at n visits, in bearing axes about their centres, z their axes.
+
+    Returns:
+        Gravity and inertia (n, 6) [N, N m]; the latter's part; displacements of the tool in world
+        axes by those of the joint, (n, 3, 6); rotation of the tool's axes, (n, 3, 3).
+    """
+    model, data = mechanism.model, mechanism.data
+    at = [mechanism.coordinate(name) for name in visits.joints]
+    loads = {name: np.zeros((len(q), 6)) for name in names}
+    still = {name: np.zeros((len(q), 6)) for name in names}
+    levers = {name: np.zeros((len(q), 3, 6)) for name in names}
+    tools = np.zeros((len(q), 3, 3))
+    carried = model.supports[model.frames[mechanism.tool_frame].parentJoint]
+    for i, row in enumerate(q):
+        v, a = np.zeros(model.nv), np.zeros(model.nv)
+        pin.computeJointJacobians(model, data, row)
+        tool = tool_place(mechanism, row)
+        tools[i] = tool.rotation
+        joints = {name: place(mechanism, name) for name in names}
+        for table in (still, loads):
+            pin.rnea(model, data, row, v, a)
+            for name, (index, axes) in joints.items():
+                back = -axes.rotation.T @ data.oMi[index].rotation
+                wrench = data.f[index]
+                table[name][i, :3], table[name][i, 3:] = back @ wrench.linear, back @ wrench.angular
+            v[at], a[at] = visits.speed[i], visits.acceleration[i]
+        for name, (index, axes) in joints.items():
+            if index in carried:
+                levers[name][i, :, :3] = axes.rotation
+                arm = tool.translation - axes.translation
+                levers[name][i, :, 3:] = np.cross(axes.rotation.T, arm).T
+    inertia = {name: loads[name] - still[name] for name in names}
+    return loads, inertia, levers, tools
+
+
+def _bearing(
+    name: str,
+    joint: Clearance,
+    move: np.ndarray,
+    load: np.ndarray,
+    inertia: np.ndarray,
+    visits: Visits,
+) -> _Bearing:
+    """The bearing with its levers, loads and their inertial part at the visits."""
+    hinge = joint.hinge
+    leaning = hinge if hinge is not None and hinge.leans else None
+    sure = _determined(joint, load, inertia)
+    if leaning is not None:
+        rims = [np.linalg.norm(rim, axis=1) for rim in _rims(load, leaning.length)]
+        push = np.mean(rims, axis=0)
+        sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
+    else:
+        push = np.linalg.norm(load[:, :2], axis=1) / 2.0
+    whole = 2.0 * push if leaning is None else push
+    speed = way = np.zeros(len(visits))
+    if name in visits.joints:
+        column = visits.joints.index(name)
+        speed, way = visits.speed[:, column], visits.direction[:, column]
+    slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
+    kept = np.where(visits.stopped, way, 0.0)
+    walls = hinge is not None and hinge.axial > 0.0
+    if walls and leaning is not None:
+        part = _against(load, push, leaning.length)
+        slides, kept = slides * part, kept * part
+    return _Bearing(joint, move, load, push, whole, slides, kept, walls, sure)
+
+
+def _rims(load: np.ndarray, length: float) -> list[np.ndarray]:
+    """Forces across on both rims of a leaning journal by its load (n, 6), (n, 2) each."""
+    bend = np.column_stack([load[:, 4], -load[:, 3]]) / length
+    return [load[:, :2] / 2.0 + side * bend for side in (1.0, -1.0)]
+
+
+def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Whether a load (n, 6), a part of it inertia, determines where the journal lies, (n,).
+
+    Friction holds a journal wherever the load falls short of it, and a load that is nearly balanced
+    says nothing of the side: along and across, all that inertia and friction may add (in a hinge:
+    along rims and walls, with the moments that they make) must not move rims by more than a part of
+    the clearance.
+    """
+    hinge, friction = joint.hinge, _FRICTION
+    across = np.linalg.norm(load[:, :2], axis=1)
+    pressed = across
+    faint = _FAINTEST * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
+    every = np.eye(6)
+    added = [faint[:, None] * every[0], faint[:, None] * every[1], inertia]
+    arm = 0.0
+    if hinge is not None:
+        if hinge.leans:
+            arm = hinge.length / 2.0
+            pressed = np.sum([np.linalg.norm(r, axis=1) for r in _rims(load, hinge.length)], axis=0)
+        if hinge.axial > 0.0:
+            added.append((friction * pressed)[:, None] * every[2])
+        if hinge.leans:
+            moment = friction * (pressed * hinge.radius + np.abs(load[:, 2]) * arm)
+            added += [moment[:, None] * every[3], moment[:, None] * every[4]]
+    sure = np.ones(len(load), bool)
+    play = joint.play(second_order=False)
+    here = play.support(load).point
+    for more in added:
+        for side in (1.0, -1.0):
+            off = play.support(load + side * more).point - here
+            lean = arm * np.linalg.norm(off[:, 3:5], axis=1)
+            off_by = np.hypot(np.linalg.norm(off[:, :2], axis=1), lean)
+            sure &= off_by <= _MOVED * joint.radial_room
+    return sure & (across + np.abs(load[:, 2]) > 0.0)
+
+
+def _against(load: np.ndarray, push: np.ndarray, length: float) -> np.ndarray:
+    """Part of the rims' turn that friction on an end wall leaves, (n,).
+
+    A leaning journal touches the wall opposite to where that end's rim touches the bore, so that
+    the wall's friction pushes the rim back: by |F_z| / push of the angle of friction, and the mean
+    of both rims by half of that. Where no moment leans the journal, nothing is known of it.
+    """
+    bend = np.linalg.norm(load[:, 3:5], axis=1) / length
+    whole = bend + np.linalg.norm(load[:, :2], axis=1) / 2.0
+    lean = np.divide(bend, whole, out=np.zeros_like(bend), where=whole > 0.0)
+    wall = np.divide(np.abs(load[:, 2]), push, out=np.zeros_like(push), where=push > 0.0)
+    return np.asarray(np.clip(1.0 - 0.5 * lean * wall, 0.0, 1.0))
+
+
+def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
+    """Part of the full friction that the law has at these joint speeds [rad/s], (n,)."""
+    law, hinge = joint.friction, joint.hinge
+    full = getattr(law, "mu_d", 0.0)
+    if not full or law.bristles or hinge is None:
+        return np.ones(len(speed))
+    function, numbers = type(law).function, law.parameters()
+    parts = [function(float(v), *numbers) / full for v in np.abs(speed) * hinge.radius]
+    return np.clip(parts, 0.0, 1.0)
+
+
+def _depths(joint: Clearance, force: np.ndarray) -> np.ndarray:
+    """How far a radial contact gives way to forces [N], shape (n,) [m]."""
+    return np.asarray(np.interp(force, *_springs(joint)))
+
+
+@lru_cache(maxsize=256)
+def _springs(joint: Clearance) -> tuple[np.ndarray, np.ndarray]:
+    """Forces [N] and depths [m] of a radial contact."""
+    parameters = joint.normal.parameters(joint.contact_properties(0))
+    depths = np.geomspace(1e-10, joint.depth_limit, 600)
+    forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
+    return np.maximum.accumulate(forces), depths

@@ -1,0 +1,93 @@
+"""What moves signals and is not sought: offsets, drift, lateness; it enters linearly.
+
+Offsets are where the tracker's frame lies, by how much the robot's geometry is off at a place, and
+the zeros of encoders; readings drift as the machine warms up, and may be late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from jointplay.estimate.measurement import (
+    READINGS,
+    Key,
+    Observed,
+    signal_effect,
+    stacked,
+    tool_effect,
+)
+
+REFERENCES = ("place", "frame", "ideal")
+"""What is known of the tool's ideal place: nothing but that it is the same at each visit of a
+place; all but where the tracker's frame lies; all."""
+DRIFT = 3
+"""Degree of the polynomial in time by which readings may drift, unless said otherwise."""
+DEGREE = 3
+"""Of the polynomial of each joint's position by which the geometry's error changes at a place."""
+
+
+def offsets(
+    keys: Sequence[Key], cell: np.ndarray, position: np.ndarray, tool: np.ndarray, reference: str
+) -> np.ndarray:
+    """How unknown offsets move the signals, shape (n, keys, offsets), see `REFERENCES`.
+
+    Visits of a place (`cell`, (n,)) are not quite at one: beside an offset for each, the geometry's
+    error is a polynomial of the joints' positions (n, j) [rad or m]. `tool` is the ideal
+    mechanism's (n, 3) [m].
+    """
+    n, columns = len(cell), []
+    axes = [key for key in keys if key[0] == "tool"]
+    if reference == "place":
+        courses = [cell == number for number in np.unique(cell)] + _within(cell, position)
+        columns += [signal_effect(keys, axis, course) for axis in axes for course in courses]
+    elif reference == "frame" and axes:
+        columns += [signal_effect(keys, axis, np.ones(n)) for axis in axes]
+        arm = tool - tool.mean(axis=0)
+        columns += [tool_effect(keys, np.cross(about, arm)) for about in np.eye(3)]
+    columns += [signal_effect(keys, key, np.ones(n)) for key in keys if key not in axes]
+    return stacked(columns, n, keys)
+
+
+def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
+    """Powers of the joints' positions as far as they differ between visits of a place."""
+    powers = []
+    for values in position.T:
+        span = np.ptp(values)
+        if span > 0.0:
+            even = (values - values.mean()) / span
+            for power in range(1, DEGREE + 1):
+                moved = even**power
+                for number in np.unique(cell):
+                    moved[cell == number] -= moved[cell == number].mean()
+                powers.append(moved)
+    return powers
+
+
+def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
+    """How a slow drift at times (n,) moves readings of tool and links, shape (n, keys, columns).
+
+    Legendre polynomials up to a degree; 0: none.
+    """
+    middle, half = 0.5 * (time.min() + time.max()), max(0.5 * float(np.ptp(time)), 1e-12)
+    shapes = legvander((time - middle) / half, degree)[:, 1:]
+    columns = [
+        signal_effect(keys, key, shape) for key in keys if key[0] in READINGS for shape in shapes.T
+    ]
+    return stacked(columns, len(time), keys)
+
+
+def lags(observed: Observed) -> np.ndarray:
+    """What readings of the tool and of links show that are late by a second, (n, keys, columns).
+
+    A column for each kind of reading: its instrument has a clock of its own. The speed is that of
+    the readings, not the ideal mechanism's: errors of its geometry would count as play.
+    """
+    columns = []
+    for kind in READINGS:
+        of_kind = np.array([one == kind for one, _ in observed.keys])
+        if of_kind.any():
+            columns.append(np.where(of_kind, -observed.rate, 0.0))
+    return stacked(columns, len(observed.rate), observed.keys)

@@ -1,0 +1,570 @@
+"""Which poses and motions would identify most: the Fisher information of what could be measured.
+
+An experiment is a pose that is passed slowly in both directions, with or without a push on the
+tool, or at which the machine stands and the tool is pushed one way and the other. Each adds its
+information; the unknown offset of its place is projected out first. What all experiments share and
+nobody knows, how the machine gives way, is estimated with the unknowns; for that each push is made
+with two sizes. Experiments are chosen one after the other, each time the one after which the sum of
+the unknowns' logarithmic variances is least.
+
+Only what can be done is offered: poses, and the ways to them, within the joints' limits and free of
+self-collision, with loads within the limits of effort. No two experiments of a plan are alike:
+where the same is done, some joint or the tool must be `APART` elsewhere (`distances`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.stats import norm
+
+from jointplay.accuracy.poses import moving, over_workspace
+from jointplay.base.errors import JointplayError, require_a, require_positive
+from jointplay.base.tables import Table
+from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, basis, partners
+from jointplay.estimate.machine import TOOL, WAYS, WOUND, Given, Machine, compliances
+from jointplay.estimate.measurement import Key, Visits, tool_positions
+from jointplay.estimate.model import StaticModel
+from jointplay.estimate.nuisances import offsets
+from jointplay.estimate.unknowns import LARGEST_SHARE, Unknown
+from jointplay.model.collisions import SelfCollision
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.motion.cartesian import joint_limits
+from jointplay.simulation.result.result import AXES
+
+NOISE = {"tool": 20e-6, "link": 1e-4, "torque": 0.1}
+"""Of single records, where nothing better is known [m, rad, N m]."""
+RECORDS = 25
+"""Of a visit, whose mean is taken."""
+SPEED = 0.2
+"""At which poses are passed [rad/s or m/s]."""
+PUSH_N = 20.0
+"""With which the tool is pushed [N]."""
+POSES = 48
+"""Among which a plan chooses."""
+OFFERED = 16
+"""Poses among which one is sought that identifies what a measurement could not."""
+SIZES = (1.0, 0.4)
+"""Of a push, where play is to be told from elasticity."""
+_OVERCOMES, _STRONGEST_N = 2.0, 100.0
+"""Weights of the machine with which it is offered to push besides, and the most [N]."""
+_APPROACH = 0.05
+"""Way before a pose that is passed, where limits leave room for ten times as much [rad or m]."""
+_ROOM = 0.25
+"""Part of a joint's way between its limits that ten times the way before a pose takes at most."""
+_BRISK = 0.9
+"""Part of a joint's largest speed with which it passes at most."""
+_TRIED = 16
+"""Poses that are tried for each that is offered, until enough are free of self-collision."""
+APART = 0.1
+"""Distance below which two experiments that do the same are the same, by the robot's reach."""
+_PRIOR = 1e-4
+"""Information that unknowns have before, in their scales: next to none."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Something that can be measured."""
+
+    positions: tuple[float, ...]
+    """Of the moving joints [rad or m]."""
+    force: tuple[float, float, float] | None
+    """With which the tool is pushed, this and the other way [N]; None: not at all."""
+    passes: bool
+    """Passed both ways (with each force, if any), or stood at."""
+    sizes: tuple[float, ...] = SIZES
+    """Parts of the force with which the tool is pushed, too."""
+
+    def words(self, joints: Sequence[str]) -> str:
+        """One line."""
+        pose = ",".join(f"{n}={x:.3g}" for n, x in zip(joints, self.positions, strict=True))
+        if self.force is None:
+            return f"pass slowly both ways: {pose}"
+        size = float(np.linalg.norm(self.force))
+        push = " and ".join(f"{part * size:g} N" for part in self.sizes)
+        axis = AXES[int(np.argmax(np.abs(self.force)))]
+        if not self.passes:
+            return f"push the tool {push} along +{axis}, then -{axis}, at {pose}"
+        words = f"with {push} on the tool along +{axis}, then with -{axis}"
+        return f"pass slowly both ways {words}: {pose}"
+
+
+@dataclass(frozen=True)
+class MeasurementPlan:
+    """Experiments in the order in which they should be made, and what they would tell."""
+
+    joints: tuple[str, ...]
+    unknowns: tuple[Unknown, ...]
+    experiments: tuple[Experiment, ...]
+    half_width: np.ndarray
+    """Expected 95 % half widths after each experiment, (experiments, unknowns) [SI]."""
+    partners: tuple[tuple[str, ...], ...]
+    """Of each unknown, those that it cannot be told apart from."""
+    signals: tuple[Key, ...]
+    noise: Mapping[str, float]
+    gains: np.ndarray
+    """Factor by which each experiment multiplies the determinant of the information about the
+    unknowns that are sought, (experiments,)."""
+    before: np.ndarray
+    """Half widths before any experiment, (unknowns,) [SI]."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the choice, a line each."""
+
+    def reason(self, number: int) -> str:
+        """Why an experiment was chosen: what it adds to the information, and who gains most."""
+        was = self.before if number == 0 else self.half_width[number - 1]
+        now = self.half_width[number]
+        words = "tells most of all by itself"
+        if number:
+            words = f"information x {self.gains[number]:.3g} (its determinant)"
+        scales = LARGEST_SHARE * np.array([one.scale for one in self.unknowns])
+        told = [i for i, one in enumerate(self.unknowns) if one.sought and now[i] <= scales[i]]
+        if not told:
+            return words
+        best = max(told, key=lambda i: was[i] / now[i])
+        unknown = self.unknowns[best]
+        begin = f"+- {unknown.shown(was[best])}" if was[best] <= scales[best] else "unknown"
+        return f"{words}; most about {unknown.label}: {begin} to +- {unknown.shown(now[best])}"
+
+    def __str__(self) -> str:
+        """The experiments and why they were chosen, then what they would tell together."""
+        lines = []
+        for i, experiment in enumerate(self.experiments):
+            lines += [f"{i + 1:>2}. {experiment.words(self.joints)}", f"    {self.reason(i)}"]
+        lines += self.notes
+        rows = [("unknown", "nominal", "expected 95 % interval")]
+        for one, half, others in zip(
+            self.unknowns, self.half_width[-1], self.partners, strict=True
+        ):
+            if half <= LARGEST_SHARE * one.scale:
+                words = f"+- {one.shown(half)}"
+            elif others:
+                words = f"cannot tell: acts only together with {', '.join(others)}"
+            else:
+                words = "cannot tell" + (
+                    "" if half > 10.0 * one.scale else f" (+- {one.shown(half)})"
+                )
+            if one.sought:
+                rows.append((one.label, one.shown(one.nominal), words))
+        lines.append(str(Table.of_texts(rows)))
+        units = {"tool": "m", "link": "rad", "torque": "N m"}
+        noise = ", ".join(
+            f"{kind} {self.noise[kind]:g} {units[kind]}"
+            for kind in dict.fromkeys(kind for kind, _ in self.signals)
+        )
+        lines.append(
+            f"statistical, from the static model at the nominal values; noise of a record: {noise}"
+            f"; {RECORDS} records a visit, passing at {SPEED:g} rad/s"
+        )
+        return "\n".join(lines)
+
+
+def plan_measurement(
+    mechanism: Mechanism,
+    *,
+    signals: Sequence[str] = ("tool",),
+    noise: Mapping[str, float] | None = None,
+    count: int = 6,
+    push: float = PUSH_N,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    also: Sequence[str] = (),
+    known: Sequence[str] = (),
+    stiffness: Given | None = None,
+    poses: np.ndarray | None = None,
+    seed: int = 0,
+) -> MeasurementPlan:
+    """Experiments that would tell most about a mechanism's play.
+
+    Args:
+        mechanism: with the play that is expected.
+        signals: what can be measured besides the motors' encoders: ``tool``, ``link``, ``torque``.
+        noise: standard deviation of a record by kind of signal [SI]; `NOISE` where not given.
+        count: of experiments.
+        push: with which the tool can be pushed [N]; 0: not at all.
+        joint_friction: of the joints besides their bearings'; None takes the URDF's.
+        also, known, stiffness: see `identify`.
+        poses: configurations to choose from, (n, nq); None: spread over the workspace.
+        seed: of these.
+
+    Raises:
+        JointplayError: nothing has play; loops; a signal or number that cannot be; no pose is free
+            of self-collision, or no load within the limits of effort.
+    """
+    require_a("mechanism", mechanism, "Mechanism")
+    if count < 1:
+        raise JointplayError(f"at least one experiment is needed, got {count}")
+    friction = joint_friction if joint_friction is not None else urdf_friction(mechanism)
+    machine = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
+    keys = all_keys(mechanism, signals)
+    free, notes = _free_poses(mechanism, poses, seed)
+    torqued = [name for kind, name in keys if kind == "torque"]
+    unknowns = machine.unknowns(torqued, push > 0.0, also, known)
+    options = experiments(mechanism, free, push, sizes(machine, unknowns))
+    able = _bearable(mechanism, options)
+    if not able:
+        raise JointplayError(
+            "no experiment keeps the joints within their limits of effort; push less, or carry less"
+        )
+    if len(able) < len(options):
+        notes.append(
+            f"{len(options) - len(able)} of {len(options)} experiments were left out: their loads "
+            "exceed a joint's limit of effort"
+        )
+    spread = {**NOISE, **(noise or {})}
+    found = informations(machine, unknowns, keys, spread, able)
+    chosen, widths, gains = _greedy(unknowns, found, count, distances(mechanism, able) < APART)
+    if len(chosen) < count:
+        notes.append(f"{count} were asked for, but no more than {len(chosen)} differ")
+    return MeasurementPlan(
+        tuple(moving(mechanism)),
+        unknowns,
+        tuple(able[i] for i in chosen),
+        widths,
+        _partners(unknowns, found, chosen),
+        keys,
+        spread,
+        gains,
+        half_widths(unknowns, found.before),
+        tuple(notes),
+    )
+
+
+def _ways(mechanism: Mechanism) -> np.ndarray:
+    """How far joints go before and beyond a pose, (joints,) [rad or m]."""
+    low, high = joint_limits(mechanism, moving(mechanism))
+    return np.minimum(10.0 * _APPROACH, _ROOM * np.where(high > low, high - low, np.inf))
+
+
+def _free_poses(
+    mechanism: Mechanism, given: np.ndarray | None, seed: int
+) -> tuple[np.ndarray, list[str]]:
+    """Configurations, and the ways to which, are free of self-collision, (n, nq), and notes.
+
+    Raises:
+        JointplayError: there is none.
+    """
+    shapes, names, ways = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
+    at = [mechanism.coordinate(name) for name in names]
+    poses = over_workspace(mechanism, _TRIED * POSES, seed) if given is None else given
+    if given is None:  # with room for the ways
+        low, high = joint_limits(mechanism, names)
+        ends = np.isfinite(low) & np.isfinite(high) & (high > low)
+        low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
+        shrunk = np.where(ends, 1.0 - 2.0 * ways / np.where(ends, high - low, 1.0), 1.0)
+        middle = 0.5 * (low + high)
+        motors = [mechanism.motor(name) for name in names]
+        poses[:, at] = poses[:, motors] = middle + shrunk * (poses[:, at] - middle)
+    free: list[np.ndarray] = []
+    for row in poses:
+        if given is None and len(free) == POSES:
+            break
+        places = (row[at], row[at] + ways, row[at] - ways)
+        if not any(shapes.hits(dict(zip(names, place, strict=True))) for place in places):
+            free.append(row)
+    if not free:
+        raise JointplayError(
+            f"the robot hits itself at, or on the way to, each of the {len(poses)} poses tried"
+        )
+    return np.array(free), list(shapes.notes)
+
+
+def _bearable(mechanism: Mechanism, options: Sequence[Experiment]) -> list[Experiment]:
+    """Experiments whose loads are within the limits of effort that the URDF knows."""
+    ideal, names = mechanism.ideal(), moving(mechanism)
+    model, data = ideal.model, ideal.data
+    at = [ideal.coordinate(name) for name in names]
+    efforts = [mechanism.description.joints[name].effort for name in names]
+    most = np.array([np.inf if effort is None else effort for effort in efforts])
+    frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    able = []
+    for one in options:
+        q = ideal.configuration(dict(zip(names, one.positions, strict=True)))
+        weight = pin.computeGeneralizedGravity(model, data, q)[at]
+        arms = pin.computeFrameJacobian(model, data, q, ideal.tool_frame, frame)
+        push = np.zeros(3) if one.force is None else np.array(one.force)
+        pushed = arms.reshape(6, model.nv)[:3, at].T @ push
+        if (np.maximum(np.abs(weight + pushed), np.abs(weight - pushed)) <= most).all():
+            able.append(one)
+    return able
+
+
+def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray:
+    """How far k experiments are from each other, (k, k): infinitely, if they do different things.
+
+    Else the longest way between the places that a joint or the tool has in their poses, by the
+    robot's reach: the largest distance between two of these in any pose.
+    """
+    ideal, names = mechanism.ideal(), moving(mechanism)
+    model, data = ideal.model, ideal.data
+    places = []
+    for one in options:
+        pin.framesForwardKinematics(
+            model, data, ideal.configuration(dict(zip(names, one.positions, strict=True)))
+        )
+        joints = [data.oMi[model.getJointId(name)].translation for name in names]  # views
+        places.append(np.array([*joints, data.oMf[ideal.tool_frame].translation]))
+    where = np.array(places)
+    reach = np.linalg.norm(where[:, :, None] - where[:, None], axis=3).max()
+    apart = np.linalg.norm(where[:, None] - where[None], axis=3).max(axis=2)
+    kinds = [(one.force is not None and tuple(map(abs, one.force)), one.passes) for one in options]
+    same = np.array([[a == b for b in kinds] for a in kinds])
+    return np.where(same, apart / max(reach, 1e-9), np.inf)
+
+
+def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
+    """Parts of a push that are needed: one if the machine is known to be rigid."""
+    ways = [f"{name} {way}" for name in moving(machine.mechanism) for way in WAYS]
+    soft = any(
+        machine.compliance(label).spread > 0.0
+        for label in (*ways, TOOL)
+        if label.removesuffix(" torsional") not in machine.mechanism.gears
+    )
+    return SIZES if soft or any(one.name in WOUND for one in unknowns) else SIZES[:1]
+
+
+def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
+    """What the URDF says of its joints' friction."""
+    entries = mechanism.description.joints
+    return {
+        name: JointFriction(entries[name].friction, entries[name].damping)
+        for name in mechanism.joints
+        if name in entries
+    }
+
+
+def all_keys(mechanism: Mechanism, signals: Sequence[str]) -> tuple[Key, ...]:
+    """All signals of these kinds.
+
+    Raises:
+        JointplayError: no such kind, or none that any joint has.
+    """
+    keys: list[Key] = []
+    for kind in signals:
+        if kind == "tool":
+            keys += [("tool", axis) for axis in AXES]
+        elif kind == "link":
+            keys += [("link", name) for name in mechanism.gears]
+        elif kind == "torque":
+            keys += [("torque", name) for name in moving(mechanism)]
+        else:
+            raise JointplayError(f"no signal {kind!r} to plan with: tool, link, torque")
+    if not keys:
+        raise JointplayError(
+            "link encoders are informative only for gears with play, and there are none"
+        )
+    return tuple(keys)
+
+
+def experiments(
+    mechanism: Mechanism, poses: np.ndarray, push: float, parts: tuple[float, ...]
+) -> list[Experiment]:
+    """All that can be done at configurations (n, nq), with these parts of a push [N]."""
+    if push:
+        require_positive("push", push, "N")
+    options = []
+    for row in poses[:, [mechanism.coordinate(name) for name in moving(mechanism)]]:
+        at = tuple(float(x) for x in row)
+        options.append(Experiment(at, None, passes=True))
+        for axis in np.eye(3) if push else ():
+            x, y, z = (float(part) for part in push * axis)
+            options += [Experiment(at, (x, y, z), passes, parts) for passes in (False, True)]
+    return options
+
+
+@dataclass(frozen=True)
+class Information:
+    """Of k experiments, about p unknowns by their scales and c compliances by theirs."""
+
+    gains: np.ndarray
+    """Shape (k, p + c, p + c)."""
+    before: np.ndarray
+    """What is known before, shape (p + c, p + c)."""
+    soft: tuple[str, ...]
+    """Labels of the compliances."""
+
+
+def informations(
+    machine: Machine,
+    unknowns: tuple[Unknown, ...],
+    keys: tuple[Key, ...],
+    noise: Mapping[str, float],
+    options: Sequence[Experiment],
+    theta: np.ndarray | None = None,
+) -> Information:
+    """Fisher information of each experiment, at `theta` (p,) or the nominal values."""
+    visits = _visits(machine.mechanism, options)
+    model = StaticModel(machine, visits, keys, unknowns)
+    tool = tool_positions(machine.mechanism, visits.joints, visits.position)
+    n, c = len(visits), len(keys)
+    error = np.array([noise[kind] / np.sqrt(RECORDS) for kind, _ in keys])
+    torques = np.array([kind == "torque" for kind, _ in keys])
+    held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
+    at = np.array([one.nominal for one in unknowns]) if theta is None else theta
+    at = np.maximum(at, 0.05 * np.array([one.scale for one in unknowns]))
+    problem = LeastSquares(
+        unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
+    )
+    gives = [one.unknown.scale * one.effect.reshape(n * c, -1) for one in model.elastic]
+    effect = problem.effects(at)[: n * c]
+    effect = np.column_stack([effect, *(one / problem.error[:, None] for one in gives)])
+    effect = effect.reshape(n, c, -1)
+    loose = model.loose()
+    matrices = []
+    for number in range(len(options)):
+        mine = visits.cell == number
+        free = offsets(keys, visits.cell[mine], visits.position[mine], tool[mine], "place")
+        free = np.concatenate([free, loose[mine]], axis=2)
+        use = (model.certain[:, None] & ~held)[mine]
+        rows, span = effect[mine][use], basis(free[use])
+        rows = rows - span @ (span.T @ rows)
+        matrices.append(rows.T @ rows)
+    return Information(np.array(matrices), *prior(unknowns, model))
+
+
+def prior(unknowns: Sequence[Unknown], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
+    """What is known of unknowns and compliances before, by their scales, and their labels."""
+    soft = [one.unknown for one in model.elastic for _ in range(one.effect.shape[2])]
+    known = [one.scale / one.spread for one in (*unknowns, *soft)]
+    return np.diag(np.square(known) + _PRIOR), tuple(one.label for one in soft)
+
+
+def offers(
+    machine: Machine,
+    unknowns: tuple[Unknown, ...],
+    keys: tuple[Key, ...],
+    noise: Mapping[str, float],
+    theta: np.ndarray,
+) -> list[tuple[np.ndarray, str]]:
+    """What could be measured besides: information (see `Information`) and words, simplest first.
+
+    At values `theta` (p,) of the unknowns, with the signals `keys` that are measured already and
+    the noise of a record by kind of signal [SI].
+    """
+    mechanism, parts = machine.mechanism, sizes(machine, unknowns)
+    poses = over_workspace(mechanism, OFFERED)
+    weight = sum(body.mass for body in mechanism.model.inertias) * np.linalg.norm(mechanism.gravity)
+    strong = float(f"{min(_OVERCOMES * weight, _STRONGEST_N):.1g}")
+    options = experiments(mechanism, poses, PUSH_N, parts)
+    if strong > PUSH_N:
+        pushes = experiments(mechanism, poses, strong, parts)
+        options += [one for one in pushes if one.force is not None]
+    options.sort(key=lambda one: (one.force is not None, one.passes))
+    sets = [(keys, "")]
+    more = tuple(("tool", axis) for axis in AXES if ("tool", axis) not in keys)
+    if more:
+        sets.append(((*keys, *more), "with a tracker of the tool's position, "))
+    for name in mechanism.gears:
+        if ("link", name) not in keys:
+            sets.append(((*keys, ("link", name)), f"with an encoder on the link of {name}, "))
+    names = tuple(moving(mechanism))
+    return [
+        (gain, words + one.words(names))
+        for wanted, words in sets
+        for gain, one in zip(
+            informations(machine, unknowns, wanted, noise, options, theta).gains,
+            options,
+            strict=True,
+        )
+    ]
+
+
+def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
+    """Each experiment's visits: passed this way and the other, under each push."""
+    names, ways = tuple(moving(mechanism)), _ways(mechanism)
+    fastest = [mechanism.description.joints[name].speed or np.inf for name in names]
+    rates = np.minimum(SPEED, _BRISK * np.array(fastest))
+    path, owner, pushes, near = [], [], [], []
+    rows: list[tuple[Any, ...]] = []
+    for number, one in enumerate(options):
+        at = np.array(one.positions)
+        given = np.zeros(3) if one.force is None else np.array(one.force)
+        forces = [part * side * given for side in (1.0, -1.0) for part in one.sizes]
+        for push in forces[: 1 if one.force is None else None]:
+            for way in (1.0, -1.0) if one.passes else (1.0,):
+                away = way * ways
+                steps = [at + away, at - away, at - 0.1 * away, at]
+                if not one.passes and rows and rows[-1][-1] == number:
+                    steps = [at]  # it stands there already
+                path += steps
+                owner += [-1] * (len(steps) - 1) + [len(rows)]
+                near += [len(rows)] * len(steps)  # loads on the way are those at its end
+                pushes += [push] * len(steps)
+                rate = way * rates if one.passes else 0.0 * rates
+                rows.append((at, rate, way, not one.passes, push, number))
+    position, speed, direction, stopped, force, cell = map(np.array, zip(*rows, strict=True))
+    still = np.zeros_like(position)
+    return Visits(
+        names,
+        time=np.arange(2.0 * len(rows)).reshape(-1, 2),
+        position=position,
+        speed=speed,
+        acceleration=still,
+        direction=(still + direction[:, None]).astype(int),
+        stopped=stopped,
+        force=force,
+        cell=cell,
+        path=np.array(path),
+        path_visit=np.array(owner),
+        path_near=np.array(near),
+        path_force=np.array(pushes),
+    )
+
+
+def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
+    """Expected half widths of 95 % intervals of p unknowns, shape (p,) [SI].
+
+    By information about them and about c compliances, shape (p + c, p + c).
+    """
+    covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
+    quantile = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+    scale = np.array([one.scale for one in unknowns])
+    return np.asarray(quantile * np.sqrt(np.diag(covariance)) * scale)
+
+
+def _partners(
+    unknowns: Sequence[Unknown], found: Information, chosen: Sequence[int]
+) -> tuple[tuple[str, ...], ...]:
+    """What acts together with each unknown in what chosen experiments do not identify."""
+    labels = [one.label for one in unknowns] + list(found.soft)
+    gains, axes = np.linalg.eigh(found.before + found.gains[list(chosen)].sum(axis=0))
+    null = axes[:, gains < 1.0 / LARGEST_SHARE**2]
+    projector = null @ null.T
+    return tuple(
+        tuple(dict.fromkeys(labels[k] for k in partners(projector[i], i)))
+        for i in range(len(unknowns))
+    )
+
+
+def _greedy(
+    unknowns: Sequence[Unknown], found: Information, count: int, alike: np.ndarray
+) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Experiments, each the best after those before and `alike` (k, k) to none of them.
+
+    Besides the half widths after each, and by what it multiplies the information's determinant.
+    """
+    chosen: list[int] = []
+    widths, gains = [], []
+    left = np.ones(len(found.gains), bool)
+    scale = np.array([one.scale for one in unknowns])
+    sought = np.array([one.sought for one in unknowns])
+    total = found.before
+    for _ in range(count):
+        if not left.any():
+            break
+        after = np.array([half_widths(unknowns, total + gain) / scale for gain in found.gains])
+        # Beyond what is identified well, more of it counts for little.
+        worth = np.log(np.maximum(after[:, sought], 0.02)).sum(axis=1)
+        best = int(np.where(left, worth, np.inf).argmin())
+        chosen.append(best)
+        left &= ~alike[best]
+        was, total = total, total + found.gains[best]
+        widths.append(half_widths(unknowns, total))
+        about = np.flatnonzero(sought)[:, None], np.flatnonzero(sought)
+        unsure = (np.linalg.slogdet(np.linalg.inv(one)[about])[1] for one in (was, total))
+        gains.append(np.exp(next(unsure) - next(unsure)))
+    return chosen, np.array(widths), np.array(gains)

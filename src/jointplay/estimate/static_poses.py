@@ -1,0 +1,364 @@
+"""Static poses of a robot: what its encoders said and where its tool was, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, permutations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.estimate import columns
+from jointplay.simulation.result.result import AXES
+
+# Columns of a file (see `columns`):
+#
+#     JOINT motor (or JOINT alone), JOINT link      encoders before and behind the joint's gear
+#     JOINT load                                    torque on the joint, if not gravity's
+#     tool x, tool y, tool z                        the tool's point, axes of the instrument
+#     tool rx, tool ry, tool rz                     its orientation, as a rotation vector
+#     marker NAME x, ... y, ... z                   markers of a rigid body, instead of the tool
+#     point, group                                  names: the same unknown point; a session
+
+_JOINT_UNITS = {"motor": ("rad", "m"), "link": ("rad", "m"), "load": ("N*m", "N")}
+_TOOL_UNITS = dict.fromkeys(AXES, "m") | {"rx": "rad", "ry": "rad", "rz": "rad"}
+FEWEST = 6
+"""Poses that a calibration needs."""
+_MOST_LABELS = 6
+"""Markers whose labels can be checked: all permutations are tried."""
+
+
+@dataclass(frozen=True)
+class StaticPoses:
+    """Joint positions and what was measured there: n rows in the order of approach, j joints.
+
+    Either `position` (and perhaps `orientation`) of the tool was measured, in axes and from an
+    origin that need not be known; or `point` says in which rows the tool was at the same unknown
+    point (closure).
+
+    Raises:
+        JointplayError: too few rows; arrays of other shapes; numbers that are not finite; neither
+            positions nor points, or both.
+    """
+
+    joints: tuple[str, ...]
+    motor: np.ndarray
+    """Positions by the encoders on the motors' side, shape (n, j) [rad or m]."""
+    link: np.ndarray | None = None
+    """By encoders behind the gears, nan where there is none, shape (n, j) [rad or m]."""
+    position: np.ndarray | None = None
+    """Of the tool's point, shape (n, 3) [m]."""
+    orientation: np.ndarray | None = None
+    """Rotations of the tool, shape (n, 3, 3)."""
+    point: tuple[str, ...] | None = None
+    """Name of the unknown point at which the tool's point was, n names."""
+    distances: Mapping[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
+    """Known distance of two such points and its standard deviation [m]."""
+    group: tuple[str, ...] | None = None
+    """Placement or session of each row, n names."""
+    load: np.ndarray | None = None
+    """Torques on the joints, positive along them; gravity's if None, shape (n, j) [N m or N]."""
+    ordered: bool = True
+    """Whether each row was approached from the one before it (of its group)."""
+    exchanged: tuple[int, ...] = ()
+    """Rows in which labels of markers were exchanged, and have been put right."""
+    source: str = "the poses"
+    """Where they came from, for messages."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        n, j = np.shape(self.motor)[0], len(self.joints)
+        shapes: dict[str, tuple[int, ...]] = {"motor": (n, j), "link": (n, j), "load": (n, j)}
+        shapes |= {"position": (n, 3), "orientation": (n, 3, 3)}
+        for name, shape in shapes.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            values = np.asarray(given, float)
+            object.__setattr__(self, name, values)
+            if values.shape != shape:
+                raise JointplayError(
+                    f"{self.source}: {name} must have the shape {shape}, got {values.shape}"
+                )
+            bad = np.argwhere(np.isinf(values) if name == "link" else ~np.isfinite(values))
+            if bad.size:
+                row, *rest = bad[0]
+                what = self.joints[rest[0]] if name in ("motor", "link", "load") else str(rest)
+                raise JointplayError(
+                    f"{self.source}: {name} {what} in row {row + 1} must be finite, got "
+                    f"{values[tuple(bad[0])]}"
+                )
+        for name in ("point", "group"):
+            labels = getattr(self, name)
+            if labels is None:
+                continue
+            object.__setattr__(self, name, tuple(str(label) for label in labels))
+            if len(labels) != n:
+                raise JointplayError(
+                    f"{self.source}: {name} must have {n} names, one a row, got {len(labels)}"
+                )
+        if n < FEWEST:
+            raise JointplayError(f"{self.source}: {n} poses; at least {FEWEST} are needed")
+        if self.position is not None and self.point is not None:
+            raise JointplayError(
+                f"{self.source}: give positions of the tool or names of points, not both"
+            )
+        if self.orientation is not None:
+            off = np.abs(np.swapaxes(self.orientation, 1, 2) @ self.orientation - np.eye(3))
+            worst = int(off.max(axis=(1, 2)).argmax())
+            if off[worst].max() > 1e-3 or np.linalg.det(self.orientation[worst]) < 0.0:
+                raise JointplayError(
+                    f"{self.source}: the orientation in row {worst + 1} is not a rotation matrix"
+                )
+        for pair in self.distances:
+            for name in pair:
+                if name not in (self.point or ()):
+                    raise MissingName("point", name, dict.fromkeys(self.point or ()))
+
+    def __len__(self) -> int:
+        """How many poses there are."""
+        return len(self.motor)
+
+    def rows(self, keep: Sequence[int] | np.ndarray) -> StaticPoses:
+        """Some of the rows; a row whose predecessor is left out counts as approached from the
+        one before that."""
+        keep = np.asarray(keep)
+        keep = np.flatnonzero(keep) if keep.dtype == bool else keep
+        changed: dict[str, Any] = {}
+        for name in ("point", "group"):
+            labels = getattr(self, name)
+            changed[name] = None if labels is None else tuple(labels[i] for i in keep)
+        for name in ("motor", "link", "position", "orientation", "load"):
+            values = getattr(self, name)
+            changed[name] = None if values is None else values[keep]
+        left = set(changed["point"] or ())
+        distances = {pair: d for pair, d in self.distances.items() if set(pair) <= left}
+        return replace(self, **changed, distances=distances, exchanged=())
+
+    def read_by_link(self, *joints: str) -> StaticPoses:
+        """The same poses with the link encoders of these joints in place of the motors'.
+
+        Raises:
+            JointplayError: a joint without encoder on the link's side.
+        """
+        motor = self.motor.copy()
+        for name in joints:
+            if name not in self.joints:
+                raise MissingName("joint", name, self.joints)
+            column = self.joints.index(name)
+            if self.link is None or np.isnan(self.link[:, column]).any():
+                raise JointplayError(
+                    f"{self.source}: {name} has no encoder on the link's side in every row"
+                )
+            motor[:, column] = self.link[:, column]
+        return replace(self, motor=motor)
+
+    def approach(self) -> np.ndarray:
+        """Direction from which each joint came, -1, 0 (unknown) or 1, shape (n, j).
+
+        A joint that did not move keeps its direction.
+        """
+        way = np.zeros(self.motor.shape)
+        if not self.ordered:
+            return way
+        for i in range(1, len(self)):
+            if self.group is not None and self.group[i] != self.group[i - 1]:
+                continue
+            step = self.motor[i] - self.motor[i - 1]
+            way[i] = np.where(np.abs(step) > 1e-6, np.sign(step), way[i - 1])
+        return way
+
+    @classmethod
+    def from_markers(
+        cls,
+        joints: Sequence[str],
+        motor: np.ndarray,
+        markers: np.ndarray,
+        *,
+        tool: int = -1,
+        **more: Any,
+    ) -> StaticPoses:
+        """Poses of a rigid body of m markers (`rigid_body`), whose labels are checked first.
+
+        Args:
+            joints, motor: see the class.
+            markers: positions, shape (n, m, 3) [m], m of at least 3.
+            tool: the marker that is the tool's point.
+            more: further fields of the class.
+
+        Raises:
+            JointplayError: fewer than three markers; see also the class.
+        """
+        markers, exchanged = same_labels(markers)
+        shape, rotations, origins, _ = rigid_body(markers)
+        return cls(
+            tuple(joints),
+            motor,
+            position=origins + rotations @ shape[tool],
+            orientation=rotations,
+            exchanged=exchanged,
+            **more,
+        )
+
+    @classmethod
+    def from_csv(cls, path: str | Path, joints: Mapping[str, bool]) -> StaticPoses:
+        """Read a CSV file; lines beginning with # are comments.
+
+        Args:
+            path: the file, with columns as listed in docs/real_robots.md.
+            joints: the robot's joints, and whether each slides.
+
+        Raises:
+            JointplayError: no such file; a column without unit, of an unknown name or given twice;
+                a cell that is not a number (with its line); see also the class.
+        """
+        path = Path(path)
+
+        def known(name: str) -> tuple[columns.Key, str] | None:
+            if name in joints:
+                return ("motor", name), "m" if joints[name] else "rad"
+            body, _, axis = name.removeprefix("marker ").rpartition(" ")
+            if name.startswith("marker ") and axis in AXES:
+                return ("marker", f"{body} {axis}"), "m"
+            return columns.meaning(name, joints, _JOINT_UNITS, {"tool": _TOOL_UNITS})
+
+        words = (
+            "JOINT motor, JOINT link, JOINT load, tool x (y, z, rx, ry, rz), marker NAME x (y, "
+            f"z), point, group; joints: {', '.join(joints)}"
+        )
+        numbers, texts = columns.read(
+            path, "table of poses", known, words, ("point", "group"), gaps=("link",)
+        )
+
+        def block(kind: str, parts: Sequence[str], missing: float | None = None) -> np.ndarray:
+            """Columns of a kind side by side, shape (n, parts)."""
+            for name in parts:
+                if (kind, name) not in numbers and missing is None:
+                    raise JointplayError(f"{path}: the column '{kind} {name}' is missing")
+            none = np.full(len(next(iter(numbers.values()))), missing)
+            return np.column_stack([numbers.get((kind, name), none) for name in parts])
+
+        names = tuple(name for name in joints if ("motor", name) in numbers)
+        if not names:
+            raise JointplayError(
+                f"{path} has no joint positions: columns such as '{next(iter(joints), 'elbow')} "
+                f"motor [rad]' are needed; joints: {', '.join(joints) or 'none'}"
+            )
+        for kind, name in numbers:
+            if kind in ("link", "load") and name not in names:
+                raise JointplayError(f"{path}: {name} has a {kind}, but no motor position")
+        motor = block("motor", names)
+        more: dict[str, Any] = {"source": str(path), **texts}
+        for kind, missing in (("link", np.nan), ("load", 0.0)):
+            if any((kind, name) in numbers for name in names):
+                more[kind] = block(kind, names, missing)
+        markers = list(dict.fromkeys(name[:-2] for kind, name in numbers if kind == "marker"))
+        if markers and any(kind == "tool" for kind, _ in numbers):
+            raise JointplayError(f"{path}: give the tool or markers, not both")
+        if markers:
+            places = [block("marker", [f"{name} {a}" for a in AXES]) for name in markers]
+            return cls.from_markers(names, motor, np.stack(places, axis=1), **more)
+        if ("tool", "x") in numbers:
+            more["position"] = block("tool", AXES)
+        if ("tool", "rx") in numbers:
+            more["orientation"] = rotations_of(block("tool", ("rx", "ry", "rz")))
+        return cls(names, motor, **more)
+
+
+# Rotations and rigid bodies of markers.
+
+
+def rotations_of(vectors: np.ndarray) -> np.ndarray:
+    """Rotations by rotation vectors, shape (..., 3) [rad] to (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    flat = np.reshape(vectors, (-1, 3))
+    return np.asarray(Rotation.from_rotvec(flat).as_matrix().reshape(*np.shape(vectors), 3))
+
+
+def rotation_vectors(rotations: np.ndarray) -> np.ndarray:
+    """Rotation vectors of rotations, shape (..., 3, 3) to (..., 3) [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    flat = np.reshape(rotations, (-1, 3, 3))
+    return np.asarray(Rotation.from_matrix(flat).as_rotvec().reshape(*np.shape(rotations)[:-1]))
+
+
+def skew(vectors: np.ndarray) -> np.ndarray:
+    """Matrices of cross products, shape (..., 3) to (..., 3, 3)."""
+    out = np.zeros((*np.shape(vectors), 3))
+    out[..., 0, 1], out[..., 0, 2] = -vectors[..., 2], vectors[..., 1]
+    out[..., 1, 0], out[..., 1, 2] = vectors[..., 2], -vectors[..., 0]
+    out[..., 2, 0], out[..., 2, 1] = -vectors[..., 1], vectors[..., 0]
+    return out
+
+
+def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """The rotation R that maximises the trace of R^T M (Kabsch), of a 3 x 3 matrix."""
+    u, _, v = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v)
+
+
+def rigid_body(
+    markers: np.ndarray, rounds: int = 20
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Mean shape of a body of m markers and its pose in each row.
+
+    Args:
+        markers: positions, shape (n, m, 3) [m].
+        rounds: of improving shape and poses in turn.
+
+    Returns:
+        The shape about its centre (m, 3) [m]; rotations (n, 3, 3); the centre's positions (n, 3)
+        [m]; what the markers are off the rigid shape (n, m, 3) [m].
+    """
+    markers = np.asarray(markers, float)
+    if markers.ndim != 3 or markers.shape[1] < 3 or markers.shape[2] != 3:
+        raise JointplayError(
+            f"a rigid body needs at least three markers: shape (n, m, 3), got {markers.shape}"
+        )
+    centre = markers.mean(axis=1)
+    about = markers - centre[:, None]
+    shape = about[0]
+    for _ in range(rounds):
+        rotations = np.array([nearest_rotation(one.T @ shape) for one in about])
+        shape = np.mean(about @ rotations, axis=0)
+    off = about - np.einsum("nij,kj->nki", rotations, shape)
+    return shape, rotations, centre, off
+
+
+def same_labels(markers: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Markers with the same labels in all rows, by the distances between them.
+
+    Tracking systems exchange labels of markers. In each row the labels are permuted such that
+    distances agree best with those of the row that most rows agree with as they are. Exchanges that
+    leave all distances the same within their scatter cannot be seen.
+
+    Returns:
+        The markers (n, m, 3) [m], and the rows whose labels were exchanged.
+    """
+    markers = np.array(markers, float)
+    if markers.ndim != 3 or not 3 <= markers.shape[1] <= _MOST_LABELS:
+        return markers, ()
+    pairs = list(combinations(range(markers.shape[1]), 2))
+    first, second = np.array(pairs).T
+    lengths = np.linalg.norm(markers[:, first] - markers[:, second], axis=2)
+    apart = np.abs(lengths[:, None] - lengths[None]).max(axis=2)
+    # Most rows agree with this one: within a tenth of how much sides differ at all.
+    limit = 0.1 * float(np.ptp(np.median(np.sort(lengths, axis=1), axis=0)))
+    reference = lengths[int((apart < limit).sum(axis=1).argmax())]
+    orders = [np.array(one) for one in permutations(range(markers.shape[1]))]
+    exchanged = []
+    for i, row in enumerate(markers):
+        misfits = [
+            float(np.abs(np.linalg.norm(row[o[first]] - row[o[second]], axis=1) - reference).max())
+            for o in orders
+        ]
+        best = int(np.argmin(misfits))
+        if best and misfits[best] < misfits[0] - limit:
+            markers[i] = row[orders[best]]
+            exchanged.append(i)
+    return markers, tuple(exchanged)

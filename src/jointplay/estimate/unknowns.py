@@ -1,0 +1,193 @@
+"""An unknown of a measurement, and what the measurement says of it: the same of every kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import MissingName
+from jointplay.base.tables import Table
+from jointplay.base.units import displayed
+
+CANNOT_TELL = "this measurement cannot tell"
+NORMAL = 1.96
+"""Half of a 95 % interval in standard deviations."""
+LARGEST_SHARE, SMALL = 0.5, 0.25
+"""An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
+below `SMALL` of its scale count as this much."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that is sought, or that others depend on; SI units."""
+
+    joint: str
+    """Whose it is; empty for one of all joints."""
+    name: str
+    """``radial_clearance``, ``friction``, ``gear_play`` and so on."""
+    unit: str = ""
+    """SI; empty for a pure number."""
+    nominal: float = 0.0
+    """Of the scenario: what it is expected to be; nan if nothing is."""
+    scale: float = 1.0
+    """Size that matters; steps and thresholds are relative to it."""
+    most: float = math.inf
+    """Largest possible value."""
+    sought: bool = True
+    """Not if it is estimated only because others depend on it."""
+    spread: float = math.inf
+    """Standard deviation with which the nominal value was known before; infinite: not at all, zero:
+    exactly."""
+    least: float = 0.0
+    """Smallest possible value."""
+    fine: bool = True
+    """Whether it is as small as a clearance, and shown in such units."""
+
+    @property
+    def label(self) -> str:
+        """As tables have it: ``elbow radial clearance``."""
+        return " ".join(filter(None, [self.joint, self.name.replace("_", " ")]))
+
+    def shown(self, value: float) -> str:
+        """A value in the unit of tables."""
+        if math.isnan(value):
+            return ""
+        factor, unit = displayed(self.unit, self.fine)
+        return f"{factor * value:.4g} {unit}".rstrip()
+
+    def widest(self, value: float) -> float:
+        """Largest half width of an interval about `value` with which it is identified [SI]."""
+        return LARGEST_SHARE * max(value, SMALL * self.scale)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a measurement says of an unknown; SI units."""
+
+    unknown: Unknown
+    value: float = math.nan
+    half_width: float = math.inf
+    """Of the 95 % interval; infinite where nothing is known."""
+    reason: str = ""
+    """Why the measurement cannot tell; empty if it can."""
+    advice: str = ""
+    """Which measurement would tell, empty where none is needed or known."""
+    note: str = ""
+    """What it rests on, or acts together with, in words."""
+    ends: tuple[float, float] | None = None
+    """Of the 95 % interval, where it is not about the value."""
+    upper: float = math.inf
+    """Upper bound, one-sided 95 %, where one is stated."""
+    found: bool = True
+    """Whether there is some; if not, the upper bound is all that is told."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval within what can be."""
+        low, high = self.ends or (self.value - self.half_width, self.value + self.half_width)
+        return max(low, self.unknown.least), min(high, self.unknown.most)
+
+    @property
+    def low(self) -> float:
+        """Lower end of the interval."""
+        return self.interval[0]
+
+    @property
+    def high(self) -> float:
+        """Upper end of the interval."""
+        return self.interval[1]
+
+    @property
+    def label(self) -> str:
+        """Of the unknown."""
+        return self.unknown.label
+
+    @property
+    def joint(self) -> str:
+        """Of the unknown."""
+        return self.unknown.joint
+
+    @property
+    def identified(self) -> bool:
+        """Whether the measurement tells it."""
+        return not self.reason
+
+    def words(self) -> tuple[str, str]:
+        """Value and interval as tables have them."""
+        shown = self.unknown.shown
+        if self.reason:
+            return "-", CANNOT_TELL
+        if not self.found:
+            return "-", f"none told; at most {shown(self.upper)}"
+        low, high = self.interval
+        note = f" ({self.note})" if self.note else ""
+        return shown(self.value), f"{shown(low)} to {shown(high)}{note}"
+
+    def __str__(self) -> str:
+        """One line."""
+        value, interval = self.words()
+        return f"{self.label}: " + ": ".join(filter(None, [value, interval, self.reason]))
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]; without numbers where the measurement cannot tell."""
+        one = self.unknown
+        row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
+        row |= {"why_not": self.reason, "note": self.note}
+        numbers = {"scenario": one.nominal}
+        if not self.reason:
+            numbers |= {"found": self.value, "low": self.low, "high": self.high}
+            numbers |= {"upper": self.upper}
+        return row | {name: float(x) for name, x in numbers.items() if np.isfinite(x)}
+
+
+def listed(
+    found: Sequence[Estimate], head: str = "unknown", vague: str = "", scenario: bool = False
+) -> str:
+    """Estimates as a table, and why what cannot be told cannot.
+
+    Args:
+        found: what to list.
+        head: of the first column.
+        vague: if given, estimates without an interval are named in a line that begins so.
+        scenario: whether there is a column of what was expected.
+    """
+    dark = [one for one in found if one.reason]
+    rows = [["95 % interval", "found", *(["scenario"] if scenario else []), head][::-1]]
+    for one in found:
+        if not (vague and one.reason):
+            expected = [one.unknown.shown(one.unknown.nominal)] if scenario else []
+            rows.append([one.label, *expected, *one.words()])
+    lines = [str(Table.of_texts(rows))] if len(rows) > 1 else []
+    if vague and dark:
+        lines.append(f"{vague}: {', '.join(one.label for one in dark)}")
+    for one in () if vague else dark:
+        lines.append(f"{one.label}: {one.reason}")
+        lines += [f"  {one.advice}"] if one.advice else []
+    return "\n".join(lines)
+
+
+_HEADS = (
+    *("joint", "unknown", "unit", "scenario", "found", "low", "high", "upper", "why_not", "note"),
+)
+
+
+def data(found: Sequence[Estimate]) -> Table:
+    """A row for each estimate [SI]."""
+    rows = [one.describe() for one in found]
+    return Table.of([(head, "") for head in _HEADS], [[row.get(k) for k in _HEADS] for row in rows])
+
+
+def by_label(found: Sequence[Estimate], label: str) -> Estimate:
+    """The estimate of an unknown, by its label such as ``"elbow radial clearance"``.
+
+    Raises:
+        MissingName: there is none.
+    """
+    for one in found:
+        if one.label == label:
+            return one
+    raise MissingName("unknown", label, [one.label for one in found])

@@ -1,0 +1,327 @@
+"""Closed loops at rest: which joints follow which, and what the play of a joint moves.
+
+The driven coordinates stand where the encoders say. In a loop the others follow: with the tree's
+coordinates q, the opening of all loops by a displacement xi_i of each joint with play is
+
+    A dq + sum_i O_i xi_i = 0        (journals that rest in their bearings: rows of `closing_rows`)
+
+so that dq = -A^+ sum O_i xi_i in the passive coordinates, and what A cannot produce must be zero:
+N^T O_i xi_i summed over the joints, N^T A = 0. These ties hold plays together (`loop_play`): in a
+plane linkage the pins can only lean as far as they allow each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.model.loop import (
+    ANGLE_ARM_M,
+    ASSEMBLY_TOLERANCE_M,
+    SINGULAR,
+    closest,
+    closing_rows,
+    newton,
+    openings,
+    own_coordinates,
+)
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.urdf import Mimic
+
+_STEP = 0.05
+"""Of the driven joints, from one closed configuration to the next [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Closing:
+    """How the loops of a mechanism give way, in one closed configuration."""
+
+    follow: np.ndarray
+    """Displacement of the passive coordinates per opening of the loops, (passive, rows)."""
+    rest: np.ndarray
+    """Rows that no passive coordinate can close, combined, (ties, rows)."""
+    loose: np.ndarray
+    """Directions of the passive coordinates that no loop feels, (passive, k)."""
+    weight: np.ndarray
+    """Of each row: angles count on an arm, (rows,)."""
+
+
+class ClosedLoops:
+    """The loops of a mechanism whose driven joints, and all joints outside the loops, stand.
+
+    Args:
+        mechanism: with loops.
+        q: a configuration, shape (nq,).
+        driven: joints that stand; None: those of the loops nearest to the base that determine the
+            others at `q`: there machines have their motors.
+
+    Attributes:
+        driven: joints that stand.
+        passive: coordinates that follow.
+
+    Raises:
+        MissingName: no such joint.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None = None
+    ) -> None:
+        """Find what follows."""
+        self.mechanism = mechanism
+        self._weight = _weights(mechanism)
+        somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))
+        felt = np.max([np.abs(closing_rows(mechanism, at)).max(axis=0) for at in somewhere], axis=0)
+        inside = [i for i in own_coordinates(mechanism) if felt[i] > 1e-9]
+        self.driven = self._determining(q, inside) if driven is None else tuple(driven)
+        held = {mechanism.coordinate(name) for name in self.driven}
+        self.passive = np.array([i for i in inside if i not in held], int)
+        self._standing = np.setdiff1d(np.arange(mechanism.model.nq), self.passive)
+
+    def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:
+        """The joints nearest to the base that determine the other coordinates inside the loops."""
+        rows = self._rows(q)
+        rank = _rank(rows[:, inside])
+        chosen: list[str] = []
+        left = list(inside)
+        for name in from_the_base(self.mechanism):
+            if len(left) == rank:
+                break
+            at = self.mechanism.coordinate(name)
+            if at in left and _rank(rows[:, [i for i in left if i != at]]) == rank:
+                left.remove(at)
+                chosen.append(name)
+        return tuple(chosen)
+
+    def _rows(self, q: np.ndarray) -> np.ndarray:
+        """Openings per displacement of the coordinates, angles on an arm, (rows, nv)."""
+        return self._weight[:, None] * closing_rows(self.mechanism, q)
+
+    def stands(self, q: np.ndarray, at: int, count: int) -> str:
+        """Where the driven joints stand at `q` (nq,), number `at` of several, in words."""
+        place = self.mechanism.coordinate
+        values = ", ".join(f"{name} {q[place(name)]:.6g}" for name in self.driven)
+        pose = f" (pose {at + 1} of {count})" if count > 1 else ""
+        return (values or "no joint driven") + pose
+
+    def linear(self, q: np.ndarray) -> Closing:
+        """How the loops give way in the closed configuration q."""
+        left, sizes, right = np.linalg.svd(self._rows(q)[:, self.passive])
+        rank = int((sizes > _threshold(sizes)).sum())
+        follow = right[:rank].T / sizes[:rank] @ left[:, :rank].T
+        return Closing(follow, left[:, rank:].T, right[rank:].T, self._weight)
+
+    def closed(self, q: np.ndarray, begin: np.ndarray | None = None) -> np.ndarray:
+        """Configurations (n, nq) with their loops closed, as `close_all`; from `begin` (nq,) on.
+
+        Raises:
+            JointplayError: loops that cannot be closed.
+        """
+        first = [] if begin is None else [begin]
+        found, good = self.close_all(np.array([*first, *q]))
+        found, good = found[len(first) :], good[len(first) :]
+        if not good.all():
+            at = int(np.argmin(good))
+            raise JointplayError(
+                f"the loops {', '.join(self.mechanism.loops)} cannot be closed with "
+                f"{self.stands(q[at], at, len(q))}: out of reach, or at the limit of reach"
+            )
+        return found
+
+    def close_all(
+        self, q: np.ndarray, *, apart: bool = False, begin: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations with their loops closed, journals centred: (n, nq), and which could be.
+
+        From one to the next the driven joints go in small steps, so that the mechanism stays on its
+        branch; the first begins with the passive positions it has.
+
+        Args:
+            q: configurations whose driven coordinates count, (n, nq).
+            apart: they are not in the order of a motion: each is reached from the nearest one that
+                is closed.
+            begin: a closed configuration, (nq,), from which the first is reached.
+        """
+        closed, good = q.copy(), np.zeros(len(q), bool)
+        for i, row in enumerate(q):
+            (done,) = np.nonzero(good[:i])
+            last = begin
+            if len(done):
+                away = np.abs(closed[done][:, self._standing] - row[self._standing]).max(axis=1)
+                last = closed[done[away.argmin()] if apart else done[-1]]
+            found = self._reach(last, row)
+            if found is not None:
+                closed[i], good[i] = found, True
+                for name in self.mechanism.gears:  # unstrained
+                    motor = self.mechanism.motor(name)
+                    closed[i, motor] = found[self.mechanism.coordinate(name)]
+        return closed, good
+
+    def _reach(self, begin: np.ndarray | None, goal: np.ndarray) -> np.ndarray | None:
+        """The closed configuration with the driven positions of `goal`, from a closed one on."""
+        if begin is None:
+            near = self.close(goal)
+            if near is None:
+                near = self.close(closest(self.mechanism, goal, self.passive, {}))
+            return near
+        way = (goal - begin)[self._standing]
+        count = max(int(np.ceil(np.abs(way).max(initial=0.0) / _STEP)), 1)
+        q: np.ndarray | None = begin
+        for part in range(1, count + 1):
+            assert q is not None
+            trial = q.copy()
+            trial[self._standing] = begin[self._standing] + part / count * way
+            q = self.close(trial)
+            if q is None:
+                return None
+        return q
+
+    def close(
+        self,
+        start: np.ndarray,
+        aside: Mapping[str, pin.SE3] | None = None,
+        *,
+        exactly: bool = True,
+    ) -> np.ndarray | None:
+        """The configuration near `start` in which the passive coordinates close the loops, or None.
+
+        Args:
+            start: shape (nq,); what is not passive stays, displaced journals too.
+            aside: poses that journals of loops have in their bearings; centred if not given.
+            exactly: whether the loops must be closed; else as well as can be.
+        """
+        q = newton(self.mechanism, start, self.passive, self._weight, aside)
+        if q is not None and exactly and not is_closed(self.mechanism, q):
+            return None
+        return q
+
+
+def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
+    """By how much loops and locks open if what Pinocchio joint `moved` carries moves, (rows, k).
+
+    Args:
+        mechanism: after `pin.computeJointJacobians`.
+        moved: index of the joint.
+        twist: velocity of the world's origin and angular velocity, world axes, (6, k).
+    """
+    rows = [np.zeros((0, twist.shape[1]))]
+    for name in mechanism.loops:
+        pair = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        held = mechanism.loop_class(name).held()
+        rows.append(_apart(mechanism, *pair, moved, twist)[held])
+    rows += [_apart(mechanism, *pair, moved, twist) for pair in mechanism.locks.values()]
+    return np.concatenate(rows)
+
+
+def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
+    """What the play of the joint of a loop takes from its rows, (rows, 6)."""
+    rows = [np.zeros((0, 6))]
+    for name in mechanism.loops:
+        held = mechanism.loop_class(name).held()
+        rows.append((-np.eye(6) if name == loop else np.zeros((6, 6)))[held])
+    rows += [np.zeros((6, 6)) for _ in mechanism.locks]
+    return np.concatenate(rows)
+
+
+def _apart(
+    mechanism: Mechanism,
+    bearing: tuple[int, pin.SE3],
+    journal: tuple[int, pin.SE3],
+    moved: int,
+    twist: np.ndarray,
+) -> np.ndarray:
+    """Motion of a journal against its bearing, in bearing axes, (6, k)."""
+    model, data = mechanism.model, mechanism.data
+    sign = int(moved in model.supports[journal[0]]) - int(moved in model.supports[bearing[0]])
+    turn = (data.oMi[bearing[0]] * bearing[1]).rotation
+    centre = (data.oMi[journal[0]] * journal[1]).translation
+    along = twist[:3] + np.cross(twist[3:], centre, axisa=0, axisc=0)
+    return sign * np.concatenate([turn.T @ along, turn.T @ twist[3:]])
+
+
+def is_closed(mechanism: Mechanism, q: np.ndarray) -> bool:
+    """Whether all loops are closed, journals centred; angles count on an arm."""
+    gaps = np.abs(_weights(mechanism) * openings(mechanism, q))
+    return bool(gaps.max(initial=0.0) <= ASSEMBLY_TOLERANCE_M)
+
+
+def from_the_base(mechanism: Mechanism) -> list[str]:
+    """Joints with one coordinate without clearance, those on the base first.
+
+    Equally far ones stay in the order of the mechanism.
+    """
+    single = [
+        name
+        for name in mechanism.joints
+        if name not in mechanism.given_joints or not mechanism.given_joints[name].compound()
+    ]
+    described, moving = mechanism.description, set(mechanism.joints)
+
+    def depth(name: str) -> int:
+        return sum(one.name in moving for one in described.above(described.joints[name].parent))
+
+    return sorted(single, key=depth)
+
+
+def followed_mimics(
+    mechanism: Mechanism, q: np.ndarray, alone: Collection[str] = ()
+) -> dict[str, Mimic]:
+    """Joints that mimic others, and what each follows: those that no loop determines.
+
+    In the URDF of a gripper or a lift, `<mimic>` often stands for a loop that a URDF cannot have.
+    Where the loop is there, it is the loop that joints follow: a mimic that would hold its leader,
+    or that follows from the loops anyway, is left out.
+
+    Args:
+        mechanism: without clearance.
+        q: a configuration in which loops are closed, shape (nq,).
+        alone: joints that follow nothing.
+    """
+    rows = closing_rows(mechanism, q) if mechanism.loops else np.zeros((0, mechanism.model.nv))
+    rank = _rank(rows) if len(rows) else 0
+    found: dict[str, Mimic] = {}
+    for name in mechanism.joints:
+        mimic = mechanism.description.joints[name].mimic
+        if mimic is None or name in alone or name not in mechanism.coordinates:
+            continue
+        more = np.concatenate([rows, mimic_row(mechanism, name, mimic)[None]])
+        if mechanism.loops:
+            held = _rank(more)
+            if held == rank:
+                continue
+            if mimic.leader in mechanism.coordinates:
+                leads = np.eye(mechanism.model.nv)[[mechanism.coordinate(mimic.leader)]]
+                if _rank(np.concatenate([more, leads])) == held:
+                    continue
+            rank = held
+        found[name], rows = mimic, more
+    return found
+
+
+def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
+    """What is zero times each velocity with which the joint `name` follows, shape (nv,)."""
+    row = np.zeros(mechanism.model.nv)
+    row[mechanism.coordinate(name)] = 1.0
+    if mimic.leader in mechanism.coordinates:
+        row[mechanism.coordinate(mimic.leader)] -= mimic.multiplier
+    return row
+
+
+def _weights(mechanism: Mechanism) -> np.ndarray:
+    """One for each row of an offset, the arm for one of an angle, shape (rows,)."""
+    held = [row for name in mechanism.loops for row in mechanism.loop_class(name).held()]
+    held += list(range(6)) * len(mechanism.locks)
+    return np.where(np.array(held, int) < 3, 1.0, ANGLE_ARM_M)
+
+
+def _threshold(sizes: np.ndarray) -> float:
+    """Singular values up to here are none."""
+    return float(SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M))
+
+
+def _rank(rows: np.ndarray) -> int:
+    sizes = np.linalg.svd(rows, compute_uv=False)
+    return int((sizes > _threshold(sizes)).sum())

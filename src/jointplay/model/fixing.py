@@ -1,0 +1,72 @@
+"""Joints that are held: made fixed in the description, as if they had been welded.
+
+Links at the end of a chain that nothing gives inertia are of use only if they do not move: a head
+that is a frame for its cameras, the fingers of a hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import MissingName
+from jointplay.model.elements import Element, origin_of, place_of
+from jointplay.model.urdf import Description, read_again
+from jointplay.model.vocabulary import numbers
+
+_OF_FIXED = ("parent", "child")
+"""Elements that a fixed joint keeps; its origin is written anew."""
+
+
+def with_fixed(description: Description, joints: Collection[str]) -> Description:
+    """The description with these joints fixed, and with them those that mimic them.
+
+    A joint is held at zero, or where its limits exclude that, at the limit nearest to it. One that
+    is fixed already stays as it is.
+
+    Raises:
+        MissingName: no such joint.
+    """
+    for name in joints:
+        if name not in description.joints:
+            raise MissingName("joint", name, description.moving, where=("fix",))
+    moving = description.moving
+    places = {name: _nearest_to_zero(description, name) for name in joints if name in moving}
+    if not places:
+        return description
+    while followers := [
+        (one.name, mimic)
+        for one in description.joints.values()
+        if one.name not in places and (mimic := one.mimic) is not None and mimic.leader in places
+    ]:
+        for name, mimic in followers:
+            places[name] = mimic.multiplier * places[mimic.leader] + mimic.offset
+    root = description.elements()
+    for joint in root.findall("joint"):
+        name = joint.get("name", "")
+        if name in places:
+            _fix(joint, description.joints[name].turns, places[name])
+    return read_again(description, root, "joint")
+
+
+def _nearest_to_zero(description: Description, name: str) -> float:
+    """Position of a joint [rad or m]."""
+    joint = description.joints[name]
+    lower, upper = joint.lower, joint.upper
+    return 0.0 if lower is None or upper is None else min(max(0.0, lower), upper)
+
+
+def _fix(joint: Element, turns: bool, position: float) -> None:
+    """Make a joint fixed where it is at `position` [rad or m]."""
+    place = place_of(joint)
+    if position:
+        axis = np.array(numbers(joint.find("axis"), "xyz", "axis", 3, "1 0 0"))
+        way = position * axis / np.linalg.norm(axis)
+        still = np.zeros(3)
+        place = place * (pin.SE3(pin.exp3(way), still) if turns else pin.SE3(np.eye(3), way))
+    for element in [one for one in joint if one.tag not in _OF_FIXED]:
+        joint.remove(element)
+    joint.insert(0, origin_of(place))
+    joint.set("type", "fixed")

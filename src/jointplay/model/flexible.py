@@ -1,0 +1,312 @@
+"""Flexible links, as links and joints of the URDF.
+
+The link NAME becomes rigid pieces NAME, NAME_2, NAME_3, ..., and the hinges between them mounts
+NAME_hinge_1, NAME_hinge_2, ... that give way in bending and torsion; in the URDF these are fixed
+joints, which is what remains of them in the ideal mechanism. The frame NAME_tip is at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from copy import deepcopy
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.tables import few
+from jointplay.base.units import readable
+from jointplay.model.beams import FlexibleLink, section
+from jointplay.model.elements import (
+    Element,
+    origin_of,
+    place_of,
+    put,
+    put_fixed,
+    put_inertial,
+    set_end,
+)
+from jointplay.model.loop import Loop
+from jointplay.model.urdf import Description, read_again
+from jointplay.physics.joints import Clearance, hinge_of_beam
+
+HINGE, TIP = "_hinge_", "_tip"
+"""What is appended to a link's name: of its hinges, with a number, and of the frame at its end."""
+
+_SHORTEST_M = 1e-6
+"""Length of the shortest beam."""
+
+
+class Cut(NamedTuple):
+    """A mechanism with flexible links cut into pieces."""
+
+    description: Description
+    loops: dict[str, Loop]
+    hinges: dict[str, Clearance]
+    """By name."""
+    words: dict[str, str]
+    """What was made of each link, in a line."""
+
+
+def cut_links(
+    description: Description, loops: Mapping[str, Loop], flexible: Mapping[str, FlexibleLink]
+) -> Cut:
+    """The URDF and its loops with flexible links.
+
+    Raises:
+        JointplayError: no such link, no end for a beam, or a name that is taken.
+    """
+    cut = Cut(description, dict(loops), {}, {})
+    for name, one in flexible.items():
+        with within("flexible", name):
+            if not isinstance(one, FlexibleLink):
+                raise JointplayError(f"link {name!r} needs a FlexibleLink, got {one!r}")
+            if name not in description.links:
+                raise MissingName("link", name, description.links)
+            cut = _cut(cut, name, one)
+    return cut
+
+
+def hinges_of(description: Description, joints: Iterable[str]) -> dict[str, list[str]]:
+    """Those of `joints` that are hinges, by flexible link."""
+    found: dict[str, list[str]] = {}
+    for name in joints:
+        link, _, number = name.rpartition(HINGE)
+        if number.isdigit() and f"{link}{TIP}" in description.links:
+            found.setdefault(link, []).append(name)
+    return found
+
+
+def end_of_tool(tool: str, flexible: Mapping[str, FlexibleLink]) -> str:
+    """The frame at the end of a link that was chosen as tool, if it is flexible."""
+    return f"{tool}{TIP}" if tool in flexible else tool
+
+
+def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
+    root = cut.description.elements()
+    link = next(one for one in root.findall("link") if one.get("name") == name)
+    held = [one for one in root.findall("joint") if _link_of(one, "parent") == name]
+    last, end = _end(name, flexible, held)
+    start = np.array(flexible.start)
+    length = float(np.linalg.norm(end - start))
+    if length < _SHORTEST_M:
+        raise JointplayError(
+            f"the beam of link {name!r} has no length: it begins and ends at {_numbers(end)} m; "
+            "give start, tip or to"
+        )
+    along = (end - start) / length
+    axes = _axes(along, flexible)
+    places = flexible.hinges(length)
+    frames = [pin.SE3.Identity(), *(pin.SE3(axes, start + s * along) for s in places)]
+    pieces = [name, *(f"{name}_{k + 2}" for k in range(flexible.segments))]
+    hinges = [f"{name}{HINGE}{k + 1}" for k in range(flexible.segments)]
+
+    def piece_at(point: np.ndarray) -> int:
+        return int(np.count_nonzero(places < along @ (point - start)))
+
+    bounds = np.array([0.0, *places, length])
+    inertias, kept = _inertias(link, flexible, frames, bounds, axes, start)
+    colour = link.find("visual/material")
+    for tag in ("visual", "collision", "inertial"):
+        for one in link.findall(tag):
+            link.remove(one)
+    elements = [link, *(put(root, "link", name=one) for one in pieces[1:])]
+    for k, element in enumerate(elements):
+        put_inertial(element, inertias[k])
+        middle = pin.SE3(axes, start + 0.5 * (bounds[k] + bounds[k + 1]) * along)
+        seen = frames[k].actInv(middle)
+        for tag in ("visual", "collision"):
+            shape = _shape(tag, flexible, seen, bounds[k + 1] - bounds[k])
+            if tag == "visual" and colour is not None:
+                shape.append(deepcopy(colour))
+            element.append(shape)
+    for k, hinge in enumerate(hinges):
+        put_fixed(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
+    put(root, "link", name=f"{name}{TIP}")
+    there = frames[-1].actInv(pin.SE3(np.eye(3), end))
+    put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", there)
+    for joint in held:
+        place = place_of(joint)
+        k = flexible.segments if joint is last else piece_at(place.translation)
+        set_end(joint, "parent", pieces[k])
+        origin = joint.find("origin")
+        if origin is not None:
+            joint.remove(origin)
+        joint.insert(0, origin_of(frames[k].actInv(place)))
+    loops = {key: _moved(loop, name, pieces, frames, piece_at) for key, loop in cut.loops.items()}
+    stretch = length / flexible.segments
+    names = (*pieces[1:], *hinges, f"{name}{TIP}")
+    return Cut(
+        read_again(cut.description, root, "flexible link", *names),
+        loops,
+        {**cut.hinges, **dict.fromkeys(hinges, _hinge(flexible, stretch, length))},
+        {**cut.words, name: _words(flexible, length, kept)},
+    )
+
+
+def _end(
+    name: str, flexible: FlexibleLink, held: list[Element]
+) -> tuple[Element | None, np.ndarray]:
+    """Joint at which the beam ends, if it does at one, and the point."""
+    if flexible.tip is not None:
+        return None, np.array(flexible.tip)
+    by_name = {one.get("name", ""): one for one in held}
+    if flexible.to is not None:
+        if flexible.to not in by_name:
+            noun = f"joint that link {name!r} carries"
+            raise MissingName(noun, flexible.to, by_name, where=("to",))
+        last = by_name[flexible.to]
+        return last, place_of(last).translation
+    moving = [one for one in held if one.get("type") != "fixed"] or held
+    if len(moving) != 1:
+        if not moving:
+            raise JointplayError(
+                f"link {name!r} carries no joint at which its beam could end: give tip, the point "
+                'in the link\'s frame, such as [0, 0, "300 mm"]'
+            )
+        raise JointplayError(
+            f"link {name!r} carries several joints: give to, one of {', '.join(by_name)}, or tip"
+        )
+    return moving[0], place_of(moving[0]).translation
+
+
+def _axes(along: np.ndarray, flexible: FlexibleLink) -> np.ndarray:
+    """Axes of the section: x along its width, y along its height, z along the beam."""
+    given = flexible.height_along
+    if given is None:
+        given = (0.0, 1.0, 0.0) if abs(along[2]) > 0.9 else (0.0, 0.0, 1.0)
+    height = np.array(given) - along * (along @ np.array(given))
+    size = float(np.linalg.norm(height))
+    if size < 1e-6 * float(np.linalg.norm(given)):
+        raise JointplayError("height_along lies along the beam", where=("height_along",))
+    height /= size
+    return np.column_stack([np.cross(height, along), height, along])
+
+
+def _inertias(
+    link: Element,
+    flexible: FlexibleLink,
+    frames: list[pin.SE3],
+    bounds: np.ndarray,
+    axes: np.ndarray,
+    start: np.ndarray,
+) -> tuple[list[pin.Inertia], tuple[float, float]]:
+    """Inertia of each piece in its frame; and mass of the URDF's link, and what is kept of it."""
+    beam, found = flexible.beam, []
+    for frame, low, high in zip(frames, bounds[:-1], bounds[1:], strict=True):
+        size = high - low
+        across = beam.mass * size**3 / 12.0
+        x, y = (size * one for one in beam.turning)
+        own = pin.Inertia(beam.mass * size, np.zeros(3), np.diag([x + across, y + across, x + y]))
+        middle = pin.SE3(axes, start + 0.5 * (low + high) * axes[:, 2])
+        found.append(frame.actInv(middle).act(own))
+    given = _given_inertia(link)
+    rest = 0.0 if given is None else given.mass - beam.mass * bounds[-1]
+    if given is None or rest <= 0.0:
+        return found, (0.0 if given is None else given.mass, 0.0)
+    kept = pin.Inertia(rest, given.lever, given.inertia * (rest / given.mass))
+    k = int(np.count_nonzero(bounds[1:-1] < axes[:, 2] @ (given.lever - start)))
+    found[k] = found[k] + frames[k].actInv(kept)
+    return found, (given.mass, rest)
+
+
+def _given_inertia(link: Element) -> pin.Inertia | None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    mass, tensor = inertial.find("mass"), inertial.find("inertia")
+    assert mass is not None  # as was checked when it was read
+    assert tensor is not None
+    xx, xy, xz, yy, yz, zz = (
+        float(tensor.get(f"i{axes}", "0")) for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
+    )
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    own = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), about)
+    return place_of(inertial).act(own)
+
+
+def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> Element:
+    """What a piece looks like: its section, filled."""
+    element = Element(tag)
+    element.append(origin_of(place))
+    geometry = put(element, "geometry")
+    if flexible.section is None:
+        radius = math.sqrt(2.0) * (flexible.gyration_radius or 0.0)
+        form, width, height = "rod", 2.0 * radius, 2.0 * radius
+    else:
+        own = section(flexible.section)
+        form, (width, height) = own.form, own.size
+    if form in ("tube", "rod"):
+        put(geometry, "cylinder", radius=0.5 * width, length=length)
+    else:
+        put(geometry, "box", size=(width, height, length))
+    return element
+
+
+def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
+    """What stands for the stiffness of one stretch of the beam."""
+    beam = flexible.beam
+    across = beam.shear or tuple(12.0 * one / stretch**2 for one in beam.bending)
+    stiffness = np.array([*across, beam.axial, *beam.bending, beam.torsion]) / stretch
+    locked = ("z",) if flexible.shear else ("x", "y", "z")
+    locked = locked if flexible.torsion else (*locked, "yaw")
+    return hinge_of_beam(stiffness, flexible.damping_time(length), locked)
+
+
+def _moved(
+    loop: Loop,
+    name: str,
+    pieces: list[str],
+    frames: list[pin.SE3],
+    piece_at: Callable[[np.ndarray], int],
+) -> Loop:
+    """A loop with its ends on the pieces that carry them."""
+    for side in ("bearing", "journal"):
+        if getattr(loop, f"{side}_link") != name:
+            continue
+        place = getattr(loop, side)
+        k = piece_at(place.translation)
+        there = frames[k].actInv(place)
+        rpy = tuple(map(float, pin.rpy.matrixToRpy(there.rotation)))
+        xyz = tuple(map(float, there.translation))
+        changes = {f"{side}_link": pieces[k], f"{side}_xyz": xyz, f"{side}_rpy": rpy}
+        loop = replace(loop, **changes)  # type: ignore[arg-type]
+    return loop
+
+
+def _words(flexible: FlexibleLink, length: float, kept: tuple[float, float]) -> str:
+    beam, (given, rest) = flexible.beam, kept
+    what = flexible.section or "given stiffness"
+    if flexible.material is not None:
+        what += f", {flexible.material.name or 'given material'}"
+    mass = f"beam {beam.mass * length:.3g} kg"
+    if rest > 0.0:
+        mass += f" of the URDF's {given:.3g} kg, the rest rigid at its centre of mass"
+    elif given > 0.0:
+        mass += f" instead of the URDF's {given:.3g} kg"
+    ways = ["bending", *(["torsion"] if flexible.torsion else [])]
+    ways += ["shear"] if flexible.shear else []
+    first = ", ".join(f"{one:.4g}" for one in beam.frequencies(length))
+    parts = [
+        f"flexible, {what}, {readable(length, 'm')} long, {flexible.segments} segments",
+        mass,
+        f"{few(ways)}, rigid otherwise",
+        f"alone, clamped and free, {first} Hz in theory",
+        f"damping ratio {flexible.damping_ratio:g} at the first of them",
+    ]
+    share = beam.shear_share(length)
+    if not flexible.shear and share > 0.01:
+        parts.append(f"shear, left out, would add {100.0 * share:.2g} % to its sag under a force")
+    return "; ".join(parts)
+
+
+def _link_of(joint: Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def _numbers(point: np.ndarray) -> str:
+    return ", ".join(f"{one:g}" for one in point)

@@ -1,0 +1,758 @@
+"""Play, elasticity and losses in a drive: a motor, and the gear between it and its joint.
+
+docs/gears.md has the equations, what catalogues measure, and where numbers come from.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.schema import Described, Family, check_fields, one_of, quantity, register
+from jointplay.physics.kernel.words import GEAR_ORDERS
+
+SOFTEST = 1e-4
+"""Least stiffness that a stated lost motion may stand for, relative to the gear's own."""
+
+CYCLES = 2
+"""Cycles of load until a loop closes."""
+
+
+class Curve(NamedTuple):
+    """Odd elastic torque over the twist beyond the play, in straight pieces."""
+
+    slopes: np.ndarray
+    """(n + 1,) [N m/rad]."""
+    twists: np.ndarray
+    """At which the slope changes, (n,) [rad]."""
+    torques: np.ndarray
+    """There, (n,) [N m]."""
+
+    @classmethod
+    def of(cls, pieces: Sequence[tuple[float, float]]) -> Curve:
+        """Curve of pieces: slope [N m/rad], and torque at which the piece ends [N m]."""
+        slopes = np.array([slope for slope, _ in pieces])
+        torques = np.array([end for _, end in pieces[:-1]])
+        steps = np.diff(torques, prepend=0.0) / slopes[:-1]
+        return cls(slopes, np.cumsum(steps), torques)
+
+    def _starts(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.append(0.0, self.twists), np.append(0.0, self.torques)
+
+    def torque(self, depth: np.ndarray) -> np.ndarray:
+        """Torque at a twist beyond the play that is not negative [N m]."""
+        twists, torques = self._starts()
+        at = np.searchsorted(self.twists, depth)
+        return np.asarray(torques[at] + self.slopes[at] * (depth - twists[at]))
+
+    def slope(self, depth: float) -> float:
+        """Stiffness there [N m/rad]."""
+        return float(self.slopes[np.searchsorted(self.twists, depth)])
+
+    def energy(self, depth: np.ndarray) -> np.ndarray:
+        """Energy stored there [J]."""
+        twists, torques = self._starts()
+        steps = 0.5 * np.diff(twists) * (torques[1:] + torques[:-1])
+        stored = np.append(0.0, np.cumsum(steps))
+        at = np.searchsorted(self.twists, depth)
+        more = depth - twists[at]
+        return np.asarray(stored[at] + torques[at] * more + 0.5 * self.slopes[at] * more**2)
+
+    def depth(self, torque: np.ndarray) -> np.ndarray:
+        """Twist beyond the play that a torque, not negative, takes [rad]."""
+        twists, torques = self._starts()
+        at = np.searchsorted(self.torques, torque)
+        return np.asarray(twists[at] + (torque - torques[at]) / self.slopes[at])
+
+
+class Losses(NamedTuple):
+    """Friction on a gear's motor, referred to the joint."""
+
+    running: float = 0.0
+    """Dry, without load [N m]."""
+    viscous: float = 0.0
+    """[N m s/rad]."""
+    driving: float = 0.0
+    """Dry, per torque that the gear holds, where the motor drives."""
+    driven: float = 0.0
+    """The same where the joint drives."""
+
+
+class Gearing(Described, ABC):
+    """A gear between a motor and the joint that it turns. Subclasses are frozen dataclasses.
+
+    The motor becomes a coordinate of its own, ``<joint>.motor``. All quantities are referred to the
+    joint's side: an inertia J behind a ratio N counts N^2 J. The rotor's gyroscopic effect is left
+    out.
+    """
+
+    selector = ("kind", "kind")
+
+    kind: ClassVar[str]
+    """The one word that selects the gear."""
+    play: float
+    """Angle by which the joint turns freely while the motor stands [rad]."""
+    rotor_inertia: float
+    """Inertia of the rotor [kg m^2]."""
+    damping: float
+    """Damping of the teeth in contact and the shaft [N m s/rad]."""
+    rated_torque: float | None = None
+    """To which catalogues refer lost motion and hysteresis [N m]; None: not known."""
+
+    @abstractmethod
+    def curve(self) -> Curve:
+        """Its elastic torque over the twist beyond the play."""
+
+    @property
+    def bristles(self) -> tuple[float, float]:
+        """Largest torque of its hysteresis [N m], and angle in which it lets go [rad]."""
+        return 0.0, 1.0
+
+    @property
+    def error_terms(self) -> tuple[tuple[float, float, float], ...]:
+        """Kinematic error: cycles per turn of the joint, amplitude [rad], phase [rad], of each."""
+        return ()
+
+    def without_error(self) -> Gearing:
+        """The same without kinematic error."""
+        return self
+
+    @property
+    def losses(self) -> Losses:
+        """Friction on the motor."""
+        return Losses()
+
+    @property
+    def steepest(self) -> float:
+        """Largest stiffness, bristles included [N m/rad]."""
+        grip, bend = self.bristles
+        return float(self.curve().slopes.max()) + grip / bend
+
+    @property
+    def unloaded_range(self) -> float:
+        """Angle in which the joint may stand without load while the motor does [rad].
+
+        The play and the width of the widest loop of hysteresis.
+        """
+        grip, _ = self.bristles
+        return self.play + 2.0 * float(self.curve().depth(np.array(grip)))
+
+    def row(self, motor: int = 0, link: int = 0) -> np.ndarray:
+        """What the kernels know of it, shape (1,): of `layout.GEAR_ROW`."""
+        from jointplay.physics.kernel.sites import gear_row  # the compiler takes long to import
+
+        terms = np.array(self.error_terms).reshape(-1, 3).T
+        names = ("running_torque", "viscous", "driving_loss", "driven_loss")
+        return gear_row(
+            motor=motor,
+            link=link,
+            half_play=self.play / 2.0,
+            damping=self.damping,
+            rubs=int(self.bristles[0] > 0.0 or any(self.losses)),
+            orders=terms.shape[1],
+            **dict(zip(("order", "amplitude", "phase"), terms, strict=True)),
+            **dict(zip(names, self.losses, strict=True)),
+            **_torsion_fields(self.curve(), self.bristles),
+        )
+
+    # What statics and audits ask.
+
+    def kinematic_error(self, motor: Any) -> tuple[Any, Any, Any]:
+        """Kinematic error at the motor's angles [rad], and its first two derivatives by them."""
+        error = slope = bend = 0.0 * motor
+        for order, amplitude, phase in self.error_terms:
+            sine, cosine = np.sin(order * motor + phase), np.cos(order * motor + phase)
+            error = error + amplitude * sine
+            slope = slope + amplitude * order * cosine
+            bend = bend - amplitude * order**2 * sine
+        return error, slope, bend
+
+    def twist(self, motor: Any, link: Any) -> Any:
+        """Twist of the gear at its motor's and its joint's angles [rad]."""
+        return motor + self.kinematic_error(motor)[0] - link
+
+    def stored_energy(self, twist: np.ndarray, hysteresis: np.ndarray | float = 0.0) -> np.ndarray:
+        """Energy in teeth, shafts and bristles at twists and torques of hysteresis (n,) [J]."""
+        energy = self.curve().energy(np.maximum(np.abs(twist) - self.play / 2.0, 0.0))
+        grip, bend = self.bristles
+        if grip > 0.0:
+            energy = energy + 0.5 * bend / grip * np.square(hysteresis)
+        return energy
+
+    def tooth_torque(self, twist: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Torque of teeth and damper at twists and their rates (n,) [N m]."""
+        depth, side = np.abs(twist) - self.play / 2.0, np.sign(twist)
+        elastic = self.curve().torque(np.maximum(depth, 0.0))
+        pushed = np.maximum(elastic + self.damping * side * rate, 0.0)
+        return np.asarray(np.where(depth > 0.0, side * pushed, 0.0))
+
+    def first_load(self, twist: float) -> tuple[float, float, float]:
+        """Work [J], torque [N m] and stiffness [N m/rad] at a twist never exceeded before [rad]."""
+        curve, depth = self.curve(), abs(twist) - self.play / 2.0
+        energy = torque = slope = 0.0
+        if depth > 0.0:
+            energy, torque = (float(one(np.array(depth))) for one in (curve.energy, curve.torque))
+            slope = curve.slope(depth)
+        grip, bend = self.bristles
+        if grip > 0.0:
+            left = math.exp(-abs(twist) / bend)
+            energy += grip * (abs(twist) - bend * (1.0 - left))
+            torque += grip * (1.0 - left)
+            slope += grip / bend * left
+        return energy, math.copysign(torque, twist), slope
+
+    def wound_up(self, torque: Any) -> Any:
+        """Twist that a torque takes by the middle of all loops, play included [rad]."""
+        depth = self.curve().depth(np.abs(torque))
+        return np.sign(torque) * (self.play / 2.0 + depth)
+
+    def first_twist(self, torque: float) -> float:
+        """Twist that a torque takes which was never exceeded before [rad]."""
+        if self.bristles[0] <= 0.0:
+            return float(self.wound_up(torque))
+        return float(self.torsion([torque])[0])
+
+    # What catalogues measure.
+
+    def torsion(self, torques: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Angle of the joint under one torque after another, the motor held.
+
+        Loaded slowly from the state never loaded, with the law that runs use. Where several angles
+        bear a torque, as within the play, it goes no farther than to the first.
+
+        Args:
+            torques: on the joint (n,) [N m].
+
+        Returns:
+            (n,) [rad].
+        """
+        return self._torsion(self.curve(), self.bristles, torques)
+
+    def _torsion(
+        self, curve: Curve, bristles: tuple[float, float], torques: Sequence[float] | np.ndarray
+    ) -> np.ndarray:
+        from jointplay.physics.kernel.gear import turn_slowly  # the compiler takes long to import
+        from jointplay.physics.kernel.sites import gear_row
+
+        torques = np.asarray(torques, float)
+        if torques.ndim != 1 or not np.isfinite(torques).all():
+            raise JointplayError(f"torques must be a list of finite numbers, got {torques!r}")
+        twists = np.empty_like(torques)
+        row = gear_row(half_play=self.play / 2.0, **_torsion_fields(curve, bristles))
+        turn_slowly(row, torques, twists)
+        return twists
+
+    @property
+    def _rated(self) -> float:
+        if self.rated_torque is None:
+            raise JointplayError(
+                f"lost motion and hysteresis refer to the rated torque, and this {self.kind} gear "
+                "has none; give rated_torque",
+                ("rated_torque",),
+            )
+        return self.rated_torque
+
+    def hysteresis_loss(self) -> float:
+        """Width of the loop to the rated torque both ways where the torque is zero [rad].
+
+        Play is part of it.
+
+        Raises:
+            JointplayError: the gear has no rated torque.
+        """
+        top = self._rated
+        angles = self.torsion([*[top, -top] * CYCLES, top, 0.0, -top, 0.0])
+        return float(angles[-3] - angles[-1])
+
+    def lost_motion(self, torque_fraction: float | None = None) -> float:
+        """Angle between a fraction of the rated torque one way and the other [rad].
+
+        Strain-wave gears: between the ends of a loop to this torque. Others: on the middle line,
+        half way across, of the loop to the rated torque.
+
+        Args:
+            torque_fraction: None takes what the kind's catalogues do, 0.04 for strain-wave gears,
+                else 0.03.
+
+        Raises:
+            JointplayError: the gear has no rated torque; a fraction not above 0 or above 1.
+        """
+        if torque_fraction is None:
+            torque_fraction = _fraction(self.kind)
+        if not 0.0 < torque_fraction <= 1.0:
+            raise JointplayError(
+                f"a torque fraction is above 0 and at most 1, got {torque_fraction!r}"
+            )
+        return self._lost_motion(self.curve(), self.bristles, torque_fraction)
+
+    def _lost_motion(self, curve: Curve, bristles: tuple[float, float], part: float) -> float:
+        top, small = self._rated, part * self._rated
+        torques = [*[top, -top] * CYCLES, top, small, -small, -top, -small, small]
+        angles = self._torsion(curve, bristles, torques)
+        down_high, down_low, _, up_low, up_high = angles[-5:]
+        return float(0.5 * (down_high + up_high - down_low - up_low))
+
+    # Where its numbers come from.
+
+    def origins(self) -> dict[str, str]:
+        """Where those numbers come from that a catalogue gave, by field: origin and source."""
+        return {}
+
+    @property
+    def notes(self) -> str:
+        """A clause that says which numbers a catalogue gave, and which of them are unchecked."""
+        by_origin: dict[str, list[str]] = {}
+        for name, said in self.origins().items():
+            by_origin.setdefault(said.partition(":")[0], []).append(name)
+        words = {"memory": "from memory, to be checked"}
+        return "; ".join(
+            f"{words.get(origin, origin)}: {', '.join(names)}"
+            for origin, names in by_origin.items()
+        )
+
+
+@dataclass(frozen=True)
+class Gear(Gearing):
+    """A motor that turns its joint through a gear with backlash.
+
+    Within the play no torque passes; beyond, the teeth are a spring and a damper in parallel that
+    never pull. Reference: M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633-1649.
+
+    Raises:
+        JointplayError: a value that is negative, zero where it must not be, or not finite.
+    """
+
+    kind: ClassVar[str] = "backlash"
+
+    play: float = quantity("rad", least=0.0, words="gear play")
+    """Angle by which the joint turns freely while the motor stands [rad]."""
+    rotor_inertia: float = quantity("kg*m^2", above=0.0, words="rotor inertia")
+    """Inertia of the rotor, referred to the joint [kg m^2]."""
+    stiffness: float = quantity("N*m/rad", above=0.0, words="gear stiffness")
+    """Stiffness of the teeth in contact and the shaft [N m/rad]."""
+    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="gear damping")
+    """Damping of the teeth in contact and the shaft [N m s/rad]."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_fields(self)
+
+    def curve(self) -> Curve:
+        """One stiffness."""
+        return Curve.of([(self.stiffness, math.inf)])
+
+
+def _check_efficiency(efficiency: float, driven: float | None, where: tuple[Any, ...]) -> None:
+    """Refuse efficiencies that give energy, or let nothing through."""
+    if not 0.0 < efficiency <= 1.0:
+        raise JointplayError(
+            f"efficiency must be above 0 and at most 1, got {efficiency:g}", (*where, "efficiency")
+        )
+    if driven is not None and not 0.0 <= driven <= 1.0:
+        raise JointplayError(
+            f"back driving efficiency must be from 0 to 1, got {driven:g}",
+            (*where, "back_driving_efficiency"),
+        )
+
+
+def _back_driving(efficiency: float, given: float | None) -> float:
+    """Efficiency where the joint drives; the same friction both ways, if it is not given."""
+    return max(2.0 - 1.0 / efficiency, 0.0) if given is None else given
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Lossy(Gearing):
+    """What refined gears have in common."""
+
+    rotor_inertia: float = quantity("kg*m^2", above=0.0, words="rotor inertia")
+    """Inertia of the rotor, referred to the joint [kg m^2]."""
+    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="gear damping")
+    """Damping of the teeth in contact and the shaft [N m s/rad]."""
+    rated_torque: float | None = quantity("N*m", default=None, above=0.0, words="rated torque")
+    """To which catalogues refer lost motion and hysteresis [N m]."""
+    no_load_torque: float = quantity("N*m", default=0.0, least=0.0, words="no-load running torque")
+    """Dry friction of the gear without load, referred to the joint [N m]."""
+    viscous: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="viscous gear friction")
+    """Viscous friction of the gear, referred to the joint [N m s/rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Catalogued(_Lossy):
+    """What gears have in common that catalogues describe by lost motion and hysteresis."""
+
+    catalogue: str | None = None
+    """Name of a gear whose catalogue gives the numbers that are not given here."""
+    play: float = quantity("rad", default=None, least=0.0, words="gear play")
+    """Angle by which the joint turns freely while the motor stands [rad]; 0 if not given."""
+    hysteresis: float = quantity("rad", default=None, least=0.0, words="hysteresis")
+    """Width of the torsion loop at zero torque beyond the play [rad]; 0 if not given."""
+    presliding: float | None = quantity("rad", default=None, above=0.0, words="presliding angle")
+    """Angle in which hysteresis turns over by all but 1/e [rad]; a quarter of it if not given."""
+    stated_lost_motion: float | None = quantity("rad", default=None, above=0.0, words="lost motion")
+    """Lost motion of the catalogue [rad]: it makes the gear softer below the torque at which it is
+    measured. If not given, lost motion follows from the other numbers."""
+    efficiency: float = quantity("", default=1.0)
+    """Efficiency under load where the motor drives."""
+    back_driving_efficiency: float | None = quantity("", default=None)
+    """Where the joint drives; the friction of `efficiency` if not given."""
+
+    needs: ClassVar[tuple[str, ...]]
+    """Fields that either the user or the catalogue must give."""
+
+    def __post_init__(self) -> None:
+        """Take what the catalogue has, and check all values."""
+        given = {} if self.catalogue is None else _entry(self.kind, self.catalogue)
+        for name, item in given.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, item["value"])
+        missing = [name for name in self.needs if getattr(self, name) is None]
+        if missing:
+            has = f"; the catalogue's {self.catalogue} has {', '.join(given)}" if given else ""
+            raise JointplayError(f"a {self.kind} gear needs {', '.join(missing)}{has}")
+        for name in ("play", "hysteresis"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, 0.0)
+        check_fields(self)
+        _check_efficiency(self.efficiency, self.back_driving_efficiency, ())
+        self._check()
+        _ = self._law
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Refuse values that do not go together."""
+
+    @abstractmethod
+    def _pieces(self) -> list[tuple[float, float]]:
+        """Of the curve as the catalogue has it, as `Curve.of` takes them."""
+
+    @classmethod
+    def of(cls, name: str, **more: Any) -> Self:
+        """A gear by its name in the catalogue, with what the catalogue does not know.
+
+        Args:
+            name: of `names`.
+            more: fields; they go before the catalogue's.
+
+        Raises:
+            JointplayError: no such gear, the message names the nearest; a number that neither has.
+        """
+        return cls(catalogue=name, **more)
+
+    @classmethod
+    def names(cls) -> list[str]:
+        """Names that `of` knows."""
+        return list(_catalogue()[cls.kind])
+
+    def origins(self) -> dict[str, str]:
+        """See `Gearing.origins`; of fields that have the catalogue's number still."""
+        if self.catalogue is None:
+            return {}
+        return {
+            name: f"{item['origin']}: {item['source']}"
+            for name, item in _entry(self.kind, self.catalogue).items()
+            if getattr(self, name) == item["value"]
+        }
+
+    @cached_property
+    def _law(self) -> tuple[Curve, tuple[float, float]]:
+        """Curve and bristles with which hysteresis and lost motion come out as stated."""
+        pieces = self._pieces()
+        if self.stated_lost_motion is None:
+            curve = Curve.of(pieces)
+            return curve, self._bristles_of(curve)
+        part = _fraction(self.kind)
+        small, most = part * self._rated, pieces[0][0]
+        beyond = [piece for piece in pieces if piece[1] > small]
+
+        def law(slope: float) -> tuple[Curve, tuple[float, float]]:
+            curve = Curve.of([(slope, small), *beyond])
+            return curve, self._bristles_of(curve)
+
+        def excess(slope: float) -> float:
+            return self._lost_motion(*law(slope), part) - stated
+
+        from scipy.optimize import brentq  # takes long to import
+
+        stated, bottom = self.stated_lost_motion, SOFTEST * most
+        least, largest = (excess(slope) + stated for slope in (most, bottom))
+        if not least <= stated * (1.0 + 1e-9) or not stated <= largest:
+            raise JointplayError(
+                f"lost motion at {100 * part:g} % of the rated torque must be from {least:.4g} to "
+                f"{largest:.4g} rad, as stiffness, play and hysteresis have it, got {stated:.4g} "
+                "rad",
+                ("stated_lost_motion",),
+            )
+        if excess(most) >= 0.0:
+            return law(most)
+        return law(float(brentq(excess, bottom, most, xtol=1e-9 * most)))
+
+    def _bristles_of(self, curve: Curve) -> tuple[float, float]:
+        grip = float(curve.torque(np.array(0.5 * self.hysteresis)))
+        if self.rated_torque is not None and grip >= self.rated_torque:
+            raise JointplayError(
+                f"a hysteresis of {self.hysteresis:.4g} rad takes {grip:.4g} N m, which is not "
+                f"below the rated torque of {self.rated_torque:.4g} N m",
+                ("hysteresis",),
+            )
+        return grip, self.presliding or (0.25 * self.hysteresis if self.hysteresis else 1.0)
+
+    def curve(self) -> Curve:
+        """As the catalogue has it, softer at small torques where it states lost motion."""
+        return self._law[0]
+
+    @property
+    def bristles(self) -> tuple[float, float]:
+        """See `Gearing.bristles`."""
+        return self._law[1]
+
+    @property
+    def losses(self) -> Losses:
+        """Friction without load and with it."""
+        driven = _back_driving(self.efficiency, self.back_driving_efficiency)
+        driving = 1.0 / self.efficiency - 1.0
+        return Losses(self.no_load_torque, self.viscous, driving, 1.0 - driven)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrainWaveGear(_Catalogued):
+    """A strain-wave (harmonic) gear: a stiffness that rises with the torque, and hysteresis.
+
+    Its kinematic error has two cycles in a turn of the wave generator. Reference: T. D. Tuttle,
+    W. P. Seering, IEEE Trans. Robotics and Automation 12 (1996) 368-374.
+
+    Raises:
+        JointplayError: no such gear in the catalogue, a value that cannot be, or values that do not
+            go together.
+    """
+
+    kind: ClassVar[str] = "strain-wave"
+    needs: ClassVar[tuple[str, ...]] = ("ratio", "stiffness_1")
+
+    ratio: float = quantity("", default=None, above=0.0, words="gear ratio")
+    """Turns of the motor in a turn of the joint."""
+    stiffness_1: float = quantity("N*m/rad", default=None, above=0.0, words="stiffness K1")
+    """K1, up to `torque_1` [N m/rad]."""
+    stiffness_2: float | None = quantity("N*m/rad", default=None, above=0.0, words="stiffness K2")
+    """K2, up to `torque_2` [N m/rad]; K1 if not given."""
+    stiffness_3: float | None = quantity("N*m/rad", default=None, above=0.0, words="stiffness K3")
+    """K3, beyond [N m/rad]; K2 if not given."""
+    torque_1: float | None = quantity("N*m", default=None, above=0.0, words="torque T1")
+    """T1 [N m]."""
+    torque_2: float | None = quantity("N*m", default=None, above=0.0, words="torque T2")
+    """T2 [N m]."""
+    error_amplitude: float = quantity("rad", default=None, least=0.0, words="kinematic error")
+    """Amplitude of the kinematic error, an angle of the joint [rad]; 0 if not given."""
+    error_phase: float = quantity("rad", default=0.0, words="phase of the kinematic error")
+    """Its phase where the motor is at zero [rad]."""
+
+    def _check(self) -> None:
+        for stiffness, torque in (("stiffness_2", "torque_1"), ("stiffness_3", "torque_2")):
+            if getattr(self, stiffness) is not None and getattr(self, torque) is None:
+                raise JointplayError(f"{stiffness} begins at {torque}: give it", (torque,))
+        first, second = self.torque_1, self.torque_2
+        if first is not None and second is not None and not first < second:
+            raise JointplayError(
+                f"torque T2 must be above T1 = {first:g} N m, got {second:g} N m", ("torque_2",)
+            )
+        if self.error_amplitude is None:
+            object.__setattr__(self, "error_amplitude", 0.0)
+
+    def _pieces(self) -> list[tuple[float, float]]:
+        pieces = [(self.stiffness_1, math.inf)]
+        for slope, begin in ((self.stiffness_2, self.torque_1), (self.stiffness_3, self.torque_2)):
+            if slope is not None and begin is not None and slope != pieces[-1][0]:
+                pieces[-1] = (pieces[-1][0], begin)
+                pieces.append((slope, math.inf))
+        return pieces
+
+    @property
+    def error_terms(self) -> tuple[tuple[float, float, float], ...]:
+        """Twice in a turn of the wave generator."""
+        if self.error_amplitude == 0.0:
+            return ()
+        return ((2.0 * self.ratio, self.error_amplitude, self.error_phase),)
+
+    def without_error(self) -> StrainWaveGear:
+        """See `Gearing.without_error`."""
+        return replace(self, error_amplitude=0.0)
+
+    def _lost_motion(self, curve: Curve, bristles: tuple[float, float], part: float) -> float:
+        small = part * self._rated
+        angles = self._torsion(curve, bristles, [small, -small] * (CYCLES + 1))
+        return float(angles[-2] - angles[-1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class CycloidalGear(_Catalogued):
+    """A cycloidal (RV) gear: one stiffness, backlash, hysteresis, kinematic error at given orders.
+
+    Raises:
+        JointplayError: no such gear in the catalogue, a value that cannot be, or values that do not
+            go together.
+    """
+
+    kind: ClassVar[str] = "cycloidal"
+    needs: ClassVar[tuple[str, ...]] = ("stiffness",)
+
+    stiffness: float = quantity("N*m/rad", default=None, above=0.0, words="gear stiffness")
+    """Torsional stiffness of the catalogue [N m/rad]."""
+    error_orders: tuple[float, ...] = quantity("", default=(), words="error order")
+    """Cycles of the kinematic error in a turn of the joint."""
+    error_amplitudes: tuple[float, ...] = quantity("rad", default=(), words="kinematic error")
+    """Their amplitudes, angles of the joint [rad]."""
+    error_phases: tuple[float, ...] = quantity("rad", default=(), words="phase of an error")
+    """Their phases where the motor is at zero [rad]; 0 if none is given."""
+
+    def _check(self) -> None:
+        orders, amplitudes = self.error_orders, self.error_amplitudes
+        if len(orders) != len(amplitudes) or len(self.error_phases) not in (0, len(orders)):
+            raise JointplayError(
+                f"a kinematic error needs an amplitude, and a phase or none, for each order; got "
+                f"{len(orders)} orders, {len(amplitudes)} amplitudes, {len(self.error_phases)} "
+                "phases",
+                ("error_orders",),
+            )
+        if len(orders) > GEAR_ORDERS:
+            raise JointplayError(
+                f"a kinematic error has at most {GEAR_ORDERS} orders, got {len(orders)}",
+                ("error_orders",),
+            )
+
+    def _pieces(self) -> list[tuple[float, float]]:
+        return [(self.stiffness, math.inf)]
+
+    @property
+    def error_terms(self) -> tuple[tuple[float, float, float], ...]:
+        """As given."""
+        phases = self.error_phases or (0.0,) * len(self.error_orders)
+        terms = zip(self.error_orders, self.error_amplitudes, phases, strict=True)
+        return tuple(term for term in terms if term[1] != 0.0)
+
+    def without_error(self) -> CycloidalGear:
+        """See `Gearing.without_error`."""
+        return replace(self, error_orders=(), error_amplitudes=(), error_phases=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearStage(Described):
+    """One pair of wheels of a gear train.
+
+    Raises:
+        JointplayError: a value that cannot be.
+    """
+
+    ratio: float = quantity("", above=0.0, words="ratio of a stage")
+    """Turns of its input in a turn of its output."""
+    backlash: float = quantity("rad", default=0.0, least=0.0, words="backlash of a stage")
+    """Free angle of its output shaft while its input stands [rad]."""
+    efficiency: float = quantity("", default=1.0)
+    """Where the motor drives."""
+    back_driving_efficiency: float | None = quantity("", default=None)
+    """Where the joint drives; the friction of `efficiency` if not given."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_fields(self)
+        _check_efficiency(self.efficiency, self.back_driving_efficiency, ())
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearTrain(_Lossy):
+    """A train of spur wheels, as in servos: stages from the motor on, each with its backlash.
+
+    The backlash of a stage turns the joint by as much as the stages behind it leave of it, so the
+    last counts most. Efficiencies multiply.
+
+    Raises:
+        JointplayError: no stage, or a value that cannot be.
+    """
+
+    kind: ClassVar[str] = "train"
+
+    stages: tuple[GearStage, ...]
+    """From the motor to the joint."""
+    stiffness: float = quantity("N*m/rad", above=0.0, words="gear stiffness")
+    """Stiffness of all teeth in contact and shafts, referred to the joint [N m/rad]."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        object.__setattr__(self, "stages", tuple(self.stages))
+        check_fields(self)
+        if not self.stages:
+            raise JointplayError("a gear train needs at least one stage", ("stages",))
+        for index, stage in enumerate(self.stages):
+            if not isinstance(stage, GearStage):
+                raise JointplayError(
+                    f"a stage is a GearStage, got {stage!r:.60}", ("stages", index)
+                )
+
+    @property
+    def ratio(self) -> float:
+        """Turns of the motor in a turn of the joint."""
+        return math.prod(stage.ratio for stage in self.stages)
+
+    @property
+    def play(self) -> float:  # type: ignore[override]
+        """Backlash of all stages, referred to the joint [rad]."""
+        behind, total = 1.0, 0.0
+        for stage in reversed(self.stages):
+            total += stage.backlash / behind
+            behind *= stage.ratio
+        return total
+
+    def curve(self) -> Curve:
+        """One stiffness."""
+        return Curve.of([(self.stiffness, math.inf)])
+
+    @property
+    def losses(self) -> Losses:
+        """Friction without load, and that of all stages."""
+        efficiency = math.prod(stage.efficiency for stage in self.stages)
+        driven = math.prod(
+            _back_driving(stage.efficiency, stage.back_driving_efficiency) for stage in self.stages
+        )
+        return Losses(self.no_load_torque, self.viscous, 1.0 / efficiency - 1.0, 1.0 - driven)
+
+
+GEARS: dict[str, type[Gearing]] = {
+    gear.kind: gear for gear in (Gear, StrainWaveGear, CycloidalGear, GearTrain)
+}
+"""Kinds of gear by the word that selects them."""
+
+
+register(Gearing, Family("kind", "gear", GEARS, default=Gear.kind, bare=False))
+
+
+def _torsion_fields(curve: Curve, bristles: tuple[float, float]) -> dict[str, Any]:
+    """Fields of `layout.GEAR_ROW` for a curve and bristles."""
+    fields = {"slopes": curve.slopes, "bend_twists": curve.twists, "bend_torques": curve.torques}
+    return fields | dict(zip(("grip", "presliding"), bristles, strict=True))
+
+
+@cache
+def _catalogue() -> dict[str, Any]:
+    with (Path(__file__).parent / "data" / "gears.toml").open("rb") as file:
+        return tomllib.load(file)
+
+
+def _entry(kind: str, name: str) -> dict[str, dict[str, Any]]:
+    """Numbers of a gear in the catalogue by field: value, origin, source."""
+    entries: dict[str, dict[str, dict[str, Any]]] = _catalogue()[kind]
+    if name not in entries:
+        raise JointplayError(one_of(f"{kind} gear", name, entries), ("catalogue",))
+    return entries[name]
+
+
+def _fraction(kind: str) -> float:
+    """Part of the rated torque at which a kind's catalogues measure lost motion."""
+    said = _catalogue()["lost_motion"]
+    return float(said.get(kind, said["cycloidal"])["fraction"])

@@ -1,0 +1,176 @@
+"""What a single impact will look like, before anything is simulated: depth, duration, steps."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.compiler import njit, pointer
+from jointplay.base.errors import JointplayError, require_non_negative, require_positive
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.contact.bristle import BristleLaw
+from jointplay.physics.contact.calls import call_normal
+from jointplay.physics.contact.compiled import MAX_PARAMETERS, address, compiled_law
+from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
+from jointplay.physics.kernel import WELL_RESOLVED_STEPS
+
+REFERENCE_SPEED = 0.1
+"""Approach speed for which the resolution of impacts is judged before a run [m/s]."""
+
+REFERENCE_DEPTH = 1e-5
+"""Depth at which a law must give a finite force, before a run [m]."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+@njit(cache=True)
+def _elastic_energy(law, parameters, depth, nodes, weights):
+    energy = np.zeros(depth.size)
+    for i in range(depth.size):
+        half = 0.5 * depth.flat[i]
+        if half > 0.0:
+            for k in range(nodes.size):
+                at = half * (1.0 + nodes[k])
+                force = call_normal(law, (at, 0.0, 1.0, pointer(parameters.ctypes.data)))
+                energy[i] += half * weights[k] * force
+    return energy
+
+
+def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: Any) -> np.ndarray:
+    """Energy stored in a contact: the law at zero rate, integrated over the depth [J].
+
+    Args:
+        law: the normal-force law.
+        parameters: its parameters for this contact.
+        depth: penetration, any shape [m]; nothing is stored where it is not positive.
+    """
+    depth = np.asarray(depth, float)
+    flat = np.ascontiguousarray(depth).reshape(-1)
+    row = np.array(parameters or (0.0,), float)
+    return _elastic_energy(address(law), row, flat, _NODES, _WEIGHTS).reshape(depth.shape)
+
+
+def impact_depth(
+    law: NormalForceLaw, parameters: tuple[float, ...], mass: float, speed: float
+) -> float:
+    """Depth at which a mass [kg] arriving at `speed` [m/s] has spent its energy [m], by bisection.
+
+    The law's damping is left out; it makes the impact shallower.
+
+    Raises:
+        JointplayError: the law returns something that is not finite.
+    """
+    mass = require_non_negative("mass", mass, "kg")
+    speed = require_non_negative("speed", speed, "m/s")
+    energy = 0.5 * mass * speed**2
+    if not np.isfinite(elastic_energy(law, parameters, REFERENCE_DEPTH)):
+        name = getattr(law.function, "__name__", law.name)
+        raise JointplayError(f"law {name!r} returns a non-finite force for a contact at rest")
+    low, high = 0.0, 1e-9
+    while elastic_energy(law, parameters, high) < energy:
+        low, high = high, 2.0 * high
+        if high > 1.0:  # a law without elastic part never stops the mass
+            return float("inf")
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if elastic_energy(law, parameters, middle) < energy:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def impact_duration(
+    law: NormalForceLaw, parameters: tuple[float, ...], mass: float, speed: float
+) -> float:
+    """Duration of an impact [s], about 3 depth/speed.
+
+    Exactly 2.94 for Hertz (Goldsmith, Impact, 1960) and pi for a linear spring.
+    """
+    depth = impact_depth(law, parameters, mass, require_positive("speed", speed, "m/s"))
+    return 3.0 * depth / speed
+
+
+def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
+    """Smallest mass that a contact of the joint meets, in configuration q [kg].
+
+    1 / (J M^-1 J^T), J being the motion of journal against bearing along a contact's normal, for
+    all of `Clearance.directions`. Loops without clearance are left open, which makes it smaller.
+    """
+    inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
+    inverse = inverse + np.triu(inverse, 1).T
+    jacobian = mechanism.relative_jacobian(joint, q)
+    along = mechanism.clearance[joint].directions() @ jacobian
+    softest = float(np.einsum("ki,ij,kj->k", along, inverse, along).max())
+    if softest <= 0.0:
+        raise JointplayError(f"joint {joint!r}: bearing and journal do not move at all")
+    return 1.0 / softest
+
+
+def tooth_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
+    """Duration of an impact of the teeth in a joint's gear, in configuration q [s].
+
+    pi sqrt(J / k): the motor's inertia and the smallest that the joint can have, in series, on the
+    gear's spring where it is steepest. Loops without clearance are left open.
+    """
+    gear = mechanism.gears[joint]
+    at = mechanism.coordinate(joint)
+    inverse = pin.computeMinverse(mechanism.model, mechanism.data, q)
+    inertia = 1.0 / (1.0 / gear.rotor_inertia + float(inverse[at, at]))
+    return math.pi * math.sqrt(inertia / gear.steepest)
+
+
+def friction_slope(law: FrictionLaw) -> float:
+    """Steepest rise of the friction coefficient with the sliding speed [s/m], by sampling."""
+    speeds = np.logspace(-6.0, 1.0, 1401)
+    parameters = (ctypes.c_double * MAX_PARAMETERS)(*law.parameters())
+    coefficient = compiled_law(law).ctypes
+    mu = np.array([coefficient(speed, parameters) for speed in speeds])
+    return float(max(np.max(np.diff(mu) / np.diff(speeds)), 0.0))
+
+
+def friction_step_limit(
+    mechanism: Mechanism, joint: str, q: np.ndarray, normal_force: float
+) -> float:
+    """Largest step that follows friction under a lasting normal force [N]: 2 m / (mu' F_n) [s].
+
+    Where the coefficient rises with speed, friction is a damper of mu' F_n, which an explicit
+    method follows only below this step (docs/integrators.md). Bristles are a damper too, and a
+    spring: 2 sqrt(m/k). Infinite without friction.
+    """
+    law = mechanism.clearance[joint].friction
+    spring = 0.0
+    if isinstance(law, BristleLaw):
+        spring, damper = law.stiffness(normal_force)
+    else:
+        damper = friction_slope(law) * normal_force
+    if not (damper > 0.0 or spring > 0.0):
+        return math.inf
+    mass = effective_mass(mechanism, joint, q)
+    slow = 2.0 * mass / damper if damper > 0.0 else math.inf
+    return min(slow, 2.0 * math.sqrt(mass / spring) if spring > 0.0 else math.inf)
+
+
+def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
+    """Duration of the shortest impact to expect at `REFERENCE_SPEED` [s]."""
+    clearance = mechanism.clearance[joint]
+    mass = effective_mass(mechanism, joint, q)
+    law = clearance.normal
+    contacts = {clearance.contact_properties(k) for k in range(len(clearance.contacts))}
+    return min(
+        impact_duration(law, law.parameters(contact), mass, REFERENCE_SPEED) for contact in contacts
+    )
+
+
+LONGEST_STEP_S = 1e-5
+"""Longest time step of a run with impacts [s]."""
+
+
+def fitting_step(mechanism: Mechanism, q: np.ndarray) -> float:
+    """A time step that resolves the impacts of all joints [s]."""
+    shortest = min(contact_duration(mechanism, name, q) for name in mechanism.clearance)
+    return min(LONGEST_STEP_S, shortest / WELL_RESOLVED_STEPS)

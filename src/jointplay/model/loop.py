@@ -1,0 +1,513 @@
+"""Closed loops: where a mechanism's branches meet again, and how it is put together.
+
+A URDF describes a tree. A loop adds one more joint, between two links of different branches. With
+clearance nothing holds it but contact: the loop is cut there. Ideal, it is a constraint, which
+Pinocchio enforces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.physics.joints import VIRTUAL_LINK
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+Vector = tuple[float, float, float]
+
+ASSEMBLY_TOLERANCE_M = 1e-9
+"""Gap that may remain in an assembled loop; angles count on an arm of `ANGLE_ARM_M`."""
+ANGLE_ARM_M = 0.1
+
+_IDEAL_WEIGHT = 1e3
+"""Weight of loops without clearance beside those whose journal has room."""
+
+_NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 30, 0.3, 1e-12
+"""Most steps of `newton`, the largest, and the one after which it is there [rad or m]."""
+SINGULAR = 1e-9
+"""Part of the largest singular value that is none."""
+
+_CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
+"""Steps in which given positions are approached, and by how much others may move in one [rad or m].
+"""
+
+PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
+"""Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
+
+
+def refuse_name(name: str, joints: Collection[str]) -> None:
+    """Raise if a loop has the name of one of the URDF's `joints`."""
+    if name in joints:
+        raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
+
+
+@dataclass(frozen=True)
+class Loop(Described):
+    """A joint between two links that closes a loop: where bearing and journal sit.
+
+    z of both frames is the joint's axis (for a slider, the direction of sliding).
+
+    Raises:
+        JointplayError: a vector that is not three finite numbers, or one link named twice.
+    """
+
+    bearing_link: str
+    journal_link: str
+    bearing_xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Bearing's centre in its link's frame [m]."""
+    bearing_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
+    """Orientation of the bearing frame: roll, pitch, yaw as in URDF [rad]."""
+    journal_xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    journal_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
+
+    def __post_init__(self) -> None:
+        """Check the vectors."""
+        if self.bearing_link == self.journal_link:
+            raise JointplayError(
+                f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"
+            )
+        check_fields(self)
+
+    @property
+    def bearing(self) -> pin.SE3:
+        """Bearing frame in its link's frame."""
+        return _placement(self.bearing_xyz, self.bearing_rpy)
+
+    @property
+    def journal(self) -> pin.SE3:
+        """Journal frame in its link's frame."""
+        return _placement(self.journal_xyz, self.journal_rpy)
+
+
+def _placement(xyz: Vector, rpy: Vector) -> pin.SE3:
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+
+
+def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
+    """What keeps each loop from being closed in configuration q, zero if it is.
+
+    Returns:
+        By loop, journal against bearing, what its kind of joint holds (`Clearance.misfit`): the
+        centre's offset [m], and angles on an arm of `ANGLE_ARM_M` [m]. By lock (`locked`), what it
+        holds against its carriage: offset and all angles.
+    """
+    misfits = {}
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
+    for name in mechanism.loops:
+        pose = mechanism.journal_pose(name)
+        offset, angles = mechanism.loop_class(name).misfit(pose.rotation, pose.translation)
+        misfits[name] = np.concatenate([offset, ANGLE_ARM_M * angles])
+    for name in mechanism.locks:
+        pose = mechanism.lock_pose(name)
+        misfits[locked(name)] = np.concatenate(
+            [pose.translation, ANGLE_ARM_M * pin.log3(pose.rotation)]
+        )
+    return misfits
+
+
+def locked(name: str) -> str:
+    """What the lock of loop `name` is called beside the loop."""
+    return f"{name} (lock)"
+
+
+def assemble(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    held: Sequence[int],
+    offsets: dict[str, np.ndarray] | None = None,
+) -> np.ndarray:
+    """Configuration near q in which all loops are closed.
+
+    Where q says of no other coordinate than `held`, these go there from the zero pose in steps that
+    the loops follow: far from it, loops close in several ways. Journals stay where they are in
+    their bearings and only turn with them; if the loops cannot be closed like this, journals of the
+    tree move too, as far as their clearance lets them, and those that close a loop lie where the
+    positions given for the others put them.
+
+    Args:
+        mechanism: with loops; without, q comes back.
+        q: where to begin, shape (nq,).
+        held: coordinates that keep their values.
+        offsets: where journals shall be in their bearings, by loop, shape (3,) [m]; centred if
+            not given.
+
+    Returns:
+        q, shape (nq,).
+
+    Raises:
+        JointplayError: the loops cannot be closed; the message has the gap that remains, and
+            whether positions that were given are to blame.
+    """
+    if not mechanism.loops:
+        return q.copy()
+    offsets = offsets or {}
+    free = _free(mechanism, held, journals=False)
+    best = closest(mechanism, _continued(mechanism, q, held, free), free, offsets)
+    if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
+        moved = closest(mechanism, best, _free(mechanism, held, journals=True), offsets)
+        if _fit(mechanism, moved):
+            best = moved
+        elif not _fit(mechanism, best):
+            loop, message = _blame(mechanism, q, best, held)
+            raise JointplayError(message, where=("loops", loop))
+    for name in mechanism.gears:
+        if mechanism.motor(name) not in held:  # unstrained
+            best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
+    return best
+
+
+def _continued(
+    mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray
+) -> np.ndarray:
+    """q with its `free` coordinates found by continuation from the zero pose.
+
+    As it is where q has positions for them already, or the loops do not close on that way.
+    """
+    way = np.zeros_like(q)
+    way[held] = q[held]
+    steps = math.ceil(np.abs(way).max(initial=0.0) / _CONTINUATION_STEP)
+    if q[free].any() or steps < 2:
+        return q
+    led = np.zeros_like(q)
+    for step in range(steps + 1):
+        trial = led.copy()
+        trial[held] = way[held] * step / steps
+        led = closest(mechanism, trial, free, {})
+        moved = np.abs(led - trial).max()
+        if moved > _CONTINUATION_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
+            return q
+    found = q.copy()
+    found[free] = led[free]
+    return found
+
+
+def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarray:
+    """`assemble` of a mechanism without clearance, from a q at which it is closed but for little.
+
+    By Newton's method, which takes a few tenths of the time.
+    """
+    moved = newton(mechanism, q, np.setdiff1d(np.arange(mechanism.model.nv), held))
+    if moved is not None and np.abs(openings(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
+        return moved
+    return assemble(mechanism, q, held)
+
+
+def newton(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    free: np.ndarray,
+    weight: np.ndarray | float = 1.0,
+    aside: Mapping[str, pin.SE3] | None = None,
+) -> np.ndarray | None:
+    """q with its `free` coordinates moved until the loops are as closed as can be, or None.
+
+    Args:
+        mechanism: with loops.
+        q: shape (nq,).
+        free: coordinates that are moved.
+        weight: of each row of `openings`, where not all of them can be zero.
+        aside: see `openings`.
+    """
+    moved, weights = q.copy(), np.reshape(weight, (-1, 1))
+    for _ in range(_NEWTON_STEPS):
+        left = weight * openings(mechanism, moved, aside)
+        rows = (weights * closing_rows(mechanism, moved))[:, free]
+        change = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
+        size = float(np.abs(change).max(initial=0.0))
+        if not size < _NEWTON_REACH:
+            return None
+        moved[free] += change
+        if size < _NEWTON_CHANGE:
+            return moved
+    return None
+
+
+def openings(
+    mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, pin.SE3] | None = None
+) -> np.ndarray:
+    """By how much loops and locks are open, in the order of `closing_rows` [m, rad].
+
+    Args:
+        mechanism: with loops.
+        q: shape (nq,).
+        aside: poses that journals of loops have in their bearings; centred if not given.
+    """
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
+    parts = [np.zeros(0)]
+    for name in mechanism.loops:
+        pose = mechanism.journal_pose(name)
+        if aside and name in aside:
+            pose = aside[name].actInv(pose)
+        kind, turn = mechanism.loop_class(name), pose.rotation
+        angles = pin.log3(turn)
+        if "yaw" in kind.ideal_freedoms:
+            angles = np.array([-turn[1, 2], turn[0, 2], 0.0])
+        parts.append(np.concatenate([pose.translation, angles])[kind.held()])
+    for name in mechanism.locks:
+        pose = mechanism.lock_pose(name)
+        parts.append(np.concatenate([pose.translation, pin.log3(pose.rotation)]))
+    return np.concatenate(parts)
+
+
+def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
+    """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
+    unless all of them are wanted."""
+    every = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
+    return np.array([i for i in every if i not in held], int)
+
+
+def own_coordinates(mechanism: Mechanism) -> list[int]:
+    """Coordinates that the ideal mechanism has too, carriages of locks among them."""
+    own = []
+    for index, coordinate in enumerate(mechanism.coordinates):
+        name, part = coordinate.joint, coordinate.part
+        joint = mechanism.clearance.get(name)
+        plain = joint is None or name in mechanism.loops or part not in VIRTUAL_LINK
+        if plain or (joint is not None and part in joint.ideal_freedoms):
+            own.append(index)
+    return own
+
+
+def closest(
+    mechanism: Mechanism, q: np.ndarray, free: np.ndarray, offsets: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """q with its `free` coordinates moved, from afar, so that the loops are as closed as can be."""
+    moved = q.copy()
+    if not len(free):
+        return moved
+    strict = set(mechanism.loops) - set(mechanism.clearance) | set(map(locked, mechanism.locks))
+    mixed = strict and len(mechanism.clearance.keys() & mechanism.loops.keys()) > 0
+
+    def error(values: np.ndarray) -> np.ndarray:
+        trial = q.copy()
+        trial[free] = values
+        # A loop without clearance must be closed, whatever the others then have to bear.
+        parts = _wanted(mechanism, trial, offsets)
+        if mixed:
+            parts |= {name: _IDEAL_WEIGHT * parts[name] for name in strict}
+        return np.concatenate(list(parts.values()))
+
+    from scipy.optimize import least_squares  # takes long to import
+
+    solution = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
+    moved[free] = solution.x
+    return moved
+
+
+def _wanted(
+    mechanism: Mechanism, q: np.ndarray, offsets: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """`misfit` from where journals shall be."""
+    parts = misfit(mechanism, q)
+    for name, offset in offsets.items():
+        size = 2 if mechanism.loop_class(name).slides() else 3
+        parts[name][:size] -= offset[:size]
+    return parts
+
+
+def _gap(mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]) -> float:
+    return max(float(np.abs(part).max()) for part in _wanted(mechanism, q, offsets).values())
+
+
+def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
+    """Whether ideal loops are closed and every journal touches nothing, to be on the safe side."""
+    open_by = misfit(mechanism, q)
+    for name, part in open_by.items():
+        if name not in mechanism.clearance and np.abs(part).max() > ASSEMBLY_TOLERANCE_M:
+            return False
+    for name, joint in mechanism.clearance.items():
+        pose = mechanism.journal_pose(name)
+        turn, centre = joint.ideal_part(pose.rotation, pose.translation)
+        lean = 0.0
+        if name in mechanism.loops:  # in a tree journals only move aside
+            tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max())
+            lean = tilt * joint.arm(pose.translation)
+        if not joint.fits(pose.translation - centre, lean, ASSEMBLY_TOLERANCE_M):
+            return False
+    return True
+
+
+def _blame(
+    mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]
+) -> tuple[str, str]:
+    """The loop that stays open the most, and what to say of it."""
+    gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
+    worst = max(gaps, key=lambda name: gaps[name])
+    what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
+    freed = closest(mechanism, q, _free(mechanism, (), journals=False), {})
+    given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+    if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
+        near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
+        return worst, (
+            f"{what}the positions given for {', '.join(given)} contradict each other: it closes at "
+            f"{near} [rad or m]; give fewer of them, or these"
+        )
+    return worst, f"{what}check lengths and frames, or start from other joint positions"
+
+
+def closing_rows(
+    mechanism: Mechanism, q: np.ndarray, loops: Collection[str] | None = None
+) -> np.ndarray:
+    """Jacobian of what `loops` (None: all) and all locks forbid in configuration q, (rows, nv).
+
+    Relative velocities of journal and bearing that are zero while the loops stay closed, journals
+    resting in their bearings.
+    """
+    rows = [np.zeros((0, mechanism.model.nv))]
+    for name in mechanism.loops if loops is None else loops:
+        rows.append(mechanism.relative_jacobian(name, q)[mechanism.loop_class(name).held()])
+    rows += [mechanism.lock_jacobian(name, q) for name in mechanism.locks]
+    return np.concatenate(rows)
+
+
+def consistent_velocity(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    held: Sequence[int],
+    led: Sequence[int] | None = None,
+) -> np.ndarray:
+    """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
+
+    Where speeds are given for so many coordinates that a journal cannot rest, it flies: its bearing
+    holds it by contact only.
+
+    Args:
+        mechanism: with loops; without, v comes back.
+        q, v: state, shape (nv,).
+        held: coordinates whose speeds are given.
+        led: those of them that follow a reference; None: all.
+
+    Raises:
+        JointplayError: the given speeds would tear apart a loop without clearance, or references
+            alone any loop.
+    """
+    if not mechanism.loops:
+        return v.copy()
+    limit = 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0)))
+
+    def moving(rows: np.ndarray, given: Sequence[int], journals: bool) -> tuple[np.ndarray, float]:
+        """The velocity, and the largest that `rows` still forbid."""
+        moved = _moving(mechanism, v, rows, _free(mechanism, given, journals))
+        return moved, float(np.abs(rows @ moved).max(initial=0.0))
+
+    every = closing_rows(mechanism, q)
+    for journals in (False, True):
+        moved, left = moving(every, held, journals)
+        if left <= limit:
+            return moved
+    torn = f"the initial speeds would tear a loop apart at {left:.3g} m/s: "
+    if moving(every, held if led is None else led, True)[1] > limit:
+        raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
+    ideal = set(mechanism.loops) - set(mechanism.clearance)
+    moved, left = moving(closing_rows(mechanism, q, ideal), held, True)
+    if left > limit:
+        given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+        raise JointplayError(
+            f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
+            f"{', '.join(given)} contradict each other; give fewer of them"
+        )
+    return moved
+
+
+def _moving(mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """v with its `free` coordinates changed as little as makes `rows` times it zero."""
+    moved = v.copy()
+    if len(free) and len(rows):
+        moved[free] -= np.linalg.lstsq(rows[:, free], rows @ v, rcond=1e-10)[0]
+    for name in mechanism.gears:
+        if mechanism.motor(name) in free:
+            moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
+    return moved
+
+
+# What a joint that closes a loop locks, where nothing else in the loop does.
+#
+# Pinocchio's constraints hold points or whole frames, not single freedoms. So the bearing carries
+# one more body, a carriage, which has the freedoms that the joint leaves; three points fix the
+# journal to it. The carriage takes part of the inertia of the journal's link: fixed to each
+# other, the two move exactly as that link did.
+
+
+SHARE = 0.1
+"""Part of the journal's inertia that the carriage takes."""
+
+_CLOSED = {
+    frozenset[str](): frozenset[str](),
+    frozenset({"yaw"}): frozenset("xy"),
+    frozenset({"pitch"}): frozenset("xz"),
+    frozenset({"yaw", "pitch", "roll"}): frozenset("xyz"),
+}
+"""Translations that must be free with these rotations for the inverse motion to have the same
+freedoms."""
+
+
+@dataclass(frozen=True)
+class Lock:
+    """A carriage and what is fixed to it, by names that outlast a new build of the model."""
+
+    carrier: str
+    """Pinocchio joint whose body carries the carriage; ``universe`` for the ground."""
+    placement: pin.SE3
+    """Of the carriage's axes in that joint's frame."""
+    freedoms: tuple[str, ...]
+    """The carriage's."""
+    held: str
+    """Pinocchio joint whose body is fixed to the carriage."""
+    frame: pin.SE3
+    """What of it coincides with the carriage."""
+
+    @classmethod
+    def between(
+        cls,
+        name: str,
+        freedoms: tuple[str, ...],
+        model: pin.Model,
+        bearing: tuple[int, pin.SE3],
+        journal: tuple[int, pin.SE3],
+    ) -> Lock:
+        """For loop `name`, whose joint leaves `freedoms`, between two frames of `model`.
+
+        Raises:
+            JointplayError: the journal belongs to the ground, and freedoms are not the same seen
+                from there; or its link has no mass.
+        """
+        carrier, held = bearing, journal
+        if journal[0] == 0:
+            turns = frozenset(freedoms) - frozenset("xyz")
+            if turns not in _CLOSED or not _CLOSED[turns] <= frozenset(freedoms):
+                raise JointplayError(
+                    f"loop {name!r} locks freedoms against a journal that belongs to the ground; "
+                    "exchange bearing_link and journal_link"
+                )
+            carrier, held = journal, bearing
+        if not model.inertias[held[0]].mass > 0.0:
+            raise JointplayError(
+                f"loop {name!r} locks freedoms of a link without mass; give it some"
+            )
+        return cls(model.names[carrier[0]], carrier[1], freedoms, model.names[held[0]], held[1])
+
+    def share(self, model: pin.Model, carriage: int) -> tuple[int, pin.SE3]:
+        """Move part of the inertia of what is held to the carriage.
+
+        Returns:
+            Pinocchio joint and frame of what is held.
+        """
+        at = int(model.getJointId(self.held))
+        whole = model.inertias[at].copy()  # what Pinocchio gives changes with the model
+        model.inertias[at] = _scaled(whole, 1.0 - SHARE)
+        model.inertias[carriage] = self.frame.actInv(_scaled(whole, SHARE))
+        return at, self.frame
+
+
+def _scaled(inertia: pin.Inertia, factor: float) -> pin.Inertia:
+    return pin.Inertia(factor * inertia.mass, inertia.lever, factor * inertia.inertia)

@@ -1,0 +1,87 @@
+"""Links that joints move and that nothing gives inertia: their motion is undetermined."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.model.urdf import as_option
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+_NO_INERTIA = 1e-12
+"""An entry on the mass matrix's diagonal that is no larger is none [kg m^2 or kg]."""
+_SINGULAR = 1e-13
+"""Eigenvalue of the mass matrix, its diagonal scaled to 1, that counts as zero."""
+_STILL = 1e-6
+"""Motion that passes for none, relative to the fastest coordinate [1, m or 1/m]."""
+
+
+def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism."""
+    model = mechanism.model
+    if not model.nv:
+        raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
+    mass = pin.crba(model, mechanism.data, q).reshape(model.nv, model.nv)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    diagonal = mass.diagonal()
+    bare = diagonal <= _NO_INERTIA
+    scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))
+    values, vectors = np.linalg.eigh(mass * np.outer(scale, scale) + np.diag(bare * 1.0))
+    motions = [scale * vector for vector in vectors.T[values <= _SINGULAR]]
+    motions += list(np.eye(model.nv)[bare])
+    return np.array([one / np.abs(one).max() for one in motions]).reshape(-1, model.nv).T
+
+
+def massless_links(mechanism: Mechanism, q: np.ndarray, motions: np.ndarray) -> dict[str, str]:
+    """Links that move in `massless_motions` (nv, n), and the URDF joint that moves each."""
+    model, data = mechanism.model, mechanism.data
+    if not motions.size:
+        return {}
+    pin.computeJointJacobians(model, data, q)
+    links = {}
+    for name, entry in mechanism.description.joints.items():
+        if not model.existJointName(name):
+            continue
+        local = pin.getJointJacobian(model, data, model.getJointId(name), pin.ReferenceFrame.LOCAL)
+        if np.abs(local.reshape(6, model.nv) @ motions).max() > _STILL:
+            links[entry.child] = name
+    return links
+
+
+def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
+    """Raise if joints move links that nothing gives inertia; all of them are named."""
+    motions = massless_motions(mechanism, q)
+    if not motions.size:
+        return
+    links = massless_links(mechanism, q, motions)
+    moving = np.flatnonzero(np.abs(motions).max(axis=1) > _STILL)
+    parts = [mechanism.coordinates[i].joint for i in moving]
+    play = [name for name in mechanism.clearance if name in parts]
+    if not links:  # such as motions of which no joint of the URDF has more than a trace
+        names = [mechanism.coordinates[i] for i in moving] or list(mechanism.coordinates)
+        motors = [name.removesuffix(".motor") for name in names if name.endswith(".motor")]
+        if motors:
+            raise JointplayError(
+                f"{'the gear' if len(motors) == 1 else 'the gears'} of "
+                f"{', '.join(map(repr, motors))} must have a larger rotor_inertia, got "
+                f"{', '.join(f'{mechanism.gears[one].rotor_inertia:g}' for one in motors)} kg m2"
+            )
+        raise JointplayError(
+            f"nothing that moves along {', '.join(names)} has mass or inertia to speak of beside "
+            "the rest, so nothing says how it moves: give its links an <inertial> of their size"
+        )
+    one = len(links) == 1
+    able = [name for name in links.values() if name not in mechanism.clearance]
+    hold = f", or hold {'its joint' if one else 'their joints'} (--fix {as_option(able)})"
+    when = f" when {', '.join(map(repr, play))} has clearance" if play else ""
+    raise JointplayError(
+        f"{'link' if one else 'links'} {', '.join(map(repr, links))} moved by joints "
+        f"{'has' if one else 'have'} no mass or inertia to speak of, so nothing says how "
+        f"{'it moves' if one else 'they move'}{when}: give {'it' if one else 'each'} an <inertial> "
+        f"in the URDF{hold if len(able) == len(links) else ''}"
+    )

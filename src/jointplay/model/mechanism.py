@@ -1,0 +1,752 @@
+"""A mechanism: a Pinocchio model in which some joints have clearance.
+
+A joint with clearance replaces its URDF joint by the virtual link: a translation of the journal's
+centre in the bearing frame, then yaw, pitch and roll (ZYX), but for what is locked. The bearing
+frame's z is the joint's axis, so yaw (z, for a slider) is what the ideal joint's coordinate was:
+the drive acts on it and the encoder sees it. Nothing but the contact force connects the two bodies.
+A loop is cut at a joint with clearance and needs no coordinates at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    Where,
+    require_names,
+    require_table,
+    require_vector,
+    within,
+)
+from jointplay.base.schema import Described, choice, plain, quantity
+from jointplay.base.tables import Overview, few
+from jointplay.base.units import readable
+from jointplay.model import urdf
+from jointplay.model.beams import FlexibleLink
+from jointplay.model.builder import Frame, build, parse
+from jointplay.model.fixing import with_fixed
+from jointplay.model.flexible import cut_links, end_of_tool, hinges_of
+from jointplay.model.free_base import BASE, BASES, HELD
+from jointplay.model.gear import Gear, Gearing
+from jointplay.model.loop import Lock, Loop, refuse_name
+from jointplay.model.robots import urdf_of
+from jointplay.model.seats import SEAT, seat_of_joint, seat_of_loop
+from jointplay.model.tool import choose_tool
+from jointplay.model.urdf import GRAVITY, STANDARD_GRAVITY
+from jointplay.physics.joints import (
+    MOTOR,
+    RELATIVE,
+    UNNAMED_KIND,
+    VIRTUAL_LINK,
+    Clearance,
+    Coordinate,
+    parts_of_seat,
+)
+
+# Where bearing and journal of joints are, how they move, and what holds loops together.
+
+
+_AXIS_ARM_M = 0.05
+"""Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
+
+
+def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
+    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    signs = np.zeros(model.nv)
+    for index, sign in ((second, 1.0), (first, -1.0)):
+        while index > 0:
+            member = model.joints[index]
+            signs[member.idx_v : member.idx_v + member.nv] += sign
+            index = model.parents[index]
+    return signs
+
+
+def frame_index(
+    model: pin.Model, name: str, noun: str = "frame", more: Sequence[str] = (), where: Where = ()
+) -> int:
+    """Index of the frame `name`; if a link and a joint are called like this, of the link's.
+
+    Raises:
+        MissingName: no such frame; `noun` is what it is called, `more` what there is besides.
+    """
+    if model.existFrame(name, pin.FrameType.BODY):
+        return int(model.getFrameId(name, pin.FrameType.BODY))
+    if not model.existFrame(name):
+        frames = (frame.name for frame in model.frames if frame.name != "universe")
+        raise MissingName(noun, name, dict.fromkeys([*more, *frames]), where=where)
+    return int(model.getFrameId(name))
+
+
+def _gravity(given: Sequence[float] | str) -> tuple[float, float, float]:
+    """Gravity by components or by word, checked."""
+    if isinstance(given, str):
+        if given not in GRAVITY:
+            raise MissingName("gravity", given, GRAVITY, where=("gravity",))
+        given = GRAVITY[given]
+    return require_vector("gravity", given, "m/s^2", ("gravity",))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenMechanism:
+    """A mechanism as result files have it."""
+
+    urdf: str
+    """Name of the file."""
+    urdf_text: str
+    """All of its text."""
+    clearance: dict[str, Clearance]
+    gravity: tuple[float, float, float] = quantity("m/s^2")
+    tool: str
+    allow_unphysical: tuple[str, ...]
+    fix: tuple[str, ...] = ()
+    loops: dict[str, Loop] = field(default_factory=dict)
+    gears: dict[str, Gearing] = field(default_factory=dict)
+    base: str = choice("base", BASES, default=HELD)
+
+
+class Mechanism(Overview, Described):
+    """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
+
+    Args:
+        path: the URDF, ``jointplay:NAME`` for one that ships with the package, or a name such as
+            ``ur5`` for a robot of example-robot-data.
+        clearance: joints with clearance, by the name of the URDF joint that each replaces or of the
+            loop that each cuts. One whose field `ideal` is set has none.
+        loops: joints that close loops, by name; without clearance they are ideal revolute joints.
+        gears: gears with play between a joint and its motor, by joint.
+        flexible: links that bend and twist, by name.
+        gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
+            ``"balanced"`` none.
+        tool: name of the frame whose motion is reported; None takes the end of the chain of moving
+            joints that has most of those with clearance (`mechanism.tool`).
+        allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
+            stands for all of them.
+        fix: joints that are held, with those that mimic them: at zero, or at the limit nearest to
+            it.
+        base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
+            or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
+            ``.roll`` [rad] come first; they are zero where the URDF has it.
+
+    Attributes:
+        model, data: the Pinocchio model and data that the simulation uses.
+        coordinates: names of the generalised coordinates, in the order of q and v.
+        given_joints: as given, ideal ones too, which say of what kind a loop's joint or a ball is.
+            One with a seat stands here without it, and its mount ``JOINT_seat`` beside it; a
+            flexible link as its hinges ``LINK_hinge_1``, ....
+        clearance: those of them that have clearance.
+        warm: what heat has changed, a line each (`heat.warmed`).
+        free_base: name of the free base's coordinates; None if the base is held.
+        description, loops: as given, with the bushes of seats, links ``JOINT_bush``, and the pieces
+            of flexible links, ``LINK_2``, ....
+        gears, base: as given.
+        flexible: what was made of each flexible link, in words; empty if the mechanism was built
+            from another one, which has its pieces already.
+        tool_reason: why this tool, in words, if none was named; else empty.
+        locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
+            and of what is fixed to it (`mechanism.loop`).
+
+    Raises:
+        JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
+            that has no clearance of the given kind or has no coordinates.
+    """
+
+    written = WrittenMechanism
+
+    def __init__(
+        self,
+        path: str | Path | urdf.Description,
+        clearance: Mapping[str, Clearance] | None = None,
+        *,
+        loops: Mapping[str, Loop] | None = None,
+        gears: Mapping[str, Gearing] | None = None,
+        flexible: Mapping[str, FlexibleLink] | None = None,
+        gravity: Sequence[float] | str = STANDARD_GRAVITY,
+        tool: str | None = None,
+        allow_unphysical: Collection[str] = (),
+        fix: Collection[str] = (),
+        base: str = HELD,
+    ) -> None:
+        """Read the URDF and build the model."""
+        allow_unphysical = require_names(
+            "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
+        )
+        fix = require_names("fix", fix, "names of joints", ("fix",))
+        if not isinstance(path, urdf.Description | str | Path):
+            raise JointplayError(
+                f"a mechanism needs the path of a URDF, or a robot's name, got {path!r:.60}"
+            )
+        if not isinstance(path, urdf.Description):
+            path = urdf.read(urdf_of(path), allow_unphysical)
+        self.description = with_fixed(path, fix)
+        self.fix = fix
+        # Names out of NumPy arrays print as np.str_(...).
+        joints = require_table("clearance", clearance, "of joints by name", ("clearance",))
+        self.given_joints = {str(name): joint for name, joint in joints.items()}
+        self.loops = require_table("loops", loops, "of loops by name", ("loops",))
+        self.gears = require_table("gears", gears, "of gears by joint", ("gears",))
+        flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
+        self.allow_unphysical = tuple(allow_unphysical)
+        self.base = base
+        self.free_base = self._name_of_free_base()
+        self.gravity = _gravity(gravity)
+        for name in self.loops:
+            with within("loops", name):
+                refuse_name(name, self.description.joints)
+        cut = cut_links(self.description, self.loops, flexible)
+        self.description, self.loops, self.flexible = cut.description, cut.loops, cut.words
+        for name, joint in self.given_joints.items():
+            with within("clearance", name):
+                self._check_joint(name, joint)
+        for name, gear in self.gears.items():
+            if not isinstance(gear, Gearing):
+                raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}", ("gears", name))
+        self.warm: tuple[str, ...] = ()
+        self.tool_reason = ""
+        if tool is None:
+            tool, self.tool_reason = choose_tool(
+                self.description, {*self.given_joints, *self.gears}
+            )
+            tool = end_of_tool(tool, flexible)
+        self.given_joints |= cut.hinges
+        self._take_seats()
+        self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
+        fixed = {name for name, one in self.description.joints.items() if one.kind == "fixed"}
+        source = parse(self.description, tuple(sorted(fixed.intersection(self.clearance))))
+        self._make(source, {})
+        if self.free_base is not None:
+            self._check_free_base()
+        if not isinstance(tool, str):
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
+        self.tool = tool
+        self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
+        for name, gear in self.gears.items():
+            with within("gears", name):
+                self._check_gear(name, gear)
+        for name, loop in self.loops.items():
+            with within("loops", name):
+                self._check_loop(name, loop)
+        needed = {
+            name: Lock.between(name, self.clearance[name].freedoms, self.model, *self._frames(name))
+            for name in self.loops
+            if self._needs_lock(name)
+        }
+        if needed:
+            self._make(source, needed)
+            self.tool_frame = frame_index(self.model, self.tool)
+
+    def _take_seats(self) -> None:
+        """Put a bush and its mount between the two links of each joint in a seat."""
+        given, self.given_joints = self.given_joints, {}
+        for name, joint in given.items():
+            parts = parts_of_seat(joint)
+            if parts is None:
+                self.given_joints[name] = joint
+                continue
+            with within("clearance", name, "seat"):
+                if name in self.loops:
+                    if joint.freedoms != VIRTUAL_LINK:
+                        locked = [part for part in VIRTUAL_LINK if part not in joint.freedoms]
+                        raise JointplayError(
+                            f"loop {name!r} has a seat and locks {', '.join(locked)}: its bush "
+                            "gives way in these directions, too; leave out the locks or the seat"
+                        )
+                    seated = seat_of_loop(self.description, name, self.loops[name], joint, parts)
+                    self.description, self.loops[name] = seated
+                else:
+                    self.description = seat_of_joint(self.description, name, joint, parts)
+            self.given_joints[name] = parts.joint
+            self.given_joints[f"{name}{SEAT}"] = parts.mount
+
+    def _name_of_free_base(self) -> str | None:
+        """Name of the base's coordinates; None if it is held."""
+        if self.base not in BASES:
+            raise MissingName("base", self.base, BASES, where=("base",))
+        if self.base == HELD:
+            return None
+        if self.loops:
+            raise JointplayError(
+                "a mechanism with loops cannot have a free base yet: the base must be held; loops: "
+                f"{', '.join(self.loops)}",
+                where=("base",),
+            )
+        if BASE in self.description.joints:
+            raise JointplayError(
+                f"the URDF has a joint called {BASE!r}, as the coordinates of a free base are; "
+                "give it another name, or hold the base",
+                where=("base",),
+            )
+        return BASE
+
+    def _check_free_base(self) -> None:
+        """Refuse a free base that nothing but forces without inertia would move."""
+        body = self.model.inertias[self.base_joint]
+        least = float(np.linalg.eigvalsh(body.inertia).min())
+        if not body.mass > 0.0 or not least > 0.0:
+            root = self.description.root
+            raise JointplayError(
+                f"a free base needs mass and moments of inertia, and {root!r} with what is fixed "
+                f"to it has {body.mass:g} kg and a least principal moment of {least:.4g} kg m2: "
+                "give it an <inertial> in the URDF, or hold the base",
+                where=("base",),
+            )
+
+    @property
+    def base_joint(self) -> int:
+        """Pinocchio joint that carries the base: 0, the ground, if it is held."""
+        return 0 if self.free_base is None else int(self.model.getJointId(self.free_base))
+
+    def _check_gear(self, name: str, gear: Gearing) -> None:
+        entry = self.description.joints.get(name)
+        if entry is None or not entry.turns:
+            raise MissingName("joint for a gear", name, self.description.revolute)
+
+    def _check_loop(self, name: str, loop: Loop) -> None:
+        for link in (loop.bearing_link, loop.journal_link):
+            if not self.model.existFrame(link, pin.FrameType.BODY):
+                raise MissingName(f"link for loop {name!r}:", link, self.description.links)
+        if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
+            raise JointplayError(
+                f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
+                "do not move against each other"
+            )
+
+    def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
+        """Build the model, with what `locks` need."""
+        self._known_signs: dict[tuple[int, int], np.ndarray] = {}
+        self.model, self.coordinates = build(
+            source, self.given_joints, self.gears, locks, self.free_base
+        )
+        self.model.gravity.linear = np.array(self.gravity)
+        self.locks = {}
+        for name, lock in locks.items():
+            carriage = int(self.model.getJointId(name))
+            held = lock.share(self.model, carriage)
+            self.locks[name] = ((carriage, pin.SE3.Identity()), held)
+        self.data = self.model.createData()
+
+    def _needs_lock(self, name: str) -> bool:
+        """Whether a loop's joint locks what the loop's other joints leave free."""
+        joint = self.clearance.get(name)
+        if joint is None or joint.freedoms == VIRTUAL_LINK:
+            return False
+        locked = [row for row, part in enumerate(RELATIVE) if part not in joint.freedoms]
+        somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.model.nq))
+        moves = [self.relative_jacobian(name, q)[locked] for q in somewhere]
+        return bool(np.abs(moves).max() > 1e-9)
+
+    def _check_joint(self, name: str, joint: Clearance) -> None:
+        if not isinstance(joint, Clearance):
+            raise JointplayError(
+                f"joint {name!r} needs a joint with clearance, such as a RevoluteClearance, "
+                f"got {joint!r}"
+            )
+        if name in self.loops:
+            if joint.ideal and joint.slides():
+                raise JointplayError(
+                    f"loop {name!r} cannot be closed by an ideal slider; "
+                    "cut the loop at another joint and leave the slider in the URDF"
+                )
+            return
+        choices = [j.name for j in self.description.joints.values() if j.kind in joint.replaces]
+        entry = self.description.joints.get(name)
+        words = " or ".join(joint.replaces)
+        if entry is None:
+            raise MissingName("joint", name, [*choices, *self.loops], f" (the {words} joints)")
+        if entry.kind not in joint.replaces:
+            raise JointplayError(
+                f"joint {name!r} is {entry.kind}, not {words}; "
+                f"{words} joints: {', '.join(choices) or 'none'}"
+            )
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
+        names = dict.fromkeys(coordinate.joint for coordinate in self.coordinates)
+        others = {*self.loops, *self.mounts, self.free_base}
+        return tuple(name for name in names if name not in others)
+
+    @property
+    def mounts(self) -> tuple[str, ...]:
+        """Names of the joints that cannot move without clearance, and give way."""
+        joints = self.clearance.items()
+        return tuple(name for name, joint in joints if not joint.ideal_freedoms)
+
+    @property
+    def hinges(self) -> dict[str, list[str]]:
+        """Names of the mounts that are hinges of flexible links, by link."""
+        return hinges_of(self.description, self.clearance)
+
+    def coordinate(self, joint: str) -> int:
+        """Index in q of the ideal coordinate of `joint` (yaw, or z of a slider, with clearance).
+
+        Raises:
+            MissingName: no such joint.
+        """
+        given = self.given_joints.get(joint)
+        name = Coordinate(joint)
+        if given is not None and (joint in self.clearance or given.compound()):
+            name = Coordinate(joint, given.drive_coordinate or "")
+        if name not in self.coordinates or joint in self.loops:
+            raise MissingName("moving joint", joint, self.joints)
+        return self.coordinates.index(name)
+
+    def motor(self, joint: str) -> int:
+        """Index in q of the coordinate that a drive of `joint` acts on: the motor's, if geared."""
+        if joint in self.gears:
+            return self.coordinates.index(Coordinate(joint, MOTOR))
+        return self.coordinate(joint)
+
+    def plays(self, index: int) -> bool:
+        """Whether coordinate `index` is one of a joint's virtual link."""
+        coordinate = self.coordinates[index]
+        return coordinate.part in VIRTUAL_LINK and coordinate.joint in self.clearance
+
+    def moves_tool(self, joints: Collection[str]) -> bool:
+        """Whether the tool moves with one of these joints; in closed loops it does with each."""
+        if self.loops:
+            return True
+        moving = self.model.supports[self.model.frames[self.tool_frame].parentJoint]
+        held = (self.model.joints[i] for i in moving if i > 0)
+        indices = (i for joint in held for i in range(joint.idx_v, joint.idx_v + joint.nv))
+        return any(self.coordinates[i].joint in joints for i in indices)
+
+    def has_virtual_link(self, joint: str) -> bool:
+        """Whether the pose of the journal is that of six coordinates of the tree."""
+        given = self.clearance[joint]
+        return joint not in self.loops and not given.exchanged and given.freedoms == VIRTUAL_LINK
+
+    def virtual_link(self, joint: str) -> int:
+        """Index in q of the first of the coordinates of the joint's virtual link."""
+        first = self.clearance[joint].freedoms[0]
+        return self.coordinates.index(Coordinate(joint, first))
+
+    def carriage(self, loop: str) -> list[int]:
+        """Indices in q of the carriage of a lock."""
+        parts = self.clearance[loop].freedoms
+        return [self.coordinates.index(Coordinate(loop, part)) for part in parts]
+
+    @property
+    def held(self) -> str:
+        """That the base is held, in words; see `Description.held`. That of a linkage always is."""
+        return "" if self.loops or self.free_base else self.description.held
+
+    @property
+    def base_words(self) -> str:
+        """Whether the base is free or held, in words; empty if nobody would ask."""
+        return self.held if self.free_base is None else self.description.free_base(self.gravity)
+
+    def ideal(self) -> Mechanism:
+        """The same mechanism without clearance and without play in its gears, always the same one.
+
+        One that has neither is its own.
+        """
+        return self._ideal
+
+    @cached_property
+    def _ideal(self) -> Mechanism:
+        if not self.given_joints and not self.gears:
+            return self
+        joints = {
+            name: joint
+            for name, joint in self.given_joints.items()
+            if name in self.loops or joint.compound()
+        }
+        return self.with_clearance(
+            {name: replace(one, ideal=True) for name, one in joints.items()}, {}
+        )
+
+    def with_clearance(
+        self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing] | None = None
+    ) -> Mechanism:
+        """The same mechanism with other joints with clearance, and other gears if given."""
+        return Mechanism(
+            self.description,
+            clearance,
+            loops=self.loops,
+            gears=self.gears if gears is None else gears,
+            gravity=self.gravity,
+            tool=self.tool,
+            allow_unphysical=self.allow_unphysical,
+            fix=self.fix,
+            base=self.base,
+        )
+
+    def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
+        """Configuration q with the given joint positions, the rest zero, journals centred.
+
+        Args:
+            positions: rad, or m for prismatic joints, by joint name.
+        """
+        q = np.zeros(self.model.nq)
+        for joint, value in positions.items():
+            q[self.coordinate(joint)] = value
+            q[self.motor(joint)] = value
+        return q
+
+    def describe(self) -> dict[str, Any]:
+        """All that is needed to build the mechanism again, the URDF's text included."""
+        return {
+            "urdf": self.description.path.name,
+            "urdf_text": self.description.text,
+            "clearance": plain(self.given_joints),
+            "loops": plain(self.loops),
+            "gears": plain(self.gears),
+            "gravity": list(self.gravity),
+            "tool": self.tool,
+            "allow_unphysical": list(self.allow_unphysical),
+            "fix": list(self.fix),
+            "base": self.base,
+        }
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Mechanism:
+        """Build the mechanism that `describe` described."""
+        allowed = fields["allow_unphysical"]
+        name = Path(fields["urdf"]).name or "robot.urdf"
+        parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
+        rest = {key: fields[key] for key in fields if key not in ("urdf", "urdf_text")}
+        return cls(parsed, **rest)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether robot, joints, loops, gears, gravity and tool are the same."""
+        return isinstance(other, Mechanism) and self.describe() == other.describe()
+
+    def __hash__(self) -> int:
+        """Equal mechanisms hash alike."""
+        return hash((self.description.text, self.tool, self.gravity, tuple(self.given_joints)))
+
+    def facts(self) -> tuple[str, dict[str, str]]:
+        """File and number of moving joints; where there is play, and what else is not usual."""
+        moving = list(self.joints)
+        facts = {"moving joints": few(moving)}
+        if self.base_words:
+            facts["base"] = self.base_words.removeprefix("the base ")
+        if self.fix:
+            facts["held joints"] = few(list(self.fix))
+        hinges = self.hinges
+        for name, its in hinges.items():
+            one = self.clearance[its[0]]
+            facts[f"link {name}"] = f"flexible, {len(its)} hinges, each {one.words}"
+        in_links = {name for its in hinges.values() for name in its}
+        for name, joint in self.clearance.items():
+            if name in in_links:
+                continue
+            play = f"{joint.kind} with clearance, play {joint.play_words}"
+            facts[f"joint {name}"] = play if joint.springs is None else joint.words
+        for name, loop in self.loops.items():
+            kind = self.loop_class(name).kind
+            facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
+        for name, gear in self.gears.items():
+            words = [f"play {readable(gear.play, 'rad')}"]
+            if gear.kind != Gear.kind:
+                words = [gear.kind, *words, *([gear.notes] if gear.notes else [])]
+            facts[f"gear {name}"] = ", ".join(words)
+        facts["tool"] = self.tool
+        weight = " ".join(f"{g:g}" for g in self.gravity)
+        facts["gravity"] = f"{weight} m/s^2" if any(self.gravity) else "none"
+        number = f"{len(moving)} moving joint{'' if len(moving) == 1 else 's'}"
+        return f"{self.description.path.name}, {number}", facts
+
+    @cached_property
+    def visual_model(self) -> pin.GeometryModel:
+        """Shapes as the URDF has them, for `model`; stand-ins where it has none."""
+        return self._geometry(collisions=False)
+
+    @cached_property
+    def collision_model(self) -> pin.GeometryModel:
+        """Collision shapes as the URDF has them, for `model`, with no pairs of them chosen."""
+        return self._geometry(collisions=True)
+
+    def _geometry(self, collisions: bool) -> pin.GeometryModel:
+        from jointplay.model.visuals import geometry_model, look
+
+        return geometry_model(self, look(self, collisions=collisions))
+
+    def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
+        """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
+
+            viz = mechanism.visualizer()  # its viz.viewer.jupyter_cell() is for a notebook
+            viz.play(result.q[::10], 1e-3)
+
+        Args:
+            meshes: folders where meshes may be, too.
+            open: whether to open a window of the browser.
+
+        Raises:
+            JointplayError: a given folder does not exist, or loops cannot be closed.
+        """
+        from jointplay.model.visuals import visualizer
+
+        return visualizer(self, meshes, open)
+
+    def owner(self, index: int) -> str | None:
+        """Name of the joint whose coordinates Pinocchio's joint `index` has; None of the ground."""
+        return self.coordinates[self.model.joints[index].idx_v].joint if index > 0 else None
+
+    def loop_class(self, name: str) -> type[Clearance]:
+        """Class of the joint that closes the loop `name`."""
+        return type(self.given_joints[name]) if name in self.given_joints else UNNAMED_KIND
+
+    def bearing_frame(self, joint: str) -> Frame:
+        """Pinocchio joint that carries the bearing, and the bearing frame's placement in it."""
+        return self._frames(joint)[0]
+
+    def journal_frame(self, joint: str) -> Frame:
+        """Pinocchio joint that carries the journal, and the journal frame's placement in it."""
+        return self._frames(joint)[1]
+
+    def _frames(self, name: str) -> tuple[Frame, Frame]:
+        model = self.model
+        if name in self.loops:
+            loop = self.loops[name]
+            sides = []
+            for link, placement in (
+                (loop.bearing_link, loop.bearing),
+                (loop.journal_link, loop.journal),
+            ):
+                frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+                sides.append((int(frame.parentJoint), frame.placement * placement))
+            bearing, journal = sides
+        else:
+            last = int(model.getJointId(name))
+            first = last
+            while self.owner(model.parents[first]) == name:
+                first = model.parents[first]
+            bearing = (int(model.parents[first]), model.jointPlacements[first])
+            journal = (last, pin.SE3.Identity())
+        given = self.given_joints.get(name)
+        return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].
+
+        Pinocchio's `crba` on `model`, so with the six coordinates of each virtual link.
+
+        Args:
+            q: configuration, shape (nq,) [rad, or m].
+        """
+        upper = np.triu(pin.crba(self.model, self.data, q))
+        return upper + np.triu(upper, 1).T
+
+    def coriolis_matrix(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """C(q, qd) of eq. 22, shape (nv, nv): C qd are the Coriolis and centrifugal forces.
+
+        By Christoffel's symbols, so that dM/dt - 2 C is skew-symmetric: C_ij is half the derivative
+        of force i by v_j. The forces, Pinocchio's, are quadratic in v, and differences between any
+        two speeds are exact. `pin.computeCoriolisMatrix` is not used: in Pinocchio 4.1 it omits how
+        the axes of `JointModelSphericalZYX`, the virtual link's, turn with its coordinates (issue
+        2053 of stack-of-tasks/pinocchio).
+
+        Args:
+            q: configuration, shape (nq,) [rad, or m].
+            v: its rate, shape (nv,) [rad/s, or m/s].
+        """
+
+        def forces(speed: np.ndarray) -> np.ndarray:
+            return pin.nonLinearEffects(self.model, self.data, q, speed).copy()
+
+        return np.column_stack(
+            [0.25 * (forces(v + one) - forces(v - one)) for one in np.eye(self.model.nv)]
+        )
+
+    def gravity_forces(self, q: np.ndarray) -> np.ndarray:
+        """G(q) of eq. 22, shape (nv,) [N m, or N]: the drives that hold q at rest without contact.
+
+        Args:
+            q: configuration, shape (nq,) [rad, or m].
+        """
+        return pin.computeGeneralizedGravity(self.model, self.data, q).copy()
+
+    def journal_pose(self, joint: str) -> pin.SE3:
+        """Journal frame in the bearing frame, after `pin.forwardKinematics`."""
+        (i, bearing), (j, journal) = self._frames(joint)
+        return (self.data.oMi[i] * bearing).actInv(self.data.oMi[j] * journal)
+
+    def lock_pose(self, joint: str) -> pin.SE3:
+        """What a lock holds in its carriage's frame, after `pin.forwardKinematics`."""
+        (i, carriage), (j, held) = self.locks[joint]
+        return (self.data.oMi[i] * carriage).actInv(self.data.oMi[j] * held)
+
+    def signs(self, joint: str) -> np.ndarray:
+        """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
+        (i, _), (j, _) = self._frames(joint)
+        return self._signs(i, j)
+
+    def _signs(self, first: int, second: int) -> np.ndarray:
+        """`signs_between` of two joints, found once."""
+        key = (first, second)
+        if key not in self._known_signs:
+            signs = signs_between(self.model, first, second)
+            signs.flags.writeable = False
+            self._known_signs[key] = signs
+        return self._known_signs[key]
+
+    def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Motion of the journal relative to the bearing, shape (6, nv).
+
+        Velocity of the journal's centre and angular velocity, both in the bearing frame, per
+        generalised velocity in configuration q.
+        """
+        return self._relative(*self._frames(joint), q)
+
+    def lock_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Motion of what a lock holds relative to its carriage, shape (6, nv); none is allowed."""
+        return self._relative(*self.locks[joint], q)
+
+    def _relative(self, first: Frame, second: Frame, q: np.ndarray) -> np.ndarray:
+        """`relative_jacobian` of any two frames."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        (i, bearing), (j, journal) = first, second
+        turn = (self.data.oMi[i] * bearing).rotation
+        centre = (self.data.oMi[j] * journal).translation
+        columns = self.data.J.reshape(6, self.model.nv) * self._signs(i, j)
+        linear = columns[:3] - pin.skew(centre) @ columns[3:]
+        return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
+
+    def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:
+        """Pinocchio's constraints for the loops without clearance, and for locks.
+
+        A ball needs its centre held; a revolute joint a second point on its axis, unless the
+        mechanism keeps the axes parallel by itself (as planar ones do).
+
+        Args:
+            q: an assembled configuration, shape (nq,).
+            frequency: of Baumgarte's stabilisation, critically damped [rad/s].
+        """
+        constraints = []
+        for name in self.loops:
+            if name in self.clearance:
+                continue
+            bearing, journal = self._frames(name)
+            points = [np.zeros(3)]
+            if self.loop_class(name).holds_axis():
+                jacobian = self.relative_jacobian(name, q)
+                ranks = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
+                points += [np.array([0.0, 0.0, _AXIS_ARM_M])] if ranks[1] > ranks[0] else []
+            constraints += [self._pinned(name, journal, bearing, at, frequency) for at in points]
+        for name, (carriage, held) in self.locks.items():
+            for at in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three points hold a frame
+                constraints.append(self._pinned(name, held, carriage, at, frequency))
+        return constraints
+
+    def _pinned(
+        self, name: str, first: Frame, second: Frame, point: np.ndarray, frequency: float
+    ) -> pin.RigidConstraintModel:
+        """Constraint that holds a point of two frames together; see `constraints`."""
+        at = pin.SE3(np.eye(3), point)
+        (i, one), (j, other) = first, second
+        kind, axes = pin.ContactType.CONTACT_3D, pin.ReferenceFrame.LOCAL
+        constraint = pin.RigidConstraintModel(kind, self.model, i, one * at, j, other * at, axes)
+        constraint.name = name
+        constraint.m_baumgarte_parameters.Kp = frequency**2
+        constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+        return constraint

@@ -1,0 +1,101 @@
+"""Payloads that the tool picks up and releases during the motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.schema import Described, check_fields, quantity
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Payload(Described):
+    """A rigid body held by a frame of the mechanism from `pick` to `release`.
+
+    Before it is picked up it rests in the world: if the tool moves at that instant, body and
+    mechanism hit each other plastically (momentum is conserved, energy is lost). Released, it
+    leaves with the speed that it has. A computed-torque drive does not know of it. A mass of 0 is
+    no payload.
+
+    Raises:
+        JointplayError: a mass that is negative, moments of inertia that no body has, a release
+            that does not follow the pick.
+    """
+
+    frame: str
+    """Frame that holds the payload; usually the tool."""
+    mass: float = quantity("kg", least=0.0, words="payload mass")
+    """Mass [kg]; 0: no payload."""
+    pick: float = quantity("s", default=0.0, least=0.0, words="payload pick time")
+    """Time at which it is picked up [s]; a payload picked up at 0 is there from the start."""
+    release: float | None = quantity("s", default=None, words="payload release time")
+    """Time at which it is released [s]; None: never."""
+    centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), words="payload centre")
+    """Centre of mass in the frame [m]."""
+    inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0), words="payload inertia")
+    """Moments of inertia about it, along the frame's axes [kg m^2]."""
+
+    def __post_init__(self) -> None:
+        """Check all values."""
+        check_fields(self)
+        if self.release is not None and self.release <= self.pick:
+            raise JointplayError(
+                f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s",
+                where=("release",),
+            )
+        low, middle, high = sorted(self.inertia)
+        if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
+            raise JointplayError(
+                f"no rigid body can have the moments of inertia {self.inertia} kg m^2",
+                where=("inertia",),
+            )
+        if self.mass == 0.0 and high > 0.0:
+            raise JointplayError(
+                f"a payload of 0 kg is none, and has no inertia; got {self.inertia} kg m^2",
+                where=("inertia",),
+            )
+
+    @property
+    def body(self) -> pin.Inertia:
+        """Inertia in the frame that holds it."""
+        import pinocchio as pin
+
+        return pin.Inertia(self.mass, np.array(self.centre), np.diag(self.inertia))
+
+
+def velocity_after_pick(
+    before: pin.Model,
+    after: pin.Model,
+    q: np.ndarray,
+    v: np.ndarray,
+    forbidden: np.ndarray,
+) -> np.ndarray:
+    """Velocity after a plastic impact with a body at rest that is then part of the mechanism.
+
+    Args:
+        before, after: models without and with the body.
+        q, v: state before, shapes (nq,) and (nv,).
+        forbidden: Jacobian of ideal loops, shape (rows, nv): velocities that stay zero.
+
+    Returns:
+        v of M_after v = M_before v_before + forbidden^T impulse, shape (nv,).
+    """
+    import pinocchio as pin
+
+    nv, rows = before.nv, len(forbidden)
+    masses = []
+    for model in (before, after):
+        mass = np.triu(pin.crba(model, model.createData(), q).reshape(nv, nv))
+        masses.append(mass + np.triu(mass, 1).T)
+    system = np.zeros((nv + rows, nv + rows))
+    system[:nv, :nv], system[:nv, nv:], system[nv:, :nv] = masses[1], forbidden.T, forbidden
+    right = np.concatenate([masses[0] @ v, np.zeros(rows)])
+    return np.linalg.lstsq(system, right, rcond=None)[0][:nv]

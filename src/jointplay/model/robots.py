@@ -1,0 +1,151 @@
+"""Robots people have: those of the package example-robot-data, by short names.
+
+The package (BSD-3-Clause) is nothing but URDFs and meshes; the extra `robots` brings it. A robot's
+name is that of its URDF, in small letters and without ``_robot``; where two folders have a URDF of
+the same name, the folder's name instead.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import sys
+from collections import defaultdict
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.files import is_file
+from jointplay.base.imports import how_to_install
+from jointplay.model.urdf import shipped
+
+PACKAGE = "example-robot-data"
+SHIPPED = "jointplay:"
+"""Marks the name of a file that ships with this package, as in ``jointplay:scara.urdf``."""
+PREFIX = f"{PACKAGE}:"
+"""Marks a robot's name where a path could stand, as in ``example-robot-data:ur5``."""
+
+OWN = {"scara": "scara.urdf", "so101": "so101.urdf"}
+"""Robots whose URDF ships with this package, by name; they hide others of that name."""
+
+_FOLDER_SUFFIXES = ("_description", "_data", "_simple")
+
+
+def share() -> Path:
+    """Folder of the package's data; `robots/` is in it.
+
+    Raises:
+        JointplayError: the package is not installed; the message says how to install it.
+    """
+    folders = [Path(sys.prefix) / "share" / PACKAGE]  # conda, ROS
+    try:
+        wheel = distribution(PACKAGE).locate_file("cmeel.prefix")
+        folders.insert(0, Path(str(wheel)) / "share" / PACKAGE)
+    except PackageNotFoundError:
+        pass
+    for folder in folders:
+        if (folder / "robots").is_dir():
+            return folder
+    raise JointplayError(
+        f"the robots of {PACKAGE} are not installed; install them (131 MB to download) with: "
+        f"{how_to_install('robots')}"
+    )
+
+
+@cache
+def _table(folder: Path) -> dict[str, Path]:
+    """The URDF of each robot, by name."""
+    families = defaultdict(list)
+    for path in sorted(folder.glob("*/*/*.urdf")):
+        text = path.read_text(encoding="utf-8", errors="replace")
+        if "<link" in text:  # a file without links is a fragment for others to include
+            families[_normal(path.stem).removesuffix("_robot")].append(path)
+    table = {}
+    for name, paths in families.items():
+        for path in paths:
+            home = path.relative_to(folder).parts[0]
+            for suffix in _FOLDER_SUFFIXES:
+                home = home.removesuffix(suffix)
+            table[name if len(paths) == 1 else _normal(home)] = path
+    return dict(sorted(table.items()))
+
+
+def _normal(name: str) -> str:
+    return name.lower().replace("-", "_").replace(".", "_")
+
+
+def robots() -> tuple[str, ...]:
+    """Names of all robots.
+
+    Raises:
+        JointplayError: see `share`.
+    """
+    return tuple(sorted({*OWN, *_table(share() / "robots")}))
+
+
+def robot_urdf(name: str) -> Path:
+    """URDF of a robot such as ``ur5`` or ``panda``; upper case and ``-`` for ``_`` do no harm.
+
+    Of a robot that there is in one variant only, such as ``hyq_no_sensors``, ``hyq`` will do.
+
+    Raises:
+        JointplayError: the package is not installed.
+        MissingName: no such robot; the message lists those whose names resemble it, or all.
+    """
+    wanted = _normal(name)
+    if wanted in OWN:
+        return shipped(OWN[wanted])
+    table = _table(share() / "robots")
+    variants = [known for known in table if known.startswith(f"{wanted}_")]
+    if wanted not in table and len(variants) == 1:
+        return table[variants[0]]
+    if wanted not in table:
+        similar = [known for known in table if wanted and wanted in known]
+        similar = similar or difflib.get_close_matches(wanted, table)
+        raise MissingName("robot", name, similar or table, "" if not similar else ", and others")
+    return table[wanted]
+
+
+def resolve(place: str | Path, folder: Path = Path()) -> Path:
+    """Path of a file that is named as such, or as one that comes with a package.
+
+    Args:
+        place: a path, ``jointplay:NAME`` for what ships with this package, or
+            ``example-robot-data:NAME``.
+        folder: where a relative path begins.
+
+    Raises:
+        JointplayError, MissingName: see `shipped`, `robot_urdf`.
+    """
+    text = str(place)
+    if text.startswith(SHIPPED):
+        return shipped(text.removeprefix(SHIPPED))
+    if text.startswith(PREFIX):
+        return robot_urdf(text.removeprefix(PREFIX))
+    return folder / place
+
+
+def urdf_of(place: str | Path) -> Path:
+    """Path of a URDF that is named as for `resolve`, or by a robot's bare name such as ``ur5``.
+
+    Raises:
+        JointplayError, MissingName: see `resolve`.
+    """
+    text = str(place)
+    if isinstance(place, str) and re.fullmatch(r"[\w-]+", text) and not is_file(Path(text)):
+        return robot_urdf(text)
+    return resolve(place)
+
+
+def is_robot(place: str) -> bool:
+    """Whether `place` names a robot rather than a scenario file."""
+    if place.startswith(PREFIX) or place.lower().endswith((".urdf", ".xml", ".xacro")):
+        return True
+    if place.lower().endswith(".toml") or is_file(Path(place)):
+        return False
+    try:
+        robot_urdf(place)
+    except JointplayError:  # who then finds no file either says what this says
+        return False
+    return True

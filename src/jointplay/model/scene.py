@@ -1,0 +1,123 @@
+"""What there is to see: bodies on links, joints that are marked, and where the links are.
+
+Pictures, the player, the live page and recordings of rerun show this, each in its own way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.tree import BodyMotion, Tree
+from jointplay.model.visuals import Look, look
+
+
+@dataclass(frozen=True)
+class MarkedJoint:
+    """A joint with clearance, or an ideal one that closes a loop."""
+
+    name: str
+    link: int
+    """That carries its bearing, in `Scene.links`."""
+    place: pin.SE3
+    """Of the bearing's frame, whose z is the joint's axis, in the link's."""
+    words: str
+    """What it can do."""
+    play: bool
+    """Whether it has clearance; else it closes a loop."""
+    hinge: bool
+    """Whether it is a hinge of a flexible link, which has nothing to mark."""
+
+
+class Scene:
+    """What is seen of a mechanism.
+
+    Args:
+        mechanism: whose URDF has the shapes.
+        folders: where meshes may be, too.
+
+    Attributes:
+        links: names of all links.
+    """
+
+    def __init__(self, mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> None:
+        """Shapes are read when they are asked for."""
+        self.mechanism, self.folders = mechanism, folders
+        bodies = [frame for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
+        self.links = [frame.name for frame in bodies]
+        self._frames = [(frame.parentJoint, frame.placement) for frame in bodies]
+
+    @cached_property
+    def look(self) -> Look:
+        """Shapes of the links, and their size.
+
+        Raises:
+            JointplayError: a given folder does not exist.
+        """
+        return look(self.mechanism, self.folders)
+
+    @cached_property
+    def joints(self) -> list[MarkedJoint]:
+        """Joints with clearance, then those that close loops, on the links that carry them."""
+        mechanism, found = self.mechanism, []
+        hinges = {name for its in mechanism.hinges.values() for name in its}
+        loops = [name for name in mechanism.loops if name not in mechanism.clearance]
+        carriers = {index: link for link, (index, _) in reversed([*enumerate(self._frames)])}
+        for name in (*mechanism.clearance, *loops):
+            joint, words = mechanism.clearance.get(name), "closes a loop"
+            if joint is not None:
+                play = joint.play_words
+                words = play if joint.springs is not None else f"play {play}"
+            index, placement = mechanism.bearing_frame(name)
+            link = carriers[index]
+            place = self._frames[link][1].actInv(placement)
+            found.append(MarkedJoint(name, link, place, words, joint is not None, name in hinges))
+        return found
+
+    def poses(self, q: np.ndarray) -> np.ndarray:
+        """World poses of the links' frames at configurations q, shape (n, nq).
+
+        Returns:
+            Shape (n, links, 7): position [m] and quaternion (x, y, z, w), whose sign does not jump.
+        """
+        model, ground = self.mechanism.model, (0, pin.SE3.Identity())
+        motion = BodyMotion.of(len(q), len(self.links))
+        states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
+        pairs = [(ground, frame) for frame in self._frames]
+        Tree(model).move(motion, 0, len(q), *states, ground, pairs)
+        poses = np.empty((len(q), len(self.links), 7))
+        for k, places in enumerate(motion.poses):
+            poses[:, k, :3] = places[:, :3]
+            poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
+            continuous(poses[:, k, 3:])
+        return poses
+
+
+def continuous(quaternions: np.ndarray) -> None:
+    """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
+    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
+    quaternions[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+
+
+def quaternions(matrices: np.ndarray) -> np.ndarray:
+    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), by the largest component: (n, 4)."""
+    m = matrices
+    diagonal = m[:, (0, 1, 2), (0, 1, 2)]
+    trace = diagonal.sum(axis=1)
+    # Four times the products of each component with all others, whichever is used to divide.
+    products = np.empty((len(m), 4, 4))
+    for i in range(3):
+        products[:, i, i] = 1.0 + 2.0 * diagonal[:, i] - trace
+        j, k = (i + 1) % 3, (i + 2) % 3
+        products[:, i, j] = products[:, j, i] = m[:, i, j] + m[:, j, i]
+        products[:, i, 3] = products[:, 3, i] = m[:, k, j] - m[:, j, k]
+    products[:, 3, 3] = 1.0 + trace
+    best = products[:, range(4), range(4)].argmax(axis=1)
+    rows = products[np.arange(len(m)), best]
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))

@@ -1,0 +1,100 @@
+"""What a robot's description is made of, and what is not as it should be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import is_file
+from jointplay.model.massless import massless_links, massless_motions
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.robots import PREFIX, urdf_of
+from jointplay.model.urdf import ALL, elements, impossible_inertias, leaders
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a robot is made of, and how far it can be simulated; found by loading it."""
+
+    name: str
+    path: Path
+    moving: dict[str, str]
+    """URDF type of each joint that is not fixed, by name, from the base outwards."""
+    serial: bool = False
+    """Its revolute joints lie on one path from the base: an arm."""
+    unphysical: tuple[str, ...] = ()
+    """Links whose inertia no rigid body has; to be allowed by name."""
+    mimics: tuple[str, ...] = ()
+    """Joints that follow others, unless a motion or drive says otherwise."""
+    massless: tuple[str, ...] = ()
+    """Joints that move no mass: nothing can be simulated unless they are fixed."""
+    problem: str = ""
+    """Why it cannot be loaded at all; empty if it can."""
+    astray: Mapping[str, str] = field(default_factory=dict)
+    """Joints that shall follow one that does not exist, and so move on their own."""
+    mechanism: Mechanism | None = None
+    """The ideal robot, if it can be loaded."""
+
+    @property
+    def bare(self) -> tuple[str, ...]:
+        """Links that joints move and that have no mass of their own."""
+        if self.mechanism is None:
+            return ()
+        model, entries = self.mechanism.model, self.mechanism.description.joints
+        moved = {name: int(model.getJointId(name)) for name in self.moving}
+        return tuple(
+            entries[name].child for name, at in moved.items() if not model.inertias[at].mass > 0.0
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is not as it should be, in words."""
+        astray = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
+        remarks = (
+            (self.massless, "cannot be simulated unless held: {} move links without mass"),
+            (self.unphysical, "physically impossible inertia, must be allowed: {}"),
+            (self.mimics, "joints that follow others: {}"),
+            (astray, "move independently, because the joint that they mimic does not exist: {}"),
+        )
+        found = tuple(text.format(_list(names)) for names, text in remarks if names)
+        if not self.moving:
+            found = ("has no joint that moves: nothing can be simulated", *found)
+        return (self.problem, *found) if self.problem else found
+
+
+def survey(place: str | Path) -> Survey:
+    """Load a robot and look at what it is made of.
+
+    Raises:
+        JointplayError, MissingName: no such robot, or no well-formed URDF.
+    """
+    path = urdf_of(place)
+    given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml")
+    name = path.stem if given else str(place).removeprefix(PREFIX)
+    root = elements(path)
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    moving = {n: joint.get("type", "") for n, joint in joints.items()}
+    moving = {n: kind for n, kind in moving.items() if kind != "fixed"}
+    following, astray = leaders(root)
+    mimics = tuple(n for n in moving if n in following)
+    unphysical = tuple(impossible_inertias(root))
+    try:
+        mechanism = Mechanism(path, allow_unphysical=[ALL])
+    except JointplayError as error:
+        return Survey(name, path, moving, False, unphysical, mimics, (), str(error), astray)
+    moving = {n: moving[n] for n in mechanism.coordinates}
+    still = pin.neutral(mechanism.model)
+    free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
+    massless = tuple(massless_links(mechanism, still, free).values())
+    serial = mechanism.description.serial
+    return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
+
+
+def _list(words: tuple[str, ...], most: int = 4) -> str:
+    rest = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + rest

@@ -1,0 +1,121 @@
+"""Which frame of a robot is its tool, where nobody said so.
+
+The last frame of a URDF may be a camera, an IMU or a finger's tip. The tool of an arm is the end of
+its driven chain, before fingers begin.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Collection
+
+from jointplay.base.tables import few
+from jointplay.model.urdf import Description, JointEntry
+
+_NAMED = re.compile(
+    r"(^|_)(tool0|tool|tcp|tool_?frame|ee_link|ee|eef|end_?effector|flange|gripper_frame_link|foot|suction_?\w*|vacuum_?\w*|nozzle|spindle|torch|needle|pen|tip|probe)$",
+    re.IGNORECASE,
+)
+"""Frames that are called what a tool is called."""
+_FINGER = re.compile(r"finger|gripper|jaw|knuckle|thumb|claw", re.IGNORECASE)
+_OTHER = re.compile(
+    r"imu|camera|optical|sensor|laser|lidar|depth|gps|finger|jaw|knuckle|thumb|inertia|collision",
+    re.IGNORECASE,
+)
+_ARM = 3
+"""From so many moving joints on, a fork into shorter branches is a hand."""
+
+
+def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[str, str]:
+    """Name of the frame that serves as the tool, and the reason in words.
+
+    The chain of moving joints from the base that has the most of the joints in `play`, the longest
+    if several have; without `play`, it ends where it forks into shorter branches or a joint is
+    called a finger's. Of what is fixed to its last link, a frame with a tool's name, or else the
+    last link itself.
+
+    Args:
+        description: the robot.
+        play: names of joints that have play; the tool is one that they move.
+    """
+    children: dict[str, list[JointEntry]] = defaultdict(list)
+    for joint in description.joints.values():
+        children[joint.parent].append(joint)
+    for fingers in (False, True):
+        link, last = _chain(description.root, children, frozenset(play), fingers)
+        if last:
+            break
+    named = [frame for frame in _fixed(link, children) if _NAMED.search(frame)]
+    named = [frame for frame in named if not _OTHER.search(frame)]
+    end = f"the end of the chain of moving joints, after {last!r}" if last else "the base"
+    if last and (moving := {one.name for one in description.above(link)}.intersection(play)):
+        names = [repr(name) for name in description.joints if name in moving]
+        end += f", which {few(names)} {'moves' if len(names) == 1 else 'move'}"
+    if named:
+        best = min(named, key=lambda frame: (_rank(frame), named.index(frame)))
+        return best, f"named like a tool, at {end}"
+    return link, end
+
+
+def _chain(
+    root: str, children: dict[str, list[JointEntry]], play: frozenset[str], fingers: bool
+) -> tuple[str, str]:
+    """Last link of the chain of moving joints, and its joint ("": none)."""
+    best: dict[str, tuple[int, int]] = {}
+    """By link: joints with play in series behind it at most, and moving joints."""
+    order = [root]
+    for link in order:  # as deep as the URDF is, which may be deeper than Python's stack
+        order += [joint.child for joint in children[link]]
+
+    def worth(joint: JointEntry) -> tuple[int, int]:
+        """Joints with play, and moving joints, from this one on."""
+        loose, moving = best[joint.child]
+        finger = joint.kind != "fixed" and _FINGER.search(joint.name) is not None
+        if finger and not fingers and not loose and joint.name not in play:
+            return 0, 0
+        return loose + (joint.name in play), moving + (joint.kind != "fixed")
+
+    for link in reversed(order):
+        best[link] = max(map(worth, children[link]), default=(0, 0))
+    link, passed, last = root, 0, ""
+    while True:
+        branches = [
+            joint
+            for one in _fixed(link, children, play)
+            for joint in children[one]
+            if (joint.kind != "fixed" or joint.name in play) and worth(joint) > (0, 0)
+        ]
+        if not branches:
+            return link, last
+        chosen = max(branches, key=worth)
+        loose, moving = worth(chosen)
+        if len(branches) > 1 and not loose and passed >= _ARM and moving < passed:
+            return link, last
+        link, last = chosen.child, chosen.name
+        passed += 1
+
+
+def _fixed(
+    link: str, children: dict[str, list[JointEntry]], play: Collection[str] = ()
+) -> list[str]:
+    """A link, and all that is fixed to it without play."""
+    links, open_ones = [], [link]
+    while open_ones:  # as deep as the URDF is, which may be deeper than Python's stack
+        here = open_ones.pop()
+        links.append(here)
+        fixed = [
+            joint.child
+            for joint in children[here]
+            if joint.kind == "fixed" and joint.name not in play
+        ]
+        open_ones += reversed(fixed)
+    return links
+
+
+def _rank(frame: str) -> int:
+    """Order of tools' names, the most telling first."""
+    for rank, word in enumerate(("tcp", "tool0", "tool", "ee", "flange")):
+        if word in frame.lower():
+            return rank
+    return 9

@@ -1,0 +1,695 @@
+"""Reading a URDF: the file, its joints as declared, and whether it describes a possible robot."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shlex
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName, closest, require_a
+from jointplay.base.files import read_text
+from jointplay.model.vocabulary import check_words, numbers
+
+if TYPE_CHECKING:
+    import yourdfpy
+
+
+# What a URDF says of its joints beyond the tree: limits, mimicry, transmissions, pictures.
+
+
+SHAPES = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "mesh": ("scale",),
+}
+"""Geometries of pictures that are drawn, and their numbers; others are left out."""
+_READ = ("link", "joint", "material")
+"""Elements of a robot that are read."""
+
+
+def _without_known_shape(element: ElementTree.Element) -> bool:
+    """Whether it is a picture without a shape, or with one that only other programs know."""
+    geometry = element.find("geometry")
+    known = geometry is not None and any(one.tag in SHAPES for one in geometry)
+    return element.tag in ("visual", "collision") and not known
+
+
+class Limits(NamedTuple):
+    """Limits of a joint; None where there are none."""
+
+    lower: float | None = None
+    upper: float | None = None
+    speed: float | None = None
+    effort: float | None = None
+
+
+class Mimic(NamedTuple):
+    """A joint follows another: its position is multiplier * that of the leader + offset."""
+
+    leader: str
+    multiplier: float
+    """[1, or rad/m or m/rad where one of them slides]."""
+    offset: float
+    """[rad or m]."""
+
+    def formula(self) -> str:
+        """Its position, as one would write it."""
+        factor = "" if self.multiplier == 1.0 else f"{self.multiplier:g} "
+        sign = "+" if self.offset > 0.0 else "-"
+        return f"{factor}{self.leader}" + (f" {sign} {abs(self.offset):g}" if self.offset else "")
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """What stands between a motor and a joint."""
+
+    name: str
+    reduction: float | None
+    """Turns of the motor for one of the joint; None if it is not given."""
+
+
+class Declared:
+    """What a URDF declares beyond its tree of joints, read by yourdfpy when it is asked for.
+
+    No mesh is looked for, no file opened. yourdfpy is slow to import.
+
+    Args:
+        root: the URDF, whose names and numbers have been checked; not to be changed.
+    """
+
+    def __init__(self, root: ElementTree.Element) -> None:
+        """Keep the elements."""
+        self.root = root
+
+    @cached_property
+    def robot(self) -> yourdfpy.urdf.Robot:
+        """Links and joints with all they have; meshes are named, not read.
+
+        Raises:
+            JointplayError: yourdfpy cannot read it.
+        """
+        import yourdfpy
+
+        root = deepcopy(self.root)
+        for element in [one for one in root if one.tag not in _READ]:
+            root.remove(element)
+        for link in root.findall("link"):
+            for element in [one for one in link if _without_known_shape(one)]:
+                link.remove(element)
+        text = io.BytesIO(ElementTree.tostring(root))
+        try:
+            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+        except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+            raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
+
+    @cached_property
+    def _joints(self) -> dict[str, Any]:
+        return {joint.name: joint for joint in self.robot.joints}
+
+    def limits(self, name: str) -> Limits:
+        """Limits of a joint; programs that write URDFs put zeros where they know none."""
+        joint = self._joints[name]
+        limit = joint.limit
+        if limit is None or joint.type in NO_AXIS:
+            return Limits()
+        lower, upper = limit.lower or 0.0, limit.upper or 0.0
+        speed, effort = limit.velocity or None, limit.effort or None
+        if not lower < upper or joint.type == "continuous":
+            return Limits(None, None, speed, effort)
+        return Limits(lower, upper, speed, effort)
+
+    def mimic(self, name: str) -> Mimic | None:
+        """What a joint follows; None if nothing."""
+        mimic = self._joints[name].mimic
+        return None if mimic is None else Mimic(mimic.joint, mimic.multiplier, mimic.offset)
+
+    @cached_property
+    def transmissions(self) -> dict[str, Transmission]:
+        """By joint. yourdfpy (0.0.60) leaves them out."""
+        transmissions = {}
+        for element in self.root.findall("transmission"):
+            try:
+                reduction = float(element.findtext(".//mechanicalReduction") or "")
+            except ValueError:
+                reduction = None
+            for joint in element.findall("joint"):
+                found = Transmission(element.get("name", ""), reduction)
+                transmissions[joint.get("name", "")] = found
+        return transmissions
+
+
+@dataclass(frozen=True)
+class JointEntry:
+    """A joint as the URDF declares it."""
+
+    name: str
+    kind: str
+    """URDF type: revolute, continuous, prismatic, fixed, ..."""
+    parent: str
+    child: str
+    friction: float
+    """Dry friction torque [N m or N]."""
+    damping: float
+    """Viscous friction [N m s/rad or N s/m]."""
+    mimics: bool
+    """Whether it follows another joint that exists, see `mimic`."""
+    declared: Declared = field(compare=False, repr=False)
+    """Where the rest of what the URDF says is read."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns about an axis."""
+        return self.kind in ("revolute", "continuous")
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is measured in metres, and its effort in newtons; else it turns."""
+        return self.kind == "prismatic"
+
+    @property
+    def lower(self) -> float | None:
+        """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
+        return self.declared.limits(self.name).lower
+
+    @property
+    def upper(self) -> float | None:
+        """Upper limit of its position, likewise."""
+        return self.declared.limits(self.name).upper
+
+    @property
+    def speed(self) -> float | None:
+        """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+        return self.declared.limits(self.name).speed
+
+    @property
+    def effort(self) -> float | None:
+        """Limit of its effort [N m or N], likewise."""
+        return self.declared.limits(self.name).effort
+
+    @property
+    def mimic(self) -> Mimic | None:
+        """The joint that it follows, and how; None if it follows none."""
+        return self.declared.mimic(self.name) if self.mimics else None
+
+
+# Reading a URDF: what ships with the package, and whether a file describes a possible robot.
+
+
+_INSTALLED = Path(__file__).parents[1] / "shipped"
+_CHECKOUT = Path(__file__).parents[3] / "urdf"
+
+MOST_LINKS, MOST_MOVING = 5000, 250
+"""Most links and moving joints of a robot: to set up its equations grows with their cube."""
+
+MOST_IN_SERIES = 1000
+"""Most links one behind the other: Pinocchio's reader calls itself for each, and at some 4,000 of
+them ends the process with 8 MB of stack."""
+
+MOST_LETTERS = 200
+"""Longest name of a link or joint."""
+
+GROUND = "universe"
+"""Pinocchio's own frame and joint: what is called like it would be taken for the ground."""
+
+LIMITED = ("revolute", "prismatic")
+"""Types of joint whose position has limits."""
+
+NO_AXIS = ("fixed", "floating")
+"""Types of joint whose axis means nothing; exporters write zeros there."""
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+"""In world axes [m/s^2]."""
+
+GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
+"""Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
+
+INERTIA_TOLERANCE = 1e-6
+"""Violation of the triangle inequality that passes for rounding, relative to the largest moment."""
+
+
+def shipped(name: str) -> Path:
+    """Path of a file that ships with the package, such as ``scara.urdf`` or ``scara_motion.csv``.
+
+    Raises:
+        MissingName: no such file; the message lists those that exist.
+    """
+    require_a("name", name, "str")
+    folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+    path = folder / name
+    if not path.is_file():
+        names = sorted(file.name for file in folder.glob("*") if file.is_file())
+        raise MissingName("shipped file", name, names)
+    return path
+
+
+@dataclass(frozen=True)
+class Description:
+    """A URDF's text, with its joints by name in the order of the file."""
+
+    path: Path
+    text: str
+    joints: dict[str, JointEntry]
+    links: tuple[str, ...]
+    declared: Declared = field(compare=False, repr=False)
+    """The rest of what it says."""
+    stored: bool = False
+    """Whether it comes from a result: it then has no folder from which it may take meshes."""
+
+    @property
+    def revolute(self) -> list[str]:
+        """Names of the joints that can get clearance."""
+        return [j.name for j in self.joints.values() if j.turns]
+
+    @property
+    def moving(self) -> list[str]:
+        """Names of the joints that are not fixed."""
+        return [j.name for j in self.joints.values() if j.kind != "fixed"]
+
+    @cached_property
+    def serial(self) -> bool:
+        """Whether all joints that turn lie on one path from the base: an arm."""
+        paths = [{one.name for one in self.above(self.joints[n].child)} for n in self.revolute]
+        return bool(paths) and max(paths, key=len).issuperset(self.revolute)
+
+    @property
+    def root(self) -> str:
+        """The link from which all joints begin: the base."""
+        return next(link for link in self.links if link not in self.holders)
+
+    @cached_property
+    def holders(self) -> dict[str, JointEntry]:
+        """The joint that holds each link, but for the base."""
+        return {joint.child: joint for joint in self.joints.values()}
+
+    def above(self, link: str) -> Iterator[JointEntry]:
+        """The joints from a link to the base, the nearest first."""
+        while link in self.holders:
+            joint = self.holders[link]
+            yield joint
+            link = joint.parent
+
+    def free_base(self, gravity: Sequence[float]) -> str:
+        """That the base is free, in words, and what it then does under `gravity`."""
+        falls = ", and it falls unless loads carry it" if any(gravity) else ""
+        return f"the base {self.root!r} is free: nothing holds it{falls}"
+
+    @property
+    def held(self) -> str:
+        """That the base of what is no arm is held, in words; empty if nobody would expect else.
+
+        A URDF does not say whether its base is free, as that of what walks, drives or flies. What
+        has no mass, though, is the ground.
+        """
+        base = self.root
+        fixed = {
+            link for link in self.links if all(one.kind == "fixed" for one in self.above(link))
+        }
+        masses = (
+            float(mass.get("value", "0"))
+            for link in self.declared.root.findall("link")
+            if link.get("name") in fixed and (mass := link.find("inertial/mass")) is not None
+        )
+        if self.serial or not self.moving or not any(masses):
+            return ""
+        return f"the base {base!r} is held fast, as if bolted to the ground"
+
+    @property
+    def astray(self) -> list[str]:
+        """Joints that are to mimic one that does not exist, in words, a line each."""
+        return [
+            f"{name} mimics {leader!r}, which is no joint, and moves by itself; "
+            f"{closest(leader, self.joints)}".rstrip("; ")
+            for name, leader in leaders(self.declared.root)[1].items()
+        ]
+
+    def require_moving(self) -> None:
+        """Raise unless some joint moves.
+
+        Raises:
+            JointplayError: none does, as of a drone that is described as one body.
+        """
+        if not self.moving:
+            number = len(self.links)
+            bodies = "one link" if number == 1 else f"{number} links, fixed to each other,"
+            raise JointplayError(
+                f"{self.path.name} has {bodies} and no joint that moves, so there is nothing to "
+                "simulate: play is that of joints, revolute, continuous, prismatic or floating; "
+                "give a URDF that has some"
+            )
+
+    def elements(self) -> ElementTree.Element:
+        """Its elements, which may be changed."""
+        return deepcopy(self.declared.root)
+
+
+ALL = "all"
+"""Stands for the names of all links whose inertia no rigid body has."""
+
+
+def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
+    """Read a URDF and check every inertia.
+
+    Args:
+        path: the file.
+        allow_unphysical: names of links whose inertia is used although no rigid body has it, or
+            ``"all"``.
+
+    Raises:
+        JointplayError: the file is missing or malformed, its links do not form one tree, or a
+            link's inertia is impossible (the message names the link and its principal moments).
+    """
+    path = Path(path)
+    return parse(read_text(path, "URDF"), path, allow_unphysical)
+
+
+_DEEPEST = 200
+"""Levels of elements that a URDF may have; those in use have about six."""
+
+
+def elements(path: Path) -> ElementTree.Element:
+    """A URDF's elements, unchecked.
+
+    Raises:
+        JointplayError: the file cannot be read, or is no URDF.
+    """
+    return _root(read_text(path, "URDF"), path)
+
+
+def _root(text: str, path: Path) -> ElementTree.Element:
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
+    if root.tag != "robot":
+        raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
+    level = [root]
+    for _ in range(_DEEPEST):
+        level = [inner for one in level for inner in one]
+    if level:  # Python's own XML writer gives up somewhere beyond
+        raise JointplayError(f"the URDF {str(path)!r} nests elements more than {_DEEPEST} deep")
+    return root
+
+
+def as_option(names: Sequence[str]) -> str:
+    """Names as ``--fix`` and ``--allow-unphysical`` take them in a shell: with commas, quoted if
+    need be.
+    """
+    written = io.StringIO()
+    csv.writer(written, lineterminator="").writerow(names)
+    return shlex.quote(written.getvalue())
+
+
+def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
+    """Check the URDF `text`, naming `path` in errors; see `read`.
+
+    The same text is read once: what is returned is shared, and must not be changed.
+    """
+    return _parsed(text, path, tuple(allow_unphysical))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
+    root = _root(text, path)
+    tags = root.findall("link")
+    if not tags:
+        raise JointplayError(f"the URDF {str(path)!r} has no links")
+    moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
+    for number, most, what in (
+        (len(tags), MOST_LINKS, "links"),
+        (moving, MOST_MOVING, "moving joints"),
+    ):
+        if number > most:
+            raise JointplayError(
+                f"the URDF {str(path)!r} has {number} {what}; at most {most} are possible"
+            )
+    links = {link.get("name", ""): link for link in tags}
+    for kind in ("link", "joint"):
+        _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
+    check_words(root)
+    _check_placements(root)
+    _check_pictures(root)
+    for name in allow_unphysical:
+        if name not in links and name != ALL:
+            raise MissingName("link", name, [*links, ALL])
+    faults = impossible_inertias(root)
+    wrong = [] if ALL in allow_unphysical else [n for n in faults if n not in allow_unphysical]
+    if wrong:
+        flag = f"--allow-unphysical {ALL}"
+        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
+        raise JointplayError(faults[wrong[0]] + rest)
+    joints = {}
+    declared = Declared(root)
+    followers, _ = leaders(root)
+    for joint in root.findall("joint"):
+        name = joint.get("name", "")
+        _check_limit(joint, name)
+        dynamics = joint.find("dynamics")
+        joints[name] = JointEntry(
+            name,
+            joint.get("type", ""),
+            _link(joint, "parent", links),
+            _link(joint, "child", links),
+            _resistance(dynamics, "friction", name),
+            _resistance(dynamics, "damping", name),
+            name in followers,
+            declared,
+        )
+    _check_tree(path, links, joints.values())
+    return Description(path, text, joints, tuple(links), declared)
+
+
+def _check_limit(joint: ElementTree.Element, name: str) -> None:
+    """Refuse limits that are no numbers, or the wrong way round; they may be infinite."""
+    limit = joint.find("limit")
+    lower, upper, effort, velocity = (
+        numbers(limit, key, f"joint {name!r}: limit {key}", 1, "0", infinite=True)[0]
+        for key in ("lower", "upper", "effort", "velocity")
+    )
+    if lower > upper and joint.get("type") in LIMITED:
+        raise JointplayError(
+            f"joint {name!r} has the lower limit {lower:g} above the upper one {upper:g}; "
+            "exchange them"
+        )
+    for key, value in (("effort", effort), ("velocity", velocity)):
+        if value < 0.0:
+            raise JointplayError(f"joint {name!r}: limit {key} must not be negative, got {value:g}")
+
+
+def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> float:
+    """Friction or damping of a joint."""
+    value = _number(dynamics, key, f"joint {name!r}:", "0")
+    if value < 0.0:
+        raise JointplayError(f"joint {name!r}: {key} must not be negative, got {value:g}")
+    return value
+
+
+def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
+    """Joint that each joint mimics: those that exist, and those that do not.
+
+    Raises:
+        JointplayError: numbers that are none, or joints that in the end follow themselves.
+    """
+    followers: dict[str, str] = {}
+    astray: dict[str, str] = {}
+    joints = {joint.get("name", "") for joint in root.findall("joint")}
+    for joint in root.findall("joint"):
+        name, mimic = joint.get("name", ""), joint.find("mimic")
+        if mimic is None:
+            continue
+        for key, default in (("multiplier", "1"), ("offset", "0")):
+            _number(mimic, key, f"joint {name!r}: mimic", default)
+        leader = mimic.get("joint", "")
+        (followers if leader in joints else astray)[name] = leader
+    for name in followers:
+        _, ring = _ascend(name, followers, ())
+        if ring:
+            raise JointplayError(f"joints mimic each other in a cycle: {ring}")
+    return followers, astray
+
+
+def _ascend(name: str, above: Mapping[str, str], known: Collection[str]) -> tuple[list[str], str]:
+    """Way from `name` to what has nothing above or is known, and the ring in which it ends."""
+    way = [name]
+    while way[-1] in above and way[-1] not in known:
+        way.append(above[way[-1]])
+        if way[-1] in way[:-1]:
+            return way, " - ".join(way[way.index(way[-1]) :])
+    return way, ""
+
+
+def _check_names(kind: str, names: Sequence[str]) -> None:
+    """Refuse names that are missing, given twice, or that no one could write in a message."""
+    seen: set[str] = set()
+    for name in names:
+        if not name:
+            raise JointplayError(f"a {kind} of the URDF has no name")
+        if len(name) > MOST_LETTERS or not name.isprintable():
+            shown = name if len(name) <= MOST_LETTERS else f"{name[:40]}..."
+            raise JointplayError(
+                f"the {kind} {shown!r}: a name has at most {MOST_LETTERS} printable characters"
+            )
+        if name == GROUND:
+            raise JointplayError(
+                f"a {kind} of the URDF is called {name!r}, the name of the ground in Pinocchio"
+            )
+        if name in seen:
+            raise JointplayError(f"two {kind}s of the URDF are called {name!r}")
+        seen.add(name)
+
+
+def _check_placements(root: ElementTree.Element) -> None:
+    """Refuse origins and axes that are not three finite numbers, and axes of no direction."""
+    for kind, path in (("link", "*/origin"), ("joint", "origin")):
+        for element in root.findall(kind):
+            owner = f"{kind} {element.get('name', '')!r}"
+            for origin in element.findall(path):
+                for key in ("xyz", "rpy"):
+                    numbers(origin, key, f"{owner}: origin {key}", 3, "0 0 0")
+            axis = element.find("axis")
+            if axis is None or kind == "link" or element.get("type") in NO_AXIS:
+                continue
+            if not any(numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
+                raise JointplayError(
+                    f"{owner} has the axis {axis.get('xyz')!r}, which has no direction"
+                )
+
+
+def _check_pictures(root: ElementTree.Element) -> None:
+    """Refuse shapes whose sizes, and colours whose components, are not the numbers they must be."""
+    for element in root:
+        if element.tag not in ("link", "material"):
+            continue
+        owner = f"{element.tag} {element.get('name', '')!r}"
+        for geometry in element.findall("visual/geometry") + element.findall("collision/geometry"):
+            for shape in geometry:
+                for key in SHAPES.get(shape.tag, ()):
+                    _check_size(shape, key, f"{owner}: {shape.tag} {key}")
+        for colour in element.findall("visual/material/color") + element.findall("color"):
+            numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
+
+
+def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
+    """Refuse sizes that are no numbers or negative; a scale may mirror, or be one for all axes."""
+    if key == "scale":
+        text = shape.get(key, "1 1 1")
+        numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
+    elif min(numbers(shape, key, what, 3 if key == "size" else 1)) < 0.0:
+        raise JointplayError(f"{what} must not be negative, got {shape.get(key)!r}")
+
+
+def _number(
+    element: ElementTree.Element | None, key: str, what: str, default: str | None = None
+) -> float:
+    """One number of an attribute, see `numbers`."""
+    return numbers(element, key, f"{what} {key}", 1, default)[0]
+
+
+def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
+    """What is wrong with the inertias that no rigid body has, by link.
+
+    Raises:
+        JointplayError: numbers of an inertia are missing or none.
+    """
+    found = ((link.get("name", ""), link.find("inertial")) for link in root.findall("link"))
+    faults = {name: _fault(name, one) for name, one in found if one is not None}
+    return {name: fault for name, fault in faults.items() if fault}
+
+
+def read_again(
+    description: Description, root: ElementTree.Element, what: str, *names: str
+) -> Description:
+    """The URDF with changed elements.
+
+    Raises:
+        JointplayError: one of `names`, which are those of new links and joints, is taken; `what`
+            needs it.
+    """
+    for name in names:
+        if name in (*description.links, *description.joints):
+            raise JointplayError(
+                f"the URDF already has a {name!r}: a {what} needs this name. To change a {what}, "
+                "build the mechanism from its own URDF again"
+            )
+    text = ElementTree.tostring(root, encoding="unicode")
+    # Its inertias have been checked, and some allowed although no body has them.
+    made = parse(text, description.path, list(impossible_inertias(root)))
+    return replace(made, stored=description.stored)
+
+
+def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:
+    element = joint.find(end)
+    name = "" if element is None else element.get("link", "")
+    if name not in links:
+        raise MissingName(f"link (the {end} of joint {joint.get('name', '')!r})", name, links)
+    return name
+
+
+def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]) -> None:
+    """Refuse links that do not hang together as one tree."""
+    above: dict[str, JointEntry] = {}
+    for joint in joints:
+        if joint.child in above:
+            raise JointplayError(
+                f"the URDF {str(path)!r} is not a tree: link {joint.child!r} is the child of the "
+                f"joints {above[joint.child].name!r} and {joint.name!r}; describe one of them as "
+                "a loop instead"
+            )
+        above[joint.child] = joint
+    roots = [link for link in links if link not in above]
+    if len(roots) > 1:
+        raise JointplayError(
+            f"the URDF {str(path)!r} has several roots: {', '.join(map(repr, roots))} have no "
+            "parent; exactly one link must have none"
+        )
+    parents = {link: joint.parent for link, joint in above.items()}
+    depth: dict[str, int] = dict.fromkeys(roots, 1)
+    for link in links:
+        way, ring = _ascend(link, parents, depth)
+        if ring:
+            raise JointplayError(
+                f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
+                "loop instead"
+            )
+        for one in reversed(way[:-1]):
+            depth[one] = depth[parents[one]] + 1
+            if depth[one] > MOST_IN_SERIES:
+                raise JointplayError(
+                    f"the URDF {str(path)!r} has more than {MOST_IN_SERIES} links in series, up "
+                    f"to {one!r}; at most {MOST_IN_SERIES} are possible"
+                )
+
+
+def _fault(name: str, inertial: ElementTree.Element) -> str:
+    """Why no rigid body has this inertia; empty if one has."""
+    owner = f"link {name!r}"
+    mass = _number(inertial.find("mass"), "value", f"{owner}: mass")
+    element = inertial.find("inertia")
+    xx, yy, zz, xy, xz, yz = (
+        _number(element, f"i{axes}", f"{owner}: inertia")
+        for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if mass == 0.0 and not tensor.any():
+        return ""  # a frame without mass
+    if mass <= 0.0:
+        return f"{owner} has the mass {mass:g} kg; it must be positive"
+    low, middle, high = np.linalg.eigvalsh(tensor)
+    moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m2"
+    hint = f"; correct it, or allow this link by name (--allow-unphysical {as_option([name])})"
+    if low <= 0.0:
+        return f"{owner} has {moments}: not positive definite{hint}"
+    if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):
+        return (
+            f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
+        )
+    return ""

@@ -1,0 +1,135 @@
+"""meshcat's server as one that a stranger's page cannot use and that ends with us.
+
+As meshcat starts it, it listens on all interfaces, takes websockets without asking where they come
+from, and outlives a parent that was killed. Here it listens on the loopback interface, answers to
+names of this machine only, takes websockets from its own page only, and ends with its parent. What
+is shown is sent over a socket in a folder that no other user can enter.
+
+This module is both sides: `visualizer` starts the process, which runs `main`.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from jointplay.base.errors import JointplayError
+
+HOST = "127.0.0.1"
+
+_NAMES = (HOST, "localhost", "[::1]")
+"""Of this machine, which no page of a stranger can have."""
+
+_LONGEST_ADDRESS = 100
+"""Bytes of a socket's name in the file system: 104 on macOS, 108 on Linux."""
+
+_WATCH_MS = 500.0
+"""Interval at which the server looks whether its parent is there."""
+
+
+def visualizer() -> Any:
+    """A `meshcat.Visualizer` with a server of its own, a process that ends with this one.
+
+    Raises:
+        JointplayError: the server does not start.
+    """
+    import meshcat
+
+    folder = Path(tempfile.mkdtemp(prefix="jointplay-"))  # for this user alone
+    if len(os.fsencode(folder / "scene")) > _LONGEST_ADDRESS:
+        folder.rmdir()
+        folder = Path(tempfile.mkdtemp(prefix="jointplay-", dir="/tmp"))
+    address = f"ipc://{folder / 'scene'}"
+    command = [sys.executable, "-P", "-u", "-m", __name__, address, str(os.getpid())]
+    paths = os.pathsep.join(path for path in sys.path if path)  # whatever this process can import
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            env={**os.environ, "PYTHONPATH": paths},
+            start_new_session=True,  # Ctrl-C in a notebook's cell is not for it
+        )
+        assert process.stdout is not None
+        ready = process.stdout.readline()
+        if not ready:
+            process.kill()
+            process.wait()
+            said.seek(0)
+            words = said.read().decode("utf-8", "replace").strip().rpartition("\n")[2]
+            shutil.rmtree(folder, ignore_errors=True)
+            raise JointplayError(f"the visualizer's server did not start: {words or 'it ended'}")
+    atexit.register(_end, process, folder, os.getpid())
+    made = meshcat.Visualizer(zmq_url=address)
+    made.window.server_proc = process  # where meshcat itself keeps it
+    return made
+
+
+def _end(process: subprocess.Popen[bytes], folder: Path, parent: int) -> None:
+    if os.getpid() != parent:  # a fork of it
+        return
+    process.kill()
+    process.wait()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def main(address: str, parent: int) -> None:
+    """Serve what is sent to `address` until the process `parent` ends."""
+    from meshcat.servers import zmqserver
+    from tornado.ioloop import PeriodicCallback
+    from tornado.web import Application, HTTPError, RequestHandler
+
+    def require_own_name(handler: RequestHandler) -> None:
+        """Refuse a page that has its own name lead here: it asks for that name."""
+        host = handler.request.headers.get("Host", "").lower()
+        name = host if host.endswith("]") else host.rpartition(":")[0] or host
+        if name not in _NAMES:
+            raise HTTPError(421)
+
+    class Files(zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]
+        def prepare(self) -> None:
+            require_own_name(self)
+
+    class Socket(zmqserver.WebSocketHandler):  # type: ignore[misc]
+        def prepare(self) -> None:
+            require_own_name(self)
+            # Every browser names the origin of a websocket. What names none is no page of ours, and
+            # nothing else has business here, so it is refused, too; tornado would let it in.
+            host = self.request.headers.get("Host", "").lower()
+            if self.request.headers.get("Origin", "").lower() != f"http://{host}":
+                raise HTTPError(403)
+
+    class Local(Application):
+        def listen(self, port: int, address: str | None = None, **options: Any) -> Any:
+            return super().listen(port, address=HOST, **options)
+
+    class Bridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
+        def make_app(self) -> Application:
+            root = {"path": zmqserver.VIEWER_ROOT, "default_filename": zmqserver.VIEWER_HTML}
+            return Local([(r"/static/(.*)", Files, root), (r"/", Socket, {"bridge": self})])
+
+    bridge = Bridge(zmq_url=address, host=HOST)
+
+    def look() -> None:
+        if os.getppid() != parent:  # it has ended, however: the system gave us another
+            bridge.ioloop.stop()
+
+    # A signal on the parent's death would come with the end of the thread that began us, and a pipe
+    # stays open in processes that the parent has forked.
+    PeriodicCallback(look, _WATCH_MS).start()
+    print(bridge.web_url, flush=True)
+    try:
+        bridge.run()
+    finally:
+        shutil.rmtree(Path(address.removeprefix("ipc://")).parent, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

@@ -1,0 +1,399 @@
+"""What a mechanism looks like: the URDF's shapes as surfaces on the links of any model of it.
+
+A mechanism builds its own Pinocchio model, in which a joint with clearance is several joints and
+its frame is turned. Its link frames, however, are those of the URDF. Each shape therefore belongs
+to a link, by name, and stands where that link's frame stands. Meshes are read by `meshes`, all
+parts of them with their colours; where a mesh is missing capsules stand in.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote, urlparse
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import is_folder
+from jointplay.model.builder import parse
+from jointplay.model.loop import assemble
+from jointplay.model.meshes import Colour, Parts, Surface, readable, surface
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+TONES: tuple[Colour, ...] = ((0.79, 0.83, 0.87, 1.0), (0.66, 0.72, 0.79, 1.0))
+"""Of links without colour, by turns, so that one can be told from the next."""
+THICKNESS = 0.035
+"""Radius of a stand-in, relative to the robot's reach."""
+_VIEW = (1.6, -1.6, 1.0)
+"""Where the camera stands, from the robot's middle, relative to the robot's reach."""
+
+Form = tuple[str, tuple[float, ...]]
+"""``box`` and its sides; ``cylinder`` or ``capsule``, radius and length; ``mesh`` [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """Surfaces on a link."""
+
+    link: str
+    frame: np.ndarray
+    """From the shape's frame to the link's (4, 4)."""
+    scale: np.ndarray
+    """Of a mesh, along its axes (3,)."""
+    form: Form
+    file: str
+    """Of a mesh."""
+    parts: Parts
+    colours: tuple[Colour, ...]
+    """Of each part."""
+    coloured: bool = False
+    """Whether the URDF gives its colour."""
+    stands_in: bool = False
+    """Whether it takes the place of what is missing."""
+
+    @property
+    def placement(self) -> np.ndarray:
+        """From the surfaces to the link's frame, their scale included (4, 4)."""
+        return self.frame @ np.diag([*self.scale, 1.0])
+
+
+@dataclass(frozen=True)
+class Look:
+    """Shapes of a mechanism.
+
+    Attributes:
+        shapes: in the order of the URDF, stand-ins last.
+        reach: size of the robot, the largest distance between two of its links' frames [m].
+        missing: mesh files that were not found or not readable.
+    """
+
+    shapes: list[LinkShape]
+    reach: float
+    missing: list[str] = field(default_factory=list)
+
+
+def look(
+    mechanism: Mechanism, folders: Sequence[str | Path] = (), collisions: bool = False
+) -> Look:
+    """What is seen of `mechanism`, with or without clearance.
+
+    Args:
+        mechanism: whose URDF has the shapes.
+        folders: where meshes may be, too.
+        collisions: take the URDF's collision shapes, without stand-ins, instead of its visuals.
+
+    Raises:
+        JointplayError: a given folder does not exist.
+    """
+    description = mechanism.description
+    robot = description.declared.robot
+    where = mesh_folders(mechanism, folders)
+    places = _link_places(parse(description))
+    points = np.array([place.translation for place in places.values()])
+    reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+    made = Look([], reach if reach > 1e-6 else 0.3)
+    tones = {name: TONES[number % len(TONES)] for number, name in enumerate(places)}
+    bare = []
+    for link in robot.links:
+        elements = link.collisions if collisions else link.visuals
+        forms = []
+        for element in elements:
+            form, file, parts = _surfaces(element.geometry, where, not description.stored)
+            mesh = element.geometry.mesh
+            if not parts:
+                made.missing.append(mesh.filename or "")
+                continue
+            frame = np.eye(4) if element.origin is None else np.array(element.origin)
+            scale = np.ones(3) if mesh is None or mesh.scale is None else mesh.scale
+            scale = np.broadcast_to(np.asarray(scale, float), 3)
+            given = _colour(getattr(element, "material", None), robot)
+            colours = tuple(given or part.colour or tones[link.name] for part in parts)
+            own = given is not None
+            forms.append(LinkShape(link.name, frame, scale, form, file, parts, colours, own))
+        made.shapes.extend(one for one in forms if any(len(part.triangles) for part in one.parts))
+        if elements and not forms:
+            bare.append(link.name)
+    if collisions:
+        return made
+    if not any(link.visuals for link in robot.links):
+        bare = [link.name for link in robot.links]
+    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * made.reach):
+        part, tone = _surface(form), tones[name]
+        made.shapes.append(
+            LinkShape(name, place, np.ones(3), form, "", (part,), (tone,), stands_in=True)
+        )
+    return made
+
+
+def geometry_model(mechanism: Mechanism, seen: Look) -> pin.GeometryModel:
+    """What is seen of `mechanism` as Pinocchio's geometry for its model, an object each."""
+    geometry, counts = pin.GeometryModel(), dict.fromkeys(mechanism.description.links, 0)
+    for shape in seen.shapes:
+        index = mechanism.model.getFrameId(shape.link, pin.FrameType.BODY)
+        frame = mechanism.model.frames[index]
+        word = "stand_in_" if shape.stands_in else ""
+        name = f"{shape.link}_{word}{counts[shape.link]}".replace("/", "_")  # meshcat's folders
+        counts[shape.link] += 1
+        body = pin.GeometryObject(
+            name,
+            frame.parentJoint,
+            index,
+            frame.placement * pin.SE3(shape.frame),
+            _solid(shape),
+            shape.file,
+            shape.scale,
+        )
+        body.overrideMaterial = shape.coloured
+        body.meshColor = np.array(shape.colours[0])
+        geometry.addGeometryObject(body)
+    return geometry
+
+
+def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser: bool) -> Any:
+    """Pinocchio's MeshcatVisualizer with the mechanism loaded and shown, loops closed.
+
+    Raises:
+        JointplayError: a given folder does not exist, loops cannot be closed, or the server does
+            not start.
+    """
+    from pinocchio.visualize import MeshcatVisualizer
+
+    from jointplay.model import viewer
+
+    seen = look(mechanism, folders)
+    visuals = geometry_model(mechanism, seen)
+    collisions = geometry_model(mechanism, look(mechanism, folders, collisions=True))
+    for shape in (*visuals.geometryObjects, *collisions.geometryObjects):
+        if Path(shape.meshPath).suffix.lower() == ".dae":
+            # Meshcat shows one part of a Collada file; the surface read here has them all.
+            shape.meshPath = ""
+    made = MeshcatVisualizer(mechanism.model, collisions, visuals)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # textures that meshcat cannot show
+        made.initViewer(viewer=viewer.visualizer(), open=open_browser)
+        made.loadViewerModel(mechanism.model.name or "mechanism")
+    made.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
+    places = np.array([place.translation for place in made.visual_data.oMg])
+    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    x, y, z = seen.reach * np.array(_VIEW)
+    # Released versions of meshcat have no call for this; its camera's frame has y up.
+    made.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
+    made.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
+    return made
+
+
+# Where mesh files are.
+
+
+def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list[Path]:
+    """Where meshes are looked for: `given`, the URDF's own folders, example-robot-data's.
+
+    A mechanism from a result has no folders of its own: what others wrote into a file must not
+    choose among the files here.
+
+    Raises:
+        JointplayError: a given folder does not exist.
+    """
+    folders = [Path(folder) for folder in given]
+    for folder in folders:
+        if not is_folder(folder):
+            raise JointplayError(f"no folder of meshes {str(folder)!r}")
+    if not mechanism.description.stored:
+        # package://name/meshes beside name/urdf
+        folders += [Path.cwd(), *list(mechanism.description.path.resolve().parents)[:4]]
+    try:
+        files = distribution("example-robot-data").files or []
+    except PackageNotFoundError:
+        files = []
+    for file in files:
+        parts = file.parts
+        if "robots" in parts:
+            robots = Path(str(file.locate())).parents[len(parts) - parts.index("robots") - 2]
+            folders += [robots, robots.parent, robots.parent.parent]
+            break
+    return folders
+
+
+def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path | None:
+    """File that a URDF's mesh `name` means: a path, a file:// or a package:// address.
+
+    ``package://p/rest`` is looked for as ``folder/p/rest``, as ``folder/rest`` and, because
+    folders are moved when robots are collected, as ``folder/*/rest``.
+
+    Args:
+        name: as the URDF has it.
+        folders: where it may be.
+        anywhere: whether it may also lie outside them: an absolute path, or one that leads out.
+    """
+    try:
+        return _find(name, folders, anywhere)
+    except (OSError, ValueError):  # a name that no file can have
+        return None
+
+
+def _find(name: str, folders: Sequence[Path], anywhere: bool) -> Path | None:
+    address = urlparse(name)
+    path = Path(unquote(address.path).lstrip("/")) if address.scheme else Path(name)
+    if address.scheme == "file" or (not address.scheme and path.is_absolute()):
+        path = Path("/") / path
+        allowed = anywhere or any(_inside(path, folder) for folder in folders)
+        return path if allowed and path.is_file() else None
+    candidates = [
+        (folder, folder / part)
+        for folder in folders
+        for part in (Path(address.netloc) / path, path)
+    ]
+    if address.scheme == "package":
+        # A URDF of example-robot-data says package://example-robot-data/robots/...
+        candidates += [
+            (folder, folder / Path(*path.parts[depth:]))
+            for folder in folders
+            for depth in range(1, len(path.parts) - 1)
+        ]
+    for folder, candidate in candidates:
+        if candidate.is_file() and (anywhere or _inside(candidate, folder)):
+            return candidate.resolve()
+    return None
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    """Whether `path` lies in `folder`, links followed."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+# Surfaces and solids of a shape.
+
+
+def _surfaces(geometry: Any, where: Sequence[Path], anywhere: bool) -> tuple[Form, str, Parts]:
+    """Form, file and surfaces of a geometry; no surfaces where a mesh cannot be had."""
+    if geometry.mesh is not None:
+        path = find_mesh(geometry.mesh.filename or "", where, anywhere)
+        parts = None if path is None else readable(path)
+        return ("mesh", ()), str(path or ""), parts or ()
+    if geometry.box is not None:
+        x, y, z = (float(size) for size in geometry.box.size)
+        form: Form = "box", (x, y, z)
+    elif geometry.cylinder is not None:
+        form = "cylinder", (float(geometry.cylinder.radius), float(geometry.cylinder.length))
+    else:
+        form = "capsule", (float(geometry.sphere.radius), 0.0)
+    return form, "", (_surface(form),)
+
+
+@lru_cache(maxsize=256)
+def _surface(form: Form) -> Surface:
+    """Surface of a box, a cylinder or a capsule about its middle; without length it is a ball."""
+    import trimesh
+
+    word, sizes = form
+    if word == "box":
+        mesh = trimesh.creation.box(sizes)
+    elif word == "cylinder":
+        mesh = trimesh.creation.cylinder(*sizes, sections=48)
+    elif sizes[1] > 0.0:
+        mesh = trimesh.creation.capsule(sizes[1], sizes[0], count=[32, 32])
+        mesh.vertices -= mesh.bounds.mean(axis=0)
+    else:
+        mesh = trimesh.creation.uv_sphere(1.0, count=[24, 32])
+        mesh.vertices *= sizes[0]  # of one of a millimetre trimesh would leave no triangle
+    return surface(mesh.vertices, mesh.faces)
+
+
+def _solid(shape: LinkShape) -> Any:
+    """A shape as a body of coal's; of a mesh all parts are one.
+
+    coal's own loader (3.0.3) has the triangles of a file's second part use the points of the first.
+    """
+    word, sizes = shape.form
+    if word == "box":
+        return coal.Box(*sizes)
+    if word == "cylinder":
+        return coal.Cylinder(*sizes)
+    if word == "capsule":
+        return coal.Capsule(*sizes) if sizes[1] > 0.0 else coal.Sphere(sizes[0])
+    points = np.concatenate([part.points for part in shape.parts]) * shape.scale
+    first = np.cumsum([0, *(len(part.points) for part in shape.parts[:-1])])
+    triangles = [part.triangles + n for part, n in zip(shape.parts, first, strict=True)]
+    made = coal.BVHModelOBBRSS()
+    made.beginModel(sum(map(len, triangles)), len(points))
+    made.addVertices(points)
+    made.addTriangles(np.concatenate(triangles))
+    made.endModel()
+    return made
+
+
+def _colour(material: Any, robot: Any) -> Colour | None:
+    """Colour that the URDF gives a shape, by itself or by a name."""
+    if material is None:
+        return None
+    named = next((one for one in robot.materials if one.name == material.name), None)
+    for one in (material, named):
+        if one is not None and one.color is not None and one.color.rgba is not None:
+            red, green, blue, opacity = (float(value) for value in one.color.rgba)
+            return red, green, blue, opacity if opacity > 0.0 else 1.0
+    return None
+
+
+def _link_places(source: pin.Model) -> dict[str, pin.SE3]:
+    """World placement of every link, all joints at zero."""
+    data = source.createData()
+    pin.framesForwardKinematics(source, data, pin.neutral(source))
+    return {
+        frame.name: data.oMf[index].copy()
+        for index, frame in enumerate(source.frames)
+        if frame.type == pin.FrameType.BODY
+    }
+
+
+def _stand_ins(
+    mechanism: Mechanism, places: dict[str, pin.SE3], links: Sequence[str], radius: float
+) -> list[tuple[str, np.ndarray, Form]]:
+    """Capsules from each of `links` to the links that it carries and to the ends of loops on it, or
+    to its centre of mass.
+
+    Args:
+        mechanism: whose links they are.
+        places: of all links' frames, at zero.
+        links: that have a stand-in.
+        radius: of the capsules [m].
+
+    Returns:
+        For each: link, place of its middle there (z along it), form; a ball at the link's frame.
+    """
+    robot = mechanism.description.declared.robot
+    origins = {
+        link.name: None if link.inertial is None else link.inertial.origin for link in robot.links
+    }
+    closing = [
+        side
+        for loop in mechanism.loops.values()
+        for side in ((loop.bearing_link, loop.bearing), (loop.journal_link, loop.journal))
+    ]
+    rods: list[tuple[str, np.ndarray, Form]] = []
+    for name in links:
+        ends = [
+            places[name].actInv(places[joint.child]).translation
+            for joint in mechanism.description.joints.values()
+            if joint.parent == name
+        ]
+        ends += [place.translation for link, place in closing if link == name]
+        if not any(np.linalg.norm(end) > 1e-6 for end in ends) and origins[name] is not None:
+            ends.append(np.array(origins[name])[:3, 3])
+        rods.append((name, np.eye(4), ("capsule", (1.3 * radius, 0.0))))
+        for end in ends:
+            length = float(np.linalg.norm(end))
+            if length > 1e-6:
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
+                middle = pin.SE3(turn.toRotationMatrix(), end / 2.0)
+                rods.append((name, middle.homogeneous, ("capsule", (radius, length))))
+    return rods

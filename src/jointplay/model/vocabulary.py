@@ -1,0 +1,191 @@
+"""What a URDF is made of: its elements, their attributes, and how numbers are written in it."""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from jointplay.base.errors import JointplayError, closest
+from jointplay.base.schema import one_of
+from jointplay.base.units import NUMBER
+
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
+
+
+class Words(NamedTuple):
+    """What an element may have; what has a prefix (``drake:``) is another program's always."""
+
+    attributes: tuple[str, ...] = ()
+    elements: tuple[str, ...] = ()
+    several: tuple[str, ...] = ()
+    """Of the elements, those of which there may be more than one."""
+    others: tuple[str, ...] = ()
+    """What other programs put there, although it resembles these or belongs elsewhere."""
+    meant: Mapping[str, str] = MappingProxyType({})
+    """What people write who mean one of these."""
+    whole: bool = False
+    """Whether nothing else may stand there: no program puts its own into it."""
+
+
+_SHAPED = Words(("name",), ("origin", "geometry", "material"))
+
+WORDS = {
+    "robot": Words(
+        ("name", "version"),
+        ("link", "joint", "material", "transmission", "gazebo", "sensor"),
+        ("link", "joint", "material", "transmission", "gazebo", "sensor"),
+    ),
+    "link": Words(
+        ("name", "type"),
+        ("inertial", "visual", "collision"),
+        ("visual", "collision"),
+        ("origin", "kinematic", "collision_checking"),
+    ),
+    "inertial": Words((), ("origin", "mass", "inertia"), whole=True),
+    "mass": Words(("value",), whole=True),
+    "inertia": Words(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), whole=True),
+    "joint": Words(
+        ("name", "type"),
+        (
+            *("origin", "axis", "parent", "child", "limit", "dynamics", "mimic"),
+            *("calibration", "safety_controller"),
+        ),
+    ),
+    "origin": Words(("xyz", "rpy"), whole=True),
+    "axis": Words(("xyz",), whole=True),
+    "parent": Words(("link",), whole=True),
+    "child": Words(("link",), whole=True),
+    "limit": Words(
+        ("lower", "upper", "effort", "velocity"),
+        others=("command_effort", "current", "gear_velocity"),
+        meant={"min": "lower", "max": "upper", "torque": "effort", "speed": "velocity"},
+    ),
+    "dynamics": Words(("damping", "friction")),
+    "mimic": Words(("joint", "multiplier", "offset"), whole=True),
+    "visual": _SHAPED,
+    "collision": _SHAPED,
+    "geometry": Words(("name",), ("box", "cylinder", "sphere", "mesh")),
+    "box": Words(("size",)),
+    "cylinder": Words(("radius", "length")),
+    "sphere": Words(("radius",)),
+    "mesh": Words(("filename", "scale")),
+    "material": Words(("name",), ("color", "texture")),
+    "color": Words(("rgba",), whole=True),
+}
+"""By element. Those that are not here are other programs'; nobody looks into them."""
+
+
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+"""Types of joint that Pinocchio reads."""
+
+_ALIKE = 0.7
+"""Likeness from which a word is a slip of the pen rather than another program's."""
+
+
+def check_words(root: ElementTree.Element) -> None:
+    """Refuse elements and attributes that are misspelt, misplaced or doubled.
+
+    Raises:
+        JointplayError: the message names the link or joint, the word, and what was meant.
+    """
+    for element, place in _read(root, "the robot", ""):
+        words = WORDS[element.tag]
+        for name in element.attrib:
+            _check(f'"{name}"', name, place, words.attributes, words, ())
+        found = Counter(one.tag for one in element)
+        for tag, number in found.items():
+            _check(f"<{tag}>", tag, place, words.elements, words, WORDS)
+            if number > 1 and tag in words.elements and tag not in words.several:
+                raise JointplayError(
+                    f"{place} has {number} elements <{tag}>; which of them holds? Leave one"
+                )
+    for joint in root.findall("joint"):
+        kind = joint.get("type", "")
+        if kind not in JOINT_TYPES:
+            name = joint.get("name", "")
+            raise JointplayError(f"joint {name!r}: {one_of('type of joint', kind, JOINT_TYPES)}")
+
+
+def _read(
+    element: ElementTree.Element, place: str, owner: str
+) -> Iterator[tuple[ElementTree.Element, str]]:
+    """The element and all in it that is read, each with where it is, in words."""
+    yield element, place
+    for one in element:
+        if one.tag in WORDS[element.tag].elements and one.tag in WORDS:
+            top = f"{one.tag} {one.get('name', '')!r}"
+            yield from _read(one, f"{owner}: <{one.tag}>" if owner else top, owner or top)
+
+
+def _check(
+    shown: str,
+    word: str,
+    place: str,
+    known: Collection[str],
+    words: Words,
+    elsewhere: Collection[str],
+) -> None:
+    if word in known or word in words.others or ":" in word or "}" in word:
+        return
+    likeness = _ALIKE if not words.whole else 0.6 if len(known) > 1 else 0.0
+    near = words.meant.get(word)
+    meant = f'did you mean "{near}"? ' if near else closest(word, known, likeness)
+    if meant or words.whole:
+        choices = ", ".join(known) or "nothing"
+        raise JointplayError(f"{place} has {shown}, which nobody reads; {meant}known: {choices}")
+    if word in elsewhere:
+        homes = [f"<{tag}>" for tag, its in WORDS.items() if word in its.elements]
+        raise JointplayError(
+            f"{place} has {shown}, where nobody reads it; it belongs in {' or '.join(homes)}"
+        )
+
+
+def numbers(
+    element: ElementTree.Element | None,
+    key: str,
+    what: str,
+    count: int,
+    default: str | None = None,
+    infinite: bool = False,
+) -> list[float]:
+    """So many numbers of an attribute, which must be there if it has no `default`.
+
+    Of a mass that Python reads and other programs do not, such as ``4_35``, Pinocchio makes 0
+    without a word. In the element the numbers are then separated by single
+    spaces: of a mass with a space behind it it makes 0, too, and it does not read vectors with
+    tabs or line ends in them.
+
+    Args:
+        element: which has the attribute.
+        key: its name.
+        what: they are, for messages.
+        count: how many.
+        default: text that is read instead.
+        infinite: whether they may be.
+
+    Raises:
+        JointplayError: they are not so many finite numbers.
+    """
+    text = default if element is None else element.get(key, default)
+    if text is None:
+        raise JointplayError(f"{what} is missing in the URDF")
+    parts = [part for part in re.split(r"[ \t\r\n]+", text) if part]
+    values = [
+        float(part)
+        if NUMBER.fullmatch(part) or (infinite and _INFINITE.fullmatch(part))
+        else math.nan
+        for part in parts
+    ]
+    fine = math.isfinite if not infinite else lambda value: not math.isnan(value)
+    if len(values) != count or not all(map(fine, values)):
+        kind = "" if infinite else "finite "
+        word = {1: f"a {kind}number", 3: f"three {kind}numbers", 4: f"four {kind}numbers"}[count]
+        raise JointplayError(f"{what} must be {word}, got {text!r}")
+    if element is not None and key in element.attrib:
+        element.set(key, " ".join(parts))
+    return values

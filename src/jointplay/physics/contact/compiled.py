@@ -1,0 +1,196 @@
+"""Laws as machine code: compiled once, called by address from the time loop.
+
+The time loop gives every law the same arguments: its state, and a pointer to the numbers of this
+contact. A law that names its parameters gets them from there by a wrapper made here, into which it
+is inlined: it costs what one costs that reads ``p[0]``, ``p[1]`` itself. `calls` has the calls by
+address; numba is imported with the first law that is compiled.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from jointplay.base.errors import JointplayError
+from jointplay.physics.contact.trust import Absent
+
+if TYPE_CHECKING:
+    from jointplay.physics.contact.law import Law
+
+MAX_PARAMETERS = 8
+"""Numbers a law can take: the room that the time loop keeps for each contact."""
+
+ARRAY = "p"
+"""Argument that takes all parameters at once, as an array."""
+
+
+def parameter_names(function: Callable[..., Any], state: tuple[str, ...]) -> tuple[str, ...] | None:
+    """Names of a law's parameters: its arguments after the `state`; None if it takes an array."""
+    names = tuple(inspect.signature(function).parameters)[len(state) :]
+    return None if names[:1] == (ARRAY,) else names
+
+
+def check_signature(function: Callable[..., Any], state: tuple[str, ...], writes: bool) -> None:
+    """Refuse a function that is no law: one with other arguments than these.
+
+    Args:
+        function: the law.
+        state: names of the arguments that the time loop gives.
+        writes: whether one that takes an array also takes ``out`` and writes its answer there.
+
+    Raises:
+        JointplayError: it takes other arguments; the message has both.
+    """
+    try:
+        names = tuple(inspect.signature(function).parameters)
+    except (TypeError, ValueError):
+        names = ()
+    whole = (*state, ARRAY, *(("out",) if writes else ()))
+    own = names[len(state) :]
+    takes_array = len(names) == len(whole) and own[:1] == (ARRAY,)
+    takes_names = names[: len(state)] == state and ARRAY not in own
+    if not (takes_array or takes_names):
+        raise JointplayError(
+            f"law {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
+            f"it must take ({', '.join(whole)}), or ({', '.join(state)}) and then its parameters "
+            "by name"
+        )
+
+
+def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
+    """Return `values` if a contact can hold them, else raise naming the `law`."""
+    if len(values) > MAX_PARAMETERS:
+        raise JointplayError(
+            f"law {law!r} has {len(values)} parameters; at most {MAX_PARAMETERS} are allowed"
+        )
+    for value in values:
+        if not math.isfinite(value):
+            raise JointplayError(f"law {law!r} has the non-finite parameter {value}")
+    return values
+
+
+def address(law: Law) -> int:
+    """Machine address of the law's compiled function.
+
+    Raises:
+        JointplayError: numba cannot compile it (the message carries numba's reason), or its
+            function is not at hand.
+    """
+    return int(compiled_law(law).address)
+
+
+def compiled_law(law: Law) -> Any:
+    """Compiled function of the law: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: see `address`.
+    """
+    if isinstance(law.function, Absent):
+        raise JointplayError(law.function.reason)
+    return _compiled(law.function, law.state, law.answers)
+
+
+@cache
+def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+    return compiled_function(_packed(function, state, answers), law_signature(state, answers))
+
+
+def law_signature(state: tuple[str, ...], answers: int) -> Any:
+    """What a compiled law takes and returns; one with several `answers` writes them."""
+    from numba import types
+
+    array = types.CPointer(types.float64)
+    numbers = (types.float64,) * len(state)
+    return types.void(*numbers, array, array) if answers else types.float64(*numbers, array)
+
+
+@cache
+def compiled_touch(function: Callable[..., Any]) -> int:
+    """Machine address of the geometry that a kind of joint brings.
+
+    Args:
+        function: of (k, pose) and then the joint's dimensions by name: index of the contact and
+            pose of the journal (`geometry.contacts`). It returns the seven numbers of
+            `geometry.touch`.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
+    from numba import types
+
+    from jointplay.physics.geometry.contacts import ANSWER
+
+    array = types.CPointer(types.float64)
+    signature = types.void(types.int64, array, array, array)
+    return int(compiled_function(_packed(function, ("k", "pose"), ANSWER), signature).address)
+
+
+@cache
+def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
+    """Compiled `function`: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
+    import numba
+
+    from jointplay.base.compiler import cfunc
+
+    try:
+        try:
+            return cfunc(signature, error_model="numpy")(function)
+        except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
+            return numba.cfunc(signature, error_model="numpy")(function)
+    except Exception as error:  # numba raises whatever its own parts do
+        name = getattr(function, "__name__", str(function))
+        raise JointplayError(f"law {name!r} does not compile: {_reason(error)}") from error
+
+
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
+_FRAME = ("Failed in", "During", "File ")
+"""Beginnings of the lines in which numba tells its own way rather than the reason."""
+_LINE = re.compile(r'(?:File ".*", line |Raised from .* \()(\d+)')
+
+
+def _reason(error: Exception) -> str:
+    """Why numba cannot compile a law, and in which line, without what it says of itself."""
+    text = _ESCAPES.sub("", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    reason = next((line for line in lines if not line.startswith(_FRAME)), "no reason given")
+    places = _LINE.findall(text)
+    where = f" (line {places[-1]} of its file)" if places else ""
+    return f"{reason.partition(' Raised from')[0].rstrip('. :')}{where}"
+
+
+def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+    """The law as the time loop calls it, with its parameters in an array.
+
+    The wrapper claims the law's own place in its file, so that numba keeps what it compiles beside
+    that file and compiles again when the file has changed.
+    """
+    import numba
+
+    names = parameter_names(function, state)
+    if names is None:
+        return function
+    own = [f"{ARRAY}[{i}]" for i in range(len(names))]
+    call = f"law({', '.join([*state, *own])})"
+    lines = [f"    return {call}"]
+    if answers:
+        lines = [f"    answer = {call}", *(f"    out[{i}] = answer[{i}]" for i in range(answers))]
+    head = f"def packed({', '.join([*state, ARRAY, *(['out'] if answers else [])])}):"
+    space = {
+        "law": numba.njit(error_model="numpy")(function),
+        "__name__": function.__module__,
+    }
+    exec(compile("\n".join([head, *lines]), function.__code__.co_filename, "exec"), space)
+    packed: Any = space["packed"]
+    packed.__qualname__ = f"{function.__qualname__}.packed"
+    packed.__name__ = function.__name__
+    line = function.__code__.co_firstlineno
+    packed.__code__ = packed.__code__.replace(co_firstlineno=line)
+    return packed

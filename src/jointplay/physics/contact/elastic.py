@@ -1,0 +1,355 @@
+"""Elastic joints: what a body does to another that it holds by springs, alone or with a bearing.
+
+With xi = (p_x, p_y, p_z, a_x, a_y), the displacement of the journal's centre and the part of its
+axis across the bearing's, the joint stores
+
+    U = xi . K xi / 2 + sum of the curves' energies
+
+and answers with its gradient, like the elements of a rolling bearing (`rolling`), with the same
+numbers ahead and in the same places. A bearing in a seat that gives way is both in series: the
+outer ring is displaced by the u that makes U_seat(u) + U_elements(xi - u) least, the ring having no
+mass of its own.
+
+A slider on springs has xi = (p_x, p_y, a_x, a_y, c) instead, where c = (R_yx - R_xy) / 2 is its
+turn about the direction of sliding.
+
+A mount that holds its body in every direction has xi = (p, c), where c = vee(R - R^T) / 2 is the
+sine of the angle along the axis of the turn, and changes with the angular velocity w by
+(tr(R) I - R) w / 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from jointplay.base import compiler
+from jointplay.base.compiler import njit, stamp
+from jointplay.physics.contact import resultant, rolling
+from jointplay.physics.contact.resultant import (
+    ANSWERS,
+    CAGE,
+    COUNT,
+    CURVE,
+    DEEPEST,
+    ENERGY,
+    EXACT,
+    FORCES,
+    GUIDE,
+    LARGEST,
+    LOADED,
+    MOUNT,
+    NODES,
+    SEAT,
+    SEAT_ANSWERS,
+    SEATED,
+    SPRINGS,
+    SUM,
+    TABLE,
+    TANGENT,
+    WAYS,
+)
+from jointplay.physics.contact.rolling import find_element_forces, part
+
+_MOST, _ENOUGH, _LEAST_PART = 60, 1e-12, 1e-6
+_ALL = 6
+"""Directions of a body."""
+
+_elements = part(find_element_forces)
+
+
+@part
+def _on_curve(d, at, x):
+    """Force, its slope and the energy of a curve at a displacement."""
+    count = int(d[at])
+    size, last, force, energy, slope = abs(x), 0.0, 0.0, 0.0, 0.0
+    for k in range(count):
+        here, there = d[at + 1 + k], d[at + 1 + NODES + k]
+        slope = (there - force) / (here - last)
+        if size <= here or k == count - 1:
+            way = size - last
+            return (
+                math.copysign(force + slope * way, x),
+                slope,
+                energy + way * (force + 0.5 * slope * way),
+            )
+        energy += 0.5 * (here - last) * (force + there)
+        last, force = here, there
+    return 0.0, 0.0, 0.0
+
+
+@part
+def _springs(d, at, ways, xi, push, bend):
+    """Gradient (n) and curvature (n n) of the energy of springs in n `ways`; returns the energy."""
+    energy = 0.0
+    for i in range(ways):
+        push[i] = 0.0
+        for j in range(ways):
+            bend[ways * i + j] = d[at + ways * i + j]
+            push[i] += d[at + ways * i + j] * xi[j]
+        energy += 0.5 * push[i] * xi[i]
+    for i in range(ways):
+        force, slope, stored = _on_curve(d, at + ways * ways + CURVE * i, xi[i])
+        push[i] += force
+        bend[ways * i + i] += slope
+        energy += stored
+    return energy
+
+
+@part
+def _answer(push, bend, lengths, rates, out, slopes):
+    """Write wrench and stiffness in terms of a twist, from those in terms of xi.
+
+    The first `lengths` of xi are coordinates of the centre; `rates` (n - lengths, 3) are those of
+    the others by an angular velocity.
+    """
+    n = push.size
+    for i in range(3):
+        out[i] = -push[i] if i < lengths else 0.0
+        out[3 + i] = 0.0
+        for k in range(n - lengths):
+            out[3 + i] -= rates[k, i] * push[lengths + k]
+    if not slopes:
+        return
+    for i in range(3):
+        for j in range(3):
+            straight = mixed = turned = 0.0
+            if i < lengths:
+                straight = bend[n * i + j] if j < lengths else 0.0
+                for k in range(n - lengths):
+                    mixed += bend[n * i + lengths + k] * rates[k, j]
+            for k in range(n - lengths):
+                for m in range(n - lengths):
+                    both = bend[n * (lengths + k) + lengths + m]
+                    turned += rates[k, i] * both * rates[m, j]
+            out[TANGENT + 6 * i + j] = straight
+            out[TANGENT + 6 * i + 3 + j] = out[TANGENT + 6 * (3 + j) + i] = mixed
+            out[TANGENT + 6 * (3 + i) + 3 + j] = turned
+
+
+@part
+def _lean_rates(pose, rates):
+    """Rates of the axis' parts a_x, a_y across the bearing's: the first two rows."""
+    ax, ay, az = pose[5], pose[8], pose[11]
+    rates[0, 1], rates[0, 2], rates[1, 0], rates[1, 2] = az, -ay, -az, ax
+
+
+@part
+def _spring(d, xi, lengths, rates, out, mode):
+    """Answer of springs alone, displaced by xi; `lengths` and `rates` as of `_answer`."""
+    n = xi.size
+    push, bend = np.zeros(n), np.zeros(n * n)
+    for i in range(ANSWERS if mode != FORCES else TANGENT):
+        out[i] = 0.0
+    energy = _springs(d, TABLE, n, xi, push, bend)
+    _answer(push, bend, lengths, rates, out, mode != FORCES)
+    size = deepest = 0.0
+    for k in range(lengths):
+        size += push[k] * push[k]
+        deepest += xi[k] * xi[k]
+    size = math.sqrt(size)
+    out[ENERGY], out[SUM], out[LARGEST], out[LOADED] = energy, size, size, 1.0
+    out[DEEPEST] = math.sqrt(deepest) + 1e-300
+
+
+def find_spring_forces(d, pose, out, mode):
+    """What springs alone do to the journal; as `rolling.find_element_forces`."""
+    xi, rates = np.zeros(WAYS), np.zeros((2, 3))
+    xi[0], xi[1], xi[2], xi[3], xi[4] = pose[0], pose[1], pose[2], pose[5], pose[8]
+    _lean_rates(pose, rates)
+    _spring(d, xi, 3, rates, out, mode)
+
+
+def find_guide_forces(d, pose, out, mode):
+    """What springs that let a slider move do to it; as `rolling.find_element_forces`."""
+    xi, rates = np.zeros(WAYS), np.zeros((3, 3))
+    xi[0], xi[1], xi[2], xi[3] = pose[0], pose[1], pose[5], pose[8]
+    xi[4] = 0.5 * (pose[6] - pose[4])
+    _lean_rates(pose, rates)
+    rates[2, 0], rates[2, 1] = -0.5 * pose[9], -0.5 * pose[10]
+    rates[2, 2] = 0.5 * (pose[3] + pose[7])
+    _spring(d, xi, 2, rates, out, mode)
+
+
+def find_mount_forces(d, pose, out, mode):
+    """What springs in all six directions do to what they hold; as `rolling.find_element_forces`."""
+    xi, rates = np.zeros(_ALL), np.zeros((3, 3))
+    trace = pose[3] + pose[7] + pose[11]
+    for i in range(3):
+        u, w = (i + 1) % 3, (i + 2) % 3
+        xi[i] = pose[i]
+        xi[3 + i] = 0.5 * (pose[3 + 3 * w + u] - pose[3 + 3 * u + w])
+        for j in range(3):
+            rates[i, j] = -0.5 * pose[3 + 3 * i + j]
+        rates[i, i] += 0.5 * trace
+    _spring(d, xi, 3, rates, out, mode)
+
+
+@part
+def _solve(matrix, right, columns):
+    """Solve a positive definite system (25) in place for some columns (5, columns)."""
+    for k in range(WAYS):
+        for i in range(k + 1, WAYS):
+            factor = matrix[WAYS * i + k] / matrix[WAYS * k + k]
+            for j in range(k, WAYS):
+                matrix[WAYS * i + j] -= factor * matrix[WAYS * k + j]
+            for c in range(columns):
+                right[columns * i + c] -= factor * right[columns * k + c]
+    for k in range(WAYS - 1, -1, -1):
+        for c in range(columns):
+            for j in range(k + 1, WAYS):
+                right[columns * k + c] -= matrix[WAYS * k + j] * right[columns * j + c]
+            right[columns * k + c] /= matrix[WAYS * k + k]
+
+
+def find_seated_forces(d, pose, out, mode):
+    """What a bearing in a seat that gives way does to its inner ring.
+
+    As `rolling.find_element_forces`; `out` has `SEAT_ANSWERS` numbers, the last of which are the
+    outer ring's displacement, from which the search begins.
+    """
+    at = TABLE + 2 * int(d[COUNT])
+    seat, soft = np.zeros(WAYS), np.zeros(WAYS * WAYS)
+    push, bend = np.zeros(WAYS), np.zeros(WAYS * WAYS)
+    step, matrix = np.zeros(WAYS), np.zeros(WAYS * WAYS)
+    u, last, there = np.zeros(WAYS), np.zeros(WAYS), np.zeros(12)
+    for i in range(WAYS):
+        u[i] = out[SEAT + i]
+    part_taken, lowest = 1.0, np.inf
+    energy, error = 0.0, np.inf
+    for _ in range(_MOST):
+        for i in range(12):
+            there[i] = pose[i]
+        for i in range(3):
+            there[i] -= u[i]
+        there[5] -= u[3]
+        there[8] -= u[4]
+        _elements(d, there, out, EXACT)
+        stored = _springs(d, at, WAYS, u, seat, soft)
+        energy = stored + out[ENERGY]
+        _gradient(out, there, push, bend)
+        left = size = 0.0
+        for i in range(WAYS):
+            unit = 1.0 if i < 3 else 30.0  # angles count by a lever of a thirtieth of a metre
+            left = max(left, abs(seat[i] - push[i]) * unit)
+            size = max(size, abs(seat[i]) * unit, abs(push[i]) * unit)
+        if energy > lowest + 1e-13 * abs(lowest) and part_taken > _LEAST_PART and left > error:
+            part_taken *= 0.5
+            for i in range(WAYS):
+                u[i] = last[i] + part_taken * step[i]
+            continue
+        if left <= _ENOUGH * size or (left >= error and left <= 1e-9 * size):
+            break
+        lowest, error, part_taken = energy, left, 1.0
+        for i in range(WAYS):
+            last[i] = u[i]
+            step[i] = push[i] - seat[i]
+            for j in range(WAYS):
+                matrix[WAYS * i + j] = soft[WAYS * i + j] + bend[WAYS * i + j]
+        _solve(matrix, step, 1)
+        for i in range(WAYS):
+            u[i] += step[i]
+    for i in range(WAYS):
+        out[SEAT + i] = u[i]
+    out[ENERGY] = energy
+    rates = np.zeros((2, 3))
+    _lean_rates(pose, rates)
+    _answer(seat, soft, 3, rates, out, False)
+    if mode == FORCES:
+        return
+    # Both in series: K - K (K + H)^-1 K.
+    series, columns = np.zeros(WAYS * WAYS), np.zeros(WAYS * WAYS)
+    for i in range(WAYS * WAYS):
+        matrix[i] = soft[i] + bend[i]
+        columns[i] = soft[i]
+    _solve(matrix, columns, WAYS)
+    for i in range(WAYS):
+        for j in range(WAYS):
+            series[WAYS * i + j] = soft[WAYS * i + j]
+            for k in range(WAYS):
+                series[WAYS * i + j] -= soft[WAYS * i + k] * columns[WAYS * k + j]
+    _answer(seat, series, 3, rates, out, True)
+
+
+@part
+def _gradient(out, pose, push, bend):
+    """Gradient and curvature in terms of xi of the elements' energy, from what they answer.
+
+    Curvatures at an upright axis: they lead the search only.
+    """
+    push[0], push[1], push[2] = -out[0], -out[1], -out[2]
+    push[3], push[4] = -out[4] / pose[11], out[3] / pose[11]
+    # xi's angles are (about y, -about x) of a twist.
+    for i in range(WAYS):
+        for j in range(WAYS):
+            a, one = (i, 1.0) if i < 3 else ((4, 1.0) if i == 3 else (3, -1.0))
+            b, other = (j, 1.0) if j < 3 else ((4, 1.0) if j == 3 else (3, -1.0))
+            bend[WAYS * i + j] = one * other * out[TANGENT + 6 * a + b]
+
+
+_springs_alone, _seated = part(find_spring_forces), part(find_seated_forces)
+_guide, _mount = part(find_guide_forces), part(find_mount_forces)
+
+FUNCTIONS = (
+    *(find_element_forces, find_seated_forces, find_spring_forces, find_guide_forces),
+    find_mount_forces,
+)
+"""By law."""
+
+
+@njit(cache=True, error_model="numpy")
+def forces_at(law, numbers, poses, cage, out):
+    """Answers of a law at many poses."""
+    own = numbers.copy()
+    for i in range(poses.shape[0]):
+        own[CAGE] = cage[i]
+        if law == SPRINGS:
+            _springs_alone(own, poses[i], out[i], EXACT)
+        elif law == GUIDE:
+            _guide(own, poses[i], out[i], EXACT)
+        elif law == MOUNT:
+            _mount(own, poses[i], out[i], EXACT)
+        elif law == SEATED:
+            _seated(own, poses[i], out[i], EXACT)
+        else:
+            _elements(own, poses[i], out[i], EXACT)
+
+
+_SOURCES = (__file__, resultant.__file__, rolling.__file__, compiler.__file__)
+stamp(forces_at, map(Path, _SOURCES))
+
+
+def answers(
+    law: int, numbers: Sequence[float], poses: np.ndarray, cage: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """What a law answers at many poses, all exact.
+
+    Args:
+        law: `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or `MOUNT`.
+        numbers: of the joint.
+        poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
+        cage: azimuth of the first element, (n,) [rad].
+
+    Returns:
+        (n, `SEAT_ANSWERS`), see `rolling.find_element_forces`.
+    """
+    found = np.zeros((len(poses), SEAT_ANSWERS))
+    turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()
+    forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, found)
+    return found
+
+
+@cache
+def address(law: int) -> int:
+    """Machine address of a law, for the time loop."""
+    from numba import types
+
+    from jointplay.physics.contact.compiled import compiled_function  # the time loop's alone
+
+    array = types.CPointer(types.float64)
+    signature = types.void(array, array, array, types.int64)
+    return int(compiled_function(FUNCTIONS[law], signature).address)

@@ -1,0 +1,221 @@
+"""Gap, place and normal of one contact of a joint of any shape."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from jointplay.base import compiler
+from jointplay.base.compiler import calling_with_arrays, njit
+from jointplay.physics.geometry.cylinder import (
+    axial_gap,
+    deepest_rim_direction,
+    radial_gap,
+    touch_cylinder,
+    worn_bore,
+    worn_gap,
+)
+from jointplay.physics.geometry.shapes import (
+    _ALIGNED_CYLINDER,
+    _BALL,
+    _BLOCK,
+    _CYLINDER,
+    _WORN,
+    _WORN_ALIGNED,
+    _WORN_NODE,
+    CONTACT_TOLERANCE_M,
+    LAST_SHAPE,
+)
+
+__all__ = [
+    "axial_gap",
+    "classify_form",
+    "classify_many",
+    "classify_mode",
+    "deepest_rim_direction",
+    "radial_gap",
+    "touch",
+    "touch_cylinder",
+    "worn_bore",
+    "worn_gap",
+]
+
+# Kinds of joint that bring their own geometry: its compiled function is called by address.
+#
+# Such a function gets the index of the contact, the pose of the journal in the bearing frame (its
+# centre, then its orientation row by row), and the joint's dimensions; it writes what
+# `geometry.touch` returns. `contact.compiled.compiled_touch` makes one.
+
+
+POSE, ANSWER = 12, 7
+"""Numbers of a pose, and of what touching answers: gap, place (3), normal (3)."""
+
+
+call_touch = calling_with_arrays(POSE, ANSWER)
+
+
+@njit(cache=True, error_model="numpy")
+def touch(shape, d, at, k, cx, cy, cz, r, first):
+    """Gap, place and normal of contact k of a joint.
+
+    Args:
+        shape: value of a `Shape`, or the address of a function of the joint's own.
+        d, at: array in which the joint's dimensions begin at index `at`.
+        k: index of the contact.
+        cx, cy, cz: journal centre in the bearing frame [m].
+        r, first: array in which the orientation of the journal frame in the bearing frame begins at
+            index `first`, nine elements row by row. A cylinder needs its third column only, a
+            ball none.
+
+    Returns:
+        gap [m], the contact point's offset from the journal's centre (3) [m], and the unit normal
+        from the bearing into the journal (3), all in the bearing frame.
+    """
+    if shape == _CYLINDER:
+        ax, ay, az = r[first + 2], r[first + 5], r[first + 8]
+        return touch_cylinder(k, cx, cy, cz, ax, ay, az, d[at], d[at + 1], d[at + 2], d[at + 3])
+    if shape in (_WORN, _WORN_ALIGNED):
+        aligned = shape == _WORN_ALIGNED
+        ax, ay, az = r[first + 2], r[first + 5], r[first + 8]
+        if k < (1 if aligned else 2):
+            reach = 0.0 if aligned else (1.0 - 2.0 * k) * d[at + 3]
+            profile = at + 4
+            if k == 1:
+                profile += 1 + _WORN_NODE * int(d[profile])
+            ex, ey, ez = reach * ax, reach * ay, reach * az
+            gap, ux, uy = worn_gap(cx + ex, cy + ey, ax, ay, d, profile, d[at], d[at + 1])
+            lean = ux * ax + uy * ay
+            size = d[at + 1] / math.sqrt(1.0 - lean * lean)
+            ox, oy, oz = size * (ux - lean * ax), size * (uy - lean * ay), -size * lean * az
+            return gap, ex + ox, ey + oy, ez + oz, -ux, -uy, 0.0
+        if not aligned:
+            return touch_cylinder(k, cx, cy, cz, ax, ay, az, d[at], d[at + 1], d[at + 2], d[at + 3])
+    if shape == _BLOCK:
+        place = at + 2 + 5 * k
+        px, py, pz = d[place], d[place + 1], d[place + 2]
+        ox = r[first] * px + r[first + 1] * py + r[first + 2] * pz
+        oy = r[first + 3] * px + r[first + 4] * py + r[first + 5] * pz
+        oz = r[first + 6] * px + r[first + 7] * py + r[first + 8] * pz
+        side = d[place + 4]
+        if d[place + 3] == 0.0:
+            return d[at] - side * (cx + ox), ox, oy, oz, -side, 0.0, 0.0
+        return d[at + 1] - side * (cy + oy), ox, oy, oz, 0.0, -side, 0.0
+    if shape in (_ALIGNED_CYLINDER, _WORN_ALIGNED) and k > 0:
+        side = 3.0 - 2.0 * k
+        oz = side * d[at + 3]
+        return d[at + 2] - side * (cz + oz), 0.0, 0.0, oz, 0.0, 0.0, -side
+    if shape > LAST_SHAPE:
+        turn = r[first], r[first + 1], r[first + 2], r[first + 3], r[first + 4], r[first + 5]
+        last = r[first + 6], r[first + 7], r[first + 8]
+        return call_touch(shape, k, (cx, cy, cz, *turn, *last), d, at)
+    # Along the line of centres: a ball, or a cylinder that does not tilt.
+    if shape != _BALL:
+        cz = 0.0
+    distance = math.sqrt(cx * cx + cy * cy + cz * cz)
+    inverse = 1.0 / distance if distance > 0.0 else 0.0
+    nx, ny, nz = cx * inverse, cy * inverse, cz * inverse
+    rj = d[at + 1]
+    return d[at] - rj - distance, rj * nx, rj * ny, rj * nz, -nx, -ny, -nz
+
+
+# Modes and forms of contact (Table 1, Figure 2).
+
+
+@njit(cache=True, error_model="numpy")
+def classify_mode(gap) -> int:
+    """Mode of the joint from all its gaps [m] (Table 1), as the value of a `Mode`."""
+    smallest = gap[0]
+    for k in range(1, gap.size):
+        smallest = min(smallest, gap[k])
+    if smallest < -CONTACT_TOLERANCE_M:
+        return 2
+    if smallest <= CONTACT_TOLERANCE_M:
+        return 1
+    return 0
+
+
+@njit(cache=True, error_model="numpy")
+def classify_form(gap, normal, face_drop) -> int:
+    """Contact form (Figure 2), as the value of a `Form`.
+
+    Args:
+        gap: the four gaps, shape (4,) [m].
+        normal: their contact normals, shape (4, 3).
+        face_drop: 2 R_j sin(tilt), the height of a tilted end face between its two rims [m].
+
+    Two radial contacts on the same side of the bore are one line contact. An axial contact is a
+    surface contact when the far side of the face lies within the wall too.
+    """
+    rim_a = gap[0] <= CONTACT_TOLERANCE_M
+    rim_b = gap[1] <= CONTACT_TOLERANCE_M
+    wall_a = gap[2] <= CONTACT_TOLERANCE_M
+    wall_b = gap[3] <= CONTACT_TOLERANCE_M
+    radial = int(rim_a) + int(rim_b)
+    axial = int(wall_a) + int(wall_b)
+    line = radial == 2 and (normal[0, 0] * normal[1, 0] + normal[0, 1] * normal[1, 1]) > 0.0
+    surface = axial == 1 and min(gap[2], gap[3]) + face_drop <= CONTACT_TOLERANCE_M
+    if radial == 0:
+        if axial == 0:
+            return 0
+        if axial == 2:
+            return 4
+        return 10 if surface else 6
+    if radial == 1:
+        if axial == 0:
+            return 5
+        if axial == 2:
+            return 8
+        return 2 if rim_a == wall_a else 3
+    if axial == 0:
+        return 11 if line else 1
+    if axial == 2:
+        return 9
+    return 12 if line and surface else 7
+
+
+@njit(cache=True, error_model="numpy")
+def classify_many(shape, dimensions, count, poses):
+    """Gaps, mode and form for many poses.
+
+    Args:
+        shape: value of a `Shape`, or the address of a kind's own touch.
+        dimensions: of the joint.
+        count: number of its contacts.
+        poses: (n, 12), journal centre [m], then its orientation row by row, in the bearing frame.
+
+    Returns:
+        gaps (n, count) [m], modes (n,) and forms (n,) as int8; the form is -1 for joints that
+        Figure 2 does not show.
+    """
+    # Element by element: slices would triple the compilation time of the whole package.
+    n = poses.shape[0]
+    all_gaps = np.empty((n, count))
+    modes = np.empty(n, np.int8)
+    forms = np.full(n, -1, np.int8)
+    turn, gap, normal = np.empty(9), np.empty(count), np.empty((count, 3))
+    for i in range(n):
+        for k in range(9):
+            turn[k] = poses[i, 3 + k]
+        for k in range(count):
+            g, _, _, _, nx, ny, nz = touch(
+                shape, dimensions, 0, k, poses[i, 0], poses[i, 1], poses[i, 2], turn, 0
+            )
+            gap[k] = g
+            all_gaps[i, k] = g
+            normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
+        modes[i] = classify_mode(gap)
+        if shape in (_CYLINDER, _WORN) and count == 4:
+            drop = 2.0 * dimensions[1] * math.sqrt(turn[2] * turn[2] + turn[5] * turn[5])
+            forms[i] = classify_form(gap, normal, drop)
+    return all_gaps, modes, forms
+
+
+# These functions call each other across files: their compiled code is valid for all of them only.
+_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(compiler.__file__))
+for _compiled in (
+    *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, worn_gap, touch),
+    *(classify_form, classify_mode, classify_many),
+):
+    compiler.stamp(_compiled, _SOURCES)

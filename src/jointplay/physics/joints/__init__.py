@@ -1,0 +1,101 @@
+"""Kinds of joint with clearance, one module each; `base` says what a kind must say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from jointplay.base.schema import Family, Preset, register, register_names
+from jointplay.physics.joints import materials
+from jointplay.physics.joints.base import (
+    MOTOR,
+    RELATIVE,
+    VIRTUAL_LINK,
+    Clearance,
+    Coordinate,
+    Material,
+    Outline,
+    RoundClearance,
+    SlidingClearance,
+)
+from jointplay.physics.joints.bearings import BallBearing, CrossedRollerBearing, RollingBearing
+from jointplay.physics.joints.compliance import (
+    CompliantJoint,
+    CompliantMount,
+    CompliantSlider,
+    SeatParts,
+    hinge_of_beam,
+    parts_of_seat,
+)
+from jointplay.physics.joints.cylindrical import CylindricalClearance
+from jointplay.physics.joints.elasticity import Elasticity
+from jointplay.physics.joints.prismatic import PrismaticClearance
+from jointplay.physics.joints.revolute import RevoluteClearance
+from jointplay.physics.joints.spherical import SphericalClearance
+
+JOINT_KINDS: dict[str, type[Clearance]] = {
+    kind.kind: kind
+    for kind in (
+        *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
+        *(BallBearing, CrossedRollerBearing, CompliantJoint, CompliantSlider, CompliantMount),
+    )
+}
+
+
+UNNAMED_KIND: type[Clearance] = RevoluteClearance
+"""What a joint is of which nothing is said."""
+
+JOINT_WORDS: dict[str, type[Clearance] | Preset] = {
+    **JOINT_KINDS,
+    "planar": Preset(RevoluteClearance, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
+}
+"""Words that scenarios have for kinds of joint."""
+
+register(
+    Clearance,
+    Family("kind", "kind of joint", JOINT_WORDS, default=UNNAMED_KIND.kind, bare=False),
+)
+register_names(Material, materials.material, lambda: materials.materials(aliases=True))
+
+
+def class_of(description: Mapping[str, Any]) -> type[Clearance]:
+    """Class of the joint that `Clearance.describe` described."""
+    made = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
+    return made.kind if isinstance(made, Preset) else made
+
+
+def replacing(entry: str) -> list[str]:
+    """Kinds of joint that can take the place of a URDF joint of the type `entry`."""
+    return [name for name, kind in JOINT_KINDS.items() if entry in kind.replaces]
+
+
+__all__ = [
+    "JOINT_KINDS",
+    "JOINT_WORDS",
+    "MOTOR",
+    "RELATIVE",
+    "UNNAMED_KIND",
+    "VIRTUAL_LINK",
+    "BallBearing",
+    "Clearance",
+    "CompliantJoint",
+    "CompliantMount",
+    "CompliantSlider",
+    "Coordinate",
+    "CrossedRollerBearing",
+    "CylindricalClearance",
+    "Elasticity",
+    "Material",
+    "Outline",
+    "PrismaticClearance",
+    "RevoluteClearance",
+    "RollingBearing",
+    "RoundClearance",
+    "SeatParts",
+    "SlidingClearance",
+    "SphericalClearance",
+    "class_of",
+    "hinge_of_beam",
+    "parts_of_seat",
+    "replacing",
+]

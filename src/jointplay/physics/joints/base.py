@@ -1,0 +1,813 @@
+"""What a joint with clearance is, and what a kind of joint must say.
+
+A kind says what it is: how journal and bearing touch (`Clearance.touch`, `contacts`,
+`contact_properties`), what it leaves free without clearance (`ideal_freedoms`), and its `outline`.
+Where the journal may start, what URDFs, pictures, budgets and the assembly of loops need follows
+from these.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from jointplay.base.errors import (
+    JointplayError,
+    require_a,
+    require_non_negative,
+    require_positive,
+    within,
+)
+from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.base.units import readable
+from jointplay.physics.contact import (
+    Ambrosio,
+    ContactProperties,
+    FilmLaw,
+    FilmProperties,
+    FrictionLaw,
+    LankaraniNikravesh,
+    NormalForceLaw,
+    resultant,
+)
+from jointplay.physics.contact.compiled import compiled_touch, parameter_names
+from jointplay.physics.geometry import Shape
+from jointplay.physics.joints.elasticity import Elasticity
+from jointplay.physics.joints.play import Play, play_within
+
+VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
+"""The six coordinates of a clearance joint, in their order in q."""
+
+RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""The same in the order of a twist: velocity, then angular velocity."""
+
+MOTOR = "motor"
+"""What the coordinate of a geared joint's motor is called."""
+
+SAMPLES = 72
+"""Azimuths at which contact directions are sampled."""
+
+_ON_A_SPHERE = 200
+"""Directions at which those of a ball are sampled."""
+
+
+class Coordinate(str):
+    """Name of a coordinate, ``joint`` or ``joint.part``: it knows its parts.
+
+    The name of a joint may have dots of its own, so that nobody can tell the two from the text.
+    """
+
+    joint: str
+    """Whose it is."""
+    part: str
+    """One of `VIRTUAL_LINK`, or `MOTOR`; empty for a joint's only one."""
+
+    def __new__(cls, joint: str, part: str = "") -> Coordinate:
+        """Name the coordinate."""
+        self = super().__new__(cls, f"{joint}.{part}" if part else joint)
+        self.joint, self.part = joint, part
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        """Go to other processes whole."""
+        return self.joint, self.part
+
+    @property
+    def length(self) -> bool:
+        """Whether it is a part that is measured in metres."""
+        return self.part in VIRTUAL_LINK[:3]
+
+
+@dataclass(frozen=True)
+class Material(Described):
+    """Elastic constants of a body in contact; `materials.material` has those of common ones.
+
+    The default is the paper's steel (Table 3).
+
+    Raises:
+        JointplayError: a constant that is not positive, or Poisson's ratio outside (-1, 0.5].
+    """
+
+    young: float = quantity("Pa", default=207e9, above=0.0, words="Young's modulus")
+    """Young's modulus E [Pa]."""
+    poisson: float = quantity("", default=0.3, words="Poisson's ratio")
+    """Poisson's ratio nu."""
+    density: float | None = quantity("kg/m^3", default=None, above=0.0)
+    """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
+    yield_strength: float | None = quantity("Pa", default=None, above=0.0, words="yield strength")
+    """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
+    expansion: float | None = quantity("1/K", default=None, words="thermal expansion")
+    """Linear expansion [1/K]; None: how clearances change with temperature is not known."""
+    name: str | None = None
+    """What the material is called."""
+
+    def __post_init__(self) -> None:
+        """Check the constants."""
+        check_fields(self)
+        if not -1.0 < self.poisson <= 0.5:
+            raise JointplayError(
+                f"Poisson's ratio must lie in (-1, 0.5], got {self.poisson:g}", where=("poisson",)
+            )
+
+    @property
+    def compliance(self) -> float:
+        """sigma = (1 - nu^2) / (pi E) of eq. 12 [1/Pa]."""
+        return (1.0 - self.poisson**2) / (math.pi * self.young)
+
+    def growth(self, warmer: float) -> float:
+        """Relative growth of lengths when `warmer` by so much [K].
+
+        Raises:
+            JointplayError: the expansion is not known.
+        """
+        if warmer and self.expansion is None:
+            raise JointplayError(
+                f"the thermal expansion of {self.name or 'the material'} is not known: name a "
+                "material, such as carbon-steel, or give its expansion"
+            )
+        return (self.expansion or 0.0) * warmer
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of longitudinal waves in a rod, sqrt(E/rho) [m/s]; infinite without a density."""
+        return math.inf if self.density is None else math.sqrt(self.young / self.density)
+
+
+PAPER_STEEL = Material(expansion=11.7e-6)
+"""Of the paper's Table 3, which gives no expansion: that of plain carbon steel."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A journal with room around it, all along the bearing's axes."""
+
+    form: Literal["cylinder", "ball", "block"]
+    size: tuple[float, float, float]
+    """Half extents of the journal [m]."""
+    room: tuple[float, float, float]
+    """Clearance on each side [m]; zero where nothing limits the journal."""
+    walls: bool = False
+    """Whether a cylinder's bearing has end walls; a block's guide, walls across y."""
+    worn: tuple[tuple[float, ...], ...] = ()
+    """Depth of wear of a bore at equal azimuths from the x axis, at ends A and B (or one) [m]."""
+
+
+# What only some kinds can do is a property of `Clearance`, None for the others: whoever needs it
+# asks for it, and for no kind of joint by name.
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A journal that turns about the bearing's z, as whoever puts a hinge in its place needs it."""
+
+    radius: float
+    """Of the journal, at which friction about the axis acts [m]."""
+    length: float
+    """Of the journal [m]."""
+    leans: bool
+    """Whether it can tilt; it then touches at both ends."""
+    lateral: float
+    """How far it can be aside, either way [m]."""
+    axial: float
+    """How far it can go along the axis, either way [m]; zero where it cannot or nothing ends it."""
+
+
+@dataclass(frozen=True)
+class BoreWear:
+    """How a bore wears, by contact from the first on: one for the whole journal, or one an end."""
+
+    rate: float
+    """Specific wear rate K/H [m^3/(N m)]."""
+    radius: float
+    """Of the bore [m]."""
+    journal_radius: float
+    """[m]."""
+    widths: tuple[float, ...]
+    """Length of the bore that each contact wears [m]."""
+    profile: np.ndarray | None
+    """Depth so far by contact, at equal azimuths from the bearing's x axis, (contacts, n) [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance(Described, ABC):
+    """A joint with clearance: one body, the bearing, holds another, the journal, by contact only.
+
+    Raises:
+        JointplayError: a value that is missing, not positive, contradictory or impossible.
+    """
+
+    selector = ("kind", "kind")
+
+    kind: ClassVar[str]
+    """The one word that selects the kind of joint."""
+    replaces: ClassVar[tuple[str, ...]]
+    """Types of URDF joint that this kind can take the place of."""
+    ideal_freedoms: ClassVar[tuple[str, ...]]
+    """Those of `VIRTUAL_LINK` that the joint has without clearance."""
+    clearance_fields: ClassVar[Mapping[str, str | None]]
+    """Fields that are clearances, first that across x; what the journal measures instead of each.
+
+    None where no dimension of the journal can be given instead.
+    """
+    exchanged: bool = False
+    """The parent link carries the journal and the child link the bearing (Figure 1b)."""
+    ideal: bool = False
+    """Without clearance, to compare."""
+
+    if TYPE_CHECKING:  # a field of one kind, derived by another
+
+        @property
+        def normal(self) -> NormalForceLaw:
+            """Law of the normal force of each contact."""
+
+        @property
+        def friction(self) -> FrictionLaw:
+            """Law of friction of each contact."""
+
+    def __post_init__(self) -> None:
+        """Check what is common."""
+        check_fields(self)
+
+    # What a kind must say.
+
+    @property
+    @abstractmethod
+    def shape(self) -> int:
+        """How the gaps are found: a `geometry.Shape`, or the address of a compiled `touch`."""
+
+    @property
+    @abstractmethod
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers that `geometry.touch` needs for this shape."""
+
+    @property
+    @abstractmethod
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the places where bearing and journal can touch."""
+
+    @abstractmethod
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """What a normal-force law needs to know of the contact with this index."""
+
+    @property
+    @abstractmethod
+    def outline(self) -> Outline:
+        """Form and size of the journal, and the room around it."""
+
+    # What follows from it, and can be said otherwise.
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """Those of `VIRTUAL_LINK` that are free; the others are locked."""
+        return VIRTUAL_LINK
+
+    @property
+    def drive_coordinate(self) -> str | None:
+        """That of `freedoms` which is the ideal joint's own; None if that has none."""
+        if not self.ideal_freedoms:
+            return None
+        return "yaw" if "yaw" in self.ideal_freedoms else self.ideal_freedoms[0]
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Its clearances by the names of their fields [m]."""
+        return {name: getattr(self, name) for name in self.clearance_fields}
+
+    @property
+    def radial_room(self) -> float:
+        """Radius of the journal centre's clearance circle; across x, for a slider [m]."""
+        return next(iter(self.clearances.values()))
+
+    @property
+    def search_room(self) -> float:
+        """A length on which the journal's place of rest is searched, never zero [m]."""
+        return self.radial_room
+
+    @property
+    def resultant(self) -> tuple[float, ...] | None:
+        """Numbers of its rolling elements or springs; None where surfaces slide (`law`)."""
+        return None
+
+    @property
+    def law(self) -> int:
+        """Which law of `contact.resultant` goes by the numbers of `resultant`."""
+        return resultant.ELEMENTS
+
+    @property
+    def springs(self) -> Any:
+        """`compliance.Elasticity` of a joint that springs alone hold; None for the others."""
+        return None
+
+    @property
+    def has_play(self) -> bool:
+        """Whether the journal is free somewhere, and not held by springs or preload."""
+        return self.springs is None
+
+    @property
+    def rooms(self) -> tuple[float, ...]:
+        """Clearance that belongs to each contact [m]."""
+        return (self.radial_room,) * len(self.contacts)
+
+    @property
+    def words(self) -> str:
+        """Kind and clearance, for a line of text."""
+        return f"{self.kind}, {readable(self.radial_room, 'm')}"
+
+    def warmed(self, journal: float, bearing: float) -> Self:
+        """The joint with halves that are warmer by so much [K].
+
+        Raises:
+            JointplayError: the joint seizes, or nothing in it changes with temperature.
+        """
+        raise JointplayError(f"a {self.kind} joint has no clearance that heat changes")
+
+    @property
+    def play_words(self) -> str:
+        """Its clearances without names, for a line of text."""
+        return " and ".join(readable(c, "m") for c in sorted(set(self.clearances.values())))
+
+    @property
+    def half_width(self) -> float:
+        """Half of what the journal measures across y, or the bearing's radius [m]."""
+        return self.outline.size[1]
+
+    @property
+    def depth_limit(self) -> float:
+        """Penetration at which the journal has broken out of its bearing [m].
+
+        A tenth of the journal's half width: far beyond what any contact law means.
+        """
+        return 0.1 * min(self.outline.size[:2])
+
+    @property
+    def room_to_start(self) -> dict[str, float]:
+        """How far the journal's centre can be from the bearing's, by translation [m]."""
+        rooms = zip(VIRTUAL_LINK[:3], self.outline.room, strict=True)
+        return {part: room for part, room in rooms if part in self.freedoms}
+
+    @property
+    def travel(self) -> dict[str, float]:
+        """How far the freedoms but the drive's go within the clearance, either way [m or rad]."""
+        (wide, high, long), (x, y, z) = self.outline.size, self.outline.room
+        turns = {"yaw": min(y / wide, x / high), "pitch": x / long, "roll": y / long}
+        return {"x": x, "y": y, "z": z} | turns
+
+    def play(self, second_order: bool = True) -> Play:
+        """The set of displacements that the clearance allows; see `analysis.statics.play`."""
+        return play_within(self.outline, self.freedoms, second_order)
+
+    def directions(self) -> np.ndarray:
+        """Unit contact forces and their moments about the journal's centre, shape (n, 6).
+
+        In bearing axes, for a centred journal; a sample of all that is possible.
+        """
+        outline, zero = self.outline, np.zeros(SAMPLES)
+        if outline.form == "ball":
+            # The force passes through the centre; friction does not, but it starts no impact.
+            i = np.arange(_ON_A_SPHERE)
+            z = 1.0 - (2.0 * i + 1.0) / _ON_A_SPHERE  # evenly: a Fibonacci lattice
+            r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
+            moments = np.zeros((_ON_A_SPHERE, 3))
+            return np.column_stack([r * np.cos(phi), r * np.sin(phi), z, moments])
+        leans = "pitch" in self.freedoms
+        phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+        c, s = np.cos(phi), np.sin(phi)
+        heights = (outline.size[2], -outline.size[2]) if leans else (0.0,)
+        parts = [np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights]
+        if outline.walls:
+            arm = outline.size[0] if leans else 0.0
+            parts.append(np.column_stack([zero, zero, zero + 1.0, arm * s, -arm * c, zero]))
+        return np.concatenate(parts)
+
+    def arm(self, centre: np.ndarray) -> float:
+        """Farthest point at which a journal with its centre here can touch, from it [m]."""
+        return float(np.linalg.norm(self.outline.size))
+
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Whether a journal so displaced touches nothing, to be on the safe side.
+
+        Args:
+            offset: of its centre from where it would be without clearance, shape (3,) [m].
+            lean: how far its tilt moves its farthest point [m].
+            least: room to grant in any case, for rounding [m].
+        """
+        form = self.outline.form
+        if form == "ball":
+            return bool(np.linalg.norm(offset) <= self.radial_room)
+        x, y, z = np.abs(offset)
+        wide, high, along = (max(self.room_to_start.get(part, 0.0), least) for part in "xyz")
+        if form == "block":
+            return bool(x + lean <= wide and y + lean <= high)
+        return bool(np.hypot(x, y) + lean <= wide and (self.slides() or z + lean <= along))
+
+    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The pose nearest to a given one that the journal could have without clearance.
+
+        Along the axis, what nothing limits stays as it is.
+
+        Args:
+            rotation: of the journal in the bearing frame, shape (3, 3).
+            centre: of the journal in the bearing frame, shape (3,) [m].
+
+        Returns:
+            Rotation (3, 3) and translation (3,) [m].
+        """
+        outline = self.outline
+        stays = self.slides() or (outline.form == "cylinder" and not outline.walls)
+        place = np.array([0.0, 0.0, centre[2] if stays else 0.0])
+        if not self.holds_axis():
+            return rotation, place
+        if "yaw" not in self.ideal_freedoms:
+            return np.eye(3), place
+        import pinocchio as pin  # not needed to check a scenario
+
+        swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
+        return swing.toRotationMatrix().T @ rotation, place
+
+    @property
+    def film(self) -> tuple[FilmLaw, FilmProperties] | None:
+        """Film law and what it needs to know of the joint; None for a dry one."""
+        return None
+
+    @property
+    def hinge(self) -> Hinge | None:
+        """What a hinge in this joint's place is to know of it; None: no hinge can stand for it."""
+        return None
+
+    @property
+    def wear(self) -> BoreWear | None:
+        """How the bearing wears; None: wear is not computed."""
+        return None
+
+    def with_worn(self, profile: np.ndarray) -> Self:
+        """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
+        raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
+
+    def with_restitution(self, value: float) -> Self:
+        """The joint with another coefficient of restitution, of a kind that has one."""
+        raise JointplayError(f"contacts of a {self.kind} joint have no coefficient of restitution")
+
+    def with_friction(self, law: FrictionLaw) -> Self:
+        """The joint with another law of friction, of a kind that has one; else as it is."""
+        return self
+
+    # What holds for all kinds.
+
+    def with_clearances(self, sizes: Mapping[str, float]) -> Self:
+        """The joint with other clearances [m], by their fields' names, in the same bearing."""
+        instead = (self.clearance_fields[name] for name in sizes)
+        changes: dict[str, Any] = {**sizes, **dict.fromkeys(name for name in instead if name)}
+        return replace(self, **changes)
+
+    def scaled(self, factor: float) -> Self:
+        """The joint with all its clearances multiplied, in the same bearing."""
+        factor = require_non_negative("factor", factor, "")
+        return self.with_clearances({name: factor * c for name, c in self.clearances.items()})
+
+    @classmethod
+    def held(cls) -> list[int]:
+        """Rows of a twist (`RELATIVE`) that are zero without clearance."""
+        return [row for row, part in enumerate(RELATIVE) if part not in cls.ideal_freedoms]
+
+    @classmethod
+    def compound(cls) -> bool:
+        """Whether the joint has several coordinates without clearance."""
+        return len(cls.ideal_freedoms) > 1
+
+    @classmethod
+    def slides(cls) -> bool:
+        """Whether the journal slides along the axis without clearance."""
+        return "z" in cls.ideal_freedoms
+
+    @classmethod
+    def holds_axis(cls) -> bool:
+        """Whether the axes are parallel without clearance."""
+        return not {"pitch", "roll"} & set(cls.ideal_freedoms)
+
+    @classmethod
+    def misfit(cls, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What parts a pose from one that the joint could have without clearance.
+
+        Args:
+            rotation: of the journal in the bearing frame, shape (3, 3).
+            centre: of the journal in the bearing frame, shape (3,) [m].
+
+        Returns:
+            The centre's offset where it is held [m]; the sine of the angle between the axes (2), or
+            all angles (3) [rad] where yaw is held, too.
+        """
+        offset = centre[[row for row in cls.held() if row < 3]]
+        if not cls.holds_axis():
+            return offset, np.zeros(0)
+        if "yaw" in cls.ideal_freedoms:
+            return offset, rotation[:2, 2]
+        import pinocchio as pin
+
+        return offset, pin.log3(rotation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeLawJoint(Clearance):
+    """A joint for which one law answers as a whole: rolling elements, springs, or both.
+
+    A kind must say, besides, `resultant` and `law`.
+    """
+
+    @property
+    def shape(self) -> Shape:
+        """No surfaces that slide: a law of its own."""
+        return Shape.ROLLING
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers of the law."""
+        assert self.resultant is not None
+        return self.resultant
+
+    @property
+    def friction(self) -> FrictionLaw:
+        """None where anything touches: what the law loses, it says itself."""
+        return resultant.NoFriction()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingClearance(Clearance):
+    """A joint whose surfaces hit and slide on each other: a plain bearing, a socket or a guide.
+
+    One with a clearance of 0 is `ideal`: the first of `clearance_fields` decides.
+
+    Raises:
+        JointplayError: a value that is missing, not positive, contradictory or impossible.
+    """
+
+    touch: ClassVar[Callable[..., Any]]
+    """Gap, place and normal of contact k as `geometry.touch` returns them; it is compiled.
+
+    ``touch(k, pose, ...)``: index of the contact and pose of the journal (`geometry.contacts`), and
+    then dimensions of the joint by the names of its attributes.
+    """
+
+    bearing_material: Material = PAPER_STEEL
+    journal_material: Material = PAPER_STEEL
+    restitution: float = quantity("", default=0.9)
+    """Nominal coefficient of restitution c_e, in (0, 1]."""
+    normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
+    friction: FrictionLaw = field(default_factory=Ambrosio)
+    stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
+    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
+    its own stiffness does not use it.
+    """
+    seat: Elasticity | None = None
+    """How the bearing gives way in what carries it, in series with its play; None: not at all.
+
+    Where surfaces slide, its bush is then a body of its own between the two, held by a
+    `CompliantMount`. An ideal joint gives way nowhere. Seats of rolling bearings have no `torsion`.
+    """
+    seat_mass: float | None = quantity("kg", default=None, above=0.0, words="mass of the bush")
+    """Of the bush in its seat [kg]; None takes a steel one as long as the bearing, its wall half as
+    thick as its bore's half width (`compliance.parts_of_seat`).
+    """
+
+    def _growths(self, journal: float, bearing: float) -> tuple[float, float]:
+        """Relative growth of journal and bearing, warmer by so much [K]."""
+        halves = ("journal_material", journal), ("bearing_material", bearing)
+        grown = []
+        for where, warmer in halves:
+            with within(where):
+                grown.append(getattr(self, where).growth(warmer))
+        return grown[0], grown[1]
+
+    @staticmethod
+    def _require_room(name: str, cold: float, hot: float) -> None:
+        if hot <= 0.0:
+            raise JointplayError(
+                f"the {name} of {readable(cold, 'm')} becomes {readable(hot, 'm')}: the joint "
+                "seizes"
+            )
+
+    def __post_init__(self) -> None:
+        """Check the laws, the restitution and the seat."""
+        super().__post_init__()
+        if getattr(self, next(iter(self.clearance_fields))) == 0.0:
+            object.__setattr__(self, "ideal", True)
+        if self.seat is not None:
+            require_a("seat", self.seat, "Elasticity")
+            with within("seat"):
+                self.seat.require_free(None)
+        if self.seat is None and self.seat_mass is not None:
+            raise JointplayError(
+                f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too",
+                where=("seat_mass",),
+            )
+        if not 0.0 < self.restitution <= 1.0:
+            raise JointplayError(
+                f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)
+            )
+        for name, kind in (("normal", NormalForceLaw), ("friction", FrictionLaw)):
+            if not isinstance(getattr(self, name), kind):
+                raise JointplayError(
+                    f"{name} must be a {kind.__name__} such as jointplay.physics.contact offers, "
+                    f"got {getattr(self, name)!r}",
+                    where=(name,),
+                )
+
+    @property
+    def shape(self) -> int:
+        """How the gaps are computed: a `geometry.Shape`, or the address of the compiled `touch`."""
+        return compiled_touch(type(self).touch)
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers that `geometry.touch` needs for this shape."""
+        names = parameter_names(type(self).touch, ("k", "pose")) or ()
+        return tuple(getattr(self, name) for name in names)
+
+    def with_restitution(self, value: float) -> Self:
+        """See `Clearance.with_restitution`."""
+        return replace(self, restitution=value)
+
+    def with_friction(self, law: FrictionLaw) -> Self:
+        """See `Clearance.with_friction`."""
+        return replace(self, friction=law)
+
+    @property
+    def combined_compliance(self) -> float:
+        """sigma_i + sigma_j of eq. 11 [1/Pa]."""
+        return self.bearing_material.compliance + self.journal_material.compliance
+
+    def hertz(self, radius: float) -> float:
+        """The given `stiffness`, or that of eq. 11 for an effective radius R [m], in N/m^1.5."""
+        if self.stiffness is not None:
+            return self.stiffness
+        return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
+
+    def contact(self, stiffness: float, **geometry: float) -> ContactProperties:
+        """Properties of a contact with this Hertz stiffness [N/m^1.5], of the joint's materials.
+
+        Args:
+            stiffness: k of eq. 11 [N/m^1.5].
+            geometry: what else is known of `ContactProperties`.
+        """
+        materials = self.bearing_material, self.journal_material
+        strengths = [m.yield_strength for m in materials if m.yield_strength is not None]
+        return ContactProperties(
+            stiffness,
+            self.restitution,
+            modulus=1.0 / (math.pi * self.combined_compliance),
+            wave_speed=max(m.wave_speed for m in materials),
+            yield_strength=min(strengths, default=math.inf),
+            **geometry,
+        )
+
+    def refuse_line_contact(self) -> None:
+        """Raise if the normal-force law is one for lines, which this joint's contacts are not."""
+        if self.normal.line:
+            raise JointplayError(
+                f"law {self.normal.name!r} is for a cylinder in a bore, which a {self.kind} joint "
+                "does not have; choose one for point contacts, such as 'lankarani-nikravesh'",
+                where=("normal",),
+            )
+
+
+def complete(
+    play: float | None, outer: float, inner: float | None, factor: float, words: tuple[str, str]
+) -> tuple[float, float]:
+    """Derive clearance from dimensions or dimensions from clearance: outer - inner = factor play.
+
+    Args:
+        play: clearance [m], or None.
+        outer: dimension of the bearing [m].
+        inner: dimension of the journal [m], or None.
+        factor: clearances between outer and inner.
+        words: names of the clearance and of the dimension, for errors.
+
+    Returns:
+        play and inner [m].
+
+    Raises:
+        JointplayError: neither given, values that contradict each other, a negative clearance, or
+            a dimension that is not positive.
+    """
+    clearance, dimension = words
+    at_play, at_inner = (f"{clearance}_clearance",), (f"journal_{dimension}",)
+    if play is None and inner is None:
+        raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
+    if play is not None:
+        require_non_negative(f"{clearance} clearance", play, "m", at_play)
+    if inner is not None:
+        require_positive(f"journal {dimension}", inner, "m", at_inner)
+        if inner >= outer and not (play == 0.0 and inner == outer):
+            raise JointplayError(
+                f"journal {dimension} {readable(inner, 'm')} does not fit into the bearing's "
+                f"{readable(outer, 'm')}",
+                where=at_inner,
+            )
+        left = outer - inner
+        if play is not None and not math.isclose(left, factor * play, rel_tol=1e-6, abs_tol=1e-9):
+            raise JointplayError(
+                f"{clearance} clearance {readable(play, 'm')} contradicts the dimensions: bearing "
+                f"{readable(outer, 'm')} and journal {readable(inner, 'm')} give "
+                f"{readable(left / factor, 'm')}",
+                where=at_play,
+            )
+        play = left / factor if play is None else play
+    assert play is not None
+    inner = outer - factor * play if inner is None else inner
+    if inner <= 0.0:
+        raise JointplayError(
+            f"{clearance} clearance {readable(play, 'm')} leaves no room for a journal in a "
+            f"bearing of {dimension} {readable(outer, 'm')}",
+            where=at_play,
+        )
+    return float(play), float(inner)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundClearance(SlidingClearance):
+    """A round journal of radius R_j in a round bearing of radius R_i (eqs 1, 11-13).
+
+    Raises:
+        JointplayError: a radius that is missing, not positive, contradictory or impossible.
+    """
+
+    clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": "journal_radius"}
+
+    bearing_radius: float = quantity("m", default=10e-3, above=0.0, words="bearing radius")
+    """R_i [m]; the standard of the clearance literature, the paper gives none."""
+    radial_clearance: float | None = quantity("m", default=None, words="radial clearance")
+    """C_r, radial, not diametral [m]; 0: an ideal joint."""
+    journal_radius: float | None = quantity("m", default=None, words="journal radius")
+    """R_j [m]."""
+
+    def __post_init__(self) -> None:
+        """Derive what is missing and refuse what cannot be."""
+        super().__post_init__()
+        given = self.radial_clearance, self.bearing_radius, self.journal_radius
+        play, radius = complete(*given, 1.0, ("radial", "radius"))
+        object.__setattr__(self, "radial_clearance", play)
+        object.__setattr__(self, "journal_radius", radius)
+
+    def warmed(self, journal: float, bearing: float) -> Self:
+        """See `Clearance.warmed`: free growth of both halves, each by its material's expansion."""
+        inner, outer = self._growths(journal, bearing)
+        radius, bore = self.rj * (1.0 + inner), self.ri * (1.0 + outer)
+        self._require_room("radial clearance", self.cr, bore - radius)
+        return replace(
+            self, bearing_radius=bore, journal_radius=radius, radial_clearance=None,
+            **self._warmed_lengths(1.0 + inner, 1.0 + outer),
+        )  # fmt: skip
+
+    def _warmed_lengths(self, journal: float, bearing: float) -> dict[str, Any]:
+        """Fields along the axis, of halves longer by these factors."""
+        return {}
+
+    @property
+    def ri(self) -> float:
+        """R_i [m]."""
+        return self.bearing_radius
+
+    @property
+    def rj(self) -> float:
+        """R_j [m]."""
+        assert self.journal_radius is not None
+        return self.journal_radius
+
+    @property
+    def cr(self) -> float:
+        """C_r [m] (eq. 1)."""
+        assert self.radial_clearance is not None
+        return self.radial_clearance
+
+    @property
+    def half_width(self) -> float:
+        """R_i [m]."""
+        return self.ri
+
+    @property
+    def hertz_stiffness(self) -> float:
+        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
+        return self.hertz(self.ri * self.rj / self.cr)
+
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """Those of a point contact of the journal in its bearing."""
+        return self.round_contact()
+
+    def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
+        """Properties of a contact of the journal in its bearing.
+
+        Args:
+            stiffness: Hertz's [N/m^1.5]; None takes the joint's.
+            lengths: what `ContactProperties` has of lengths [m].
+        """
+        return self.contact(
+            stiffness or self.hertz_stiffness,
+            bearing_radius=self.ri,
+            journal_radius=self.rj,
+            clearance=self.cr,
+            **lengths,
+        )

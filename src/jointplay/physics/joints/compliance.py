@@ -1,0 +1,322 @@
+"""Joints that give way: springs in the directions in which a joint holds its two bodies.
+
+`elasticity` says how stiff; `CompliantJoint` is a joint without play that gives way like this, and
+a rolling bearing can have it as its `seat`, in series with its balls or rollers. `CompliantMount`
+holds a body in every direction: in the place of a fixed joint, or under the bush of a joint whose
+surfaces slide (`parts_of_seat`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName, require_a, within
+from jointplay.physics.contact import resultant
+from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
+from jointplay.physics.joints.base import (
+    RELATIVE,
+    VIRTUAL_LINK,
+    Clearance,
+    Outline,
+    SlidingClearance,
+    WholeLawJoint,
+)
+from jointplay.physics.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
+from jointplay.physics.joints.element_play import NO_PLAY
+from jointplay.physics.joints.play import Play
+
+_LAWS = {
+    ABOUT_AXIS: resultant.SPRINGS,
+    ALONG_AXIS: resultant.GUIDE,
+    None: resultant.MOUNT,
+}
+"""Of springs, by the direction that they leave free."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Held(WholeLawJoint):
+    """A joint without play that gives way wherever it holds: springs hold it."""
+
+    clearance_fields: ClassVar[Mapping[str, str | None]] = {}
+    free: ClassVar[int | None]
+    """Direction that springs leave free, see `Elasticity.require_free`."""
+    thickness: ClassVar[float] = 0.5
+    """Of the disc that is shown, relative to its diameter."""
+
+    elasticity: Elasticity
+    """How stiff it is; in the direction that is free it has nothing."""
+
+    def __post_init__(self) -> None:
+        """Check what is held."""
+        super().__post_init__()
+        require_a("elasticity", self.elasticity, "Elasticity")
+        with within("elasticity"):
+            self.elasticity.require_free(self.free)
+
+    @property
+    def springs(self) -> Elasticity:
+        """Those of `elasticity`."""
+        return self.elasticity
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """One, which always holds."""
+        return ("springs",)
+
+    @cached_property
+    def resultant(self) -> tuple[float, ...]:
+        """Numbers by which compiled code knows the springs; see `contact.elastic`."""
+        head = resultant.bearing_numbers(
+            rollers=False, count=0, stiffness=0.0, radius=0.0, reach=0.0, distance=0.0, ratio=0.0,
+            rows=(), damping=self.elasticity.damping_time,
+        )  # fmt: skip
+        return (*head, *self.elasticity.numbers(self.free))
+
+    @property
+    def law(self) -> int:
+        """Springs alone."""
+        return _LAWS[self.free]
+
+    @property
+    def normal(self) -> NormalForceLaw:
+        """A linear spring across."""
+        return resultant.ElementContact(1.0)
+
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """The stiffest direction."""
+        return ContactProperties(float(np.diag(self.elasticity.stiffness)[:2].max()), 1.0)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """None."""
+        return {}
+
+    @property
+    def radial_room(self) -> float:
+        """Nothing is free."""
+        return 0.0
+
+    @property
+    def search_room(self) -> float:
+        """What 1 N displaces across [m]."""
+        return 1.0 / float(np.diag(self.elasticity.stiffness)[:2].max())
+
+    @property
+    def depth_limit(self) -> float:
+        """A tenth of a metre: far beyond what a joint gives way."""
+        return 0.1
+
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Anywhere: nothing hits."""
+        return True
+
+    def play(self, second_order: bool = True) -> Play:
+        """Nothing is free."""
+        return NO_PLAY
+
+    def directions(self) -> np.ndarray:
+        """See `Clearance.directions`: where forces displace it, or else couples at its rim."""
+        ways = [RELATIVE.index(one) for one in self.freedoms]
+        ways = [row for row in ways if row != self.free]
+        forces = [row for row in ways if row < 3]
+        return np.eye(6)[forces] if forces else self.outline.size[0] * np.eye(6)[ways]
+
+    @property
+    def outline(self) -> Outline:
+        """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
+        _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
+        radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
+        size = (radius, radius, self.thickness * radius)
+        return Outline("cylinder", size, (0.0, 0.0, 0.0), walls=True)
+
+    def scaled(self, factor: float) -> _Held:
+        """As it is: it has no clearance."""
+        return self
+
+    @property
+    def words(self) -> str:
+        """Stiffness, for a line of text."""
+        return f"compliant, {self.elasticity.words}"
+
+    @property
+    def play_words(self) -> str:
+        """See `Clearance.play_words`."""
+        return "no play"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompliantJoint(_Held):
+    """A joint that turns without play, and gives way across, along and in tilt.
+
+    Its six coordinates are free, and springs hold all but the turn about the axis.
+
+    Raises:
+        JointplayError: see `Elasticity`.
+    """
+
+    kind: ClassVar[str] = "compliant"
+    replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
+    free: ClassVar[int | None] = ABOUT_AXIS
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompliantSlider(_Held):
+    """A joint that slides without play, and gives way across and in all three rotations.
+
+    Its six coordinates are free, and springs hold all but the displacement along z.
+
+    Raises:
+        JointplayError: see `Elasticity`.
+    """
+
+    kind: ClassVar[str] = "compliant-slider"
+    replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
+    free: ClassVar[int | None] = ALONG_AXIS
+
+    @property
+    def outline(self) -> Outline:
+        """A block to show, without room; where its sides are, torsion is as stiff as across."""
+        across, _, _, _, _, torsion = np.diag(self.elasticity.stiffness)
+        half = float(np.clip(math.sqrt(torsion / across), 5e-3, 0.1))
+        return Outline("block", (half, half, 2.0 * half), (0.0, 0.0, 0.0), walls=True)
+
+
+_WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompliantMount(_Held):
+    """A fixed joint that gives way in all six directions: a soft table, a suspension, a flange.
+
+    Its coordinates are free but for those that are `locked`, and springs hold all of them; no drive
+    acts on it. Its axes are those of the URDF's joint.
+
+    Raises:
+        JointplayError: see `Elasticity`; a direction to lock that there is not, or nothing left.
+    """
+
+    kind: ClassVar[str] = "compliant-mount"
+    replaces: ClassVar[tuple[str, ...]] = ("fixed",)
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ()
+    free: ClassVar[int | None] = None
+    thickness: ClassVar[float] = 0.25
+    locked: tuple[str, ...] = ()
+    """Directions in which it does not give way: of ``x``, ``y``, ``z``, ``yaw`` (about z),
+    ``pitch`` (about y), ``roll`` (about x). Their stiffness has no effect."""
+
+    def __post_init__(self) -> None:
+        """Check what is locked."""
+        super().__post_init__()
+        object.__setattr__(self, "locked", tuple(self.locked))
+        for one in self.locked:
+            if one not in VIRTUAL_LINK:
+                raise MissingName("direction to lock", one, VIRTUAL_LINK, where=("locked",))
+        if not self.freedoms:
+            raise JointplayError("a mount must give way in some direction", where=("locked",))
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """Those that are not locked."""
+        return tuple(one for one in VIRTUAL_LINK if one not in self.locked)
+
+    @property
+    def words(self) -> str:
+        """Stiffness, for a line of text."""
+        if not self.locked:
+            return super().words
+        diagonal = np.diag(self.elasticity.stiffness)
+        free = [RELATIVE.index(one) for one in self.freedoms]
+        parts = [
+            f"{_WAYS[row]} {diagonal[row]:.3g} {'N/m' if row < 3 else 'N m/rad'}" for row in free
+        ]
+        return f"compliant, {', '.join(parts)}, rigid otherwise"
+
+    @property
+    def search_room(self) -> float:
+        """What 1 N displaces across, or, where that is locked, a point of the rim it bends [m]."""
+        if not {"x", "y"} <= set(self.locked):
+            return super().search_room
+        return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())
+
+
+def hinge_of_beam(
+    stiffness: np.ndarray, damping_time: float, locked: tuple[str, ...]
+) -> CompliantMount:
+    """What holds two pieces of a flexible link together, z along the beam.
+
+    Args:
+        stiffness: along x, y, z [N/m] and about them [N m/rad], shape (6,).
+        damping_time: damping over stiffness [s].
+        locked: see `CompliantMount`.
+    """
+    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
+    return CompliantMount(elasticity=springs, locked=locked)
+
+
+# The bush of a joint in a seat. A contact needs a body to push against: the time loop knows no
+# surfaces between bodies without mass, as the rings of rolling bearings are.
+
+
+BUSH_WALL = 0.5
+"""Wall of a bush over the half width of its bore, where no mass is given."""
+
+BUSH_DENSITY = 7850.0
+"""Steel [kg/m^3], where the bearing's material has none."""
+
+
+class SeatParts(NamedTuple):
+    """What a joint in a seat consists of."""
+
+    joint: Clearance
+    """The joint between the bush and the other body, without its seat."""
+    mount: Clearance
+    """What holds the bush in the body that carries the bearing."""
+    mass: float
+    """Of the bush [kg]."""
+    moments: tuple[float, float, float]
+    """Of inertia about the bush's centre and the bearing's axes [kg m^2]."""
+
+
+def parts_of_seat(joint: Clearance) -> SeatParts | None:
+    """Bush and mount of a joint in a seat; None if it has none, or a law of its own for it.
+
+    An ideal joint gives way no more than it has clearance.
+
+    The bush is a body as long as the bearing with a wall of half the half width of its bore
+    (`BUSH_WALL`), a tube, a hollow ball or a hollow block; `seat_mass` only scales it.
+    """
+    if not isinstance(joint, SlidingClearance) or joint.seat is None or joint.ideal:
+        return None
+    outline = joint.outline
+    inner = np.add(outline.size, outline.room)
+    wall = BUSH_WALL * float(inner[:2].min())
+    outer = inner + wall * np.array([1.0, 1.0, float(outline.form == "ball")])
+    (whole, most), (bore, less) = _solid(outline, outer), _solid(outline, inner)
+    volume, moments = whole - bore, most - less
+    density = joint.bearing_material.density or BUSH_DENSITY
+    mass = density * volume if joint.seat_mass is None else joint.seat_mass
+    x, y, z = map(float, mass / volume * moments)
+    alone = replace(joint, seat=None, seat_mass=None)
+    return SeatParts(alone, CompliantMount(elasticity=joint.seat), float(mass), (x, y, z))
+
+
+def _solid(outline: Outline, half: np.ndarray) -> tuple[float, np.ndarray]:
+    """Volume [m^3] and moments of inertia at density 1 [m^5] of a body with these half extents."""
+    x, y, z = half
+    if outline.form == "ball":
+        volume = 4.0 / 3.0 * math.pi * x * y * z
+        return volume, volume / 5.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    if outline.form == "block":
+        volume = 8.0 * x * y * z
+        return volume, volume / 3.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    volume = 2.0 * math.pi * x * y * z
+    across = x * x / 4.0 + z * z / 3.0
+    return volume, volume * np.array([across, across, x * x / 2.0])

@@ -1,0 +1,197 @@
+"""Springs in the directions in which a joint holds: numbers, a matrix, or curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, require_numbers
+from jointplay.base.schema import Described, check_fields, quantity
+from jointplay.physics.contact import resultant
+
+ABOUT_AXIS, ALONG_AXIS = 5, 2
+"""Directions in which joints that turn, and that slide, are free: places in `DIRECTIONS`."""
+
+DIRECTIONS = ("radial", "radial", "axial", "tilt", "tilt", "torsion")
+"""Which stiffness holds along x, y, z and about x, y, z."""
+
+_LEFT_FREE = {
+    ABOUT_AXIS: ("about its axis", "stiffness there is the gear's or the drive's"),
+    ALONG_AXIS: ("along its axis", "stiffness there is the drive's"),
+}
+
+# Directions by what compiled code calls xi (`contact.elastic`), by the direction that is free: of
+# the axis' part across its bearing's it is the y that a turn about x changes, the other way round.
+_XI = {
+    ABOUT_AXIS: np.eye(6)[:, [0, 1, 2, 4, 3]] * [1.0, 1.0, 1.0, 1.0, -1.0],
+    ALONG_AXIS: np.eye(6)[:, [0, 1, 4, 3, 5]] * [1.0, 1.0, 1.0, -1.0, 1.0],
+    None: np.eye(6),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elasticity(Described):
+    """Stiffness and damping of what holds a joint, a seat or a mount, in its own axes.
+
+    z is the axis about which a joint turns, or along which it slides. Give numbers, a matrix, or a
+    curve for a direction, which is added to them. A joint that turns has no torsion stiffness, one
+    that slides no axial stiffness: what gives way there is its gear or its drive. A mount, and the
+    seat of a joint whose surfaces slide, are held in every direction.
+
+    Raises:
+        JointplayError: a stiffness that is not positive, a matrix that is not symmetric and
+            positive definite where it holds, or a curve that does not rise.
+    """
+
+    matrix: Sequence[Sequence[float]] | None = quantity("", default=None)
+    """Instead of numbers: of displacements along x, y, z and rotations about them, (6, 6); zero
+    in the row and column of a direction that is free."""
+    damping_time: float = quantity("s", default=1e-5, least=0.0, words="damping time")
+    """Damping over stiffness [s]: a swing of angular frequency w decays by w damping_time / 2."""
+    radial: float | None = quantity("N/m", default=None, above=0.0, words="radial stiffness")
+    """Across z, in x and y alike [N/m]."""
+    axial: float | None = quantity("N/m", default=None, above=0.0, words="axial stiffness")
+    """Along z [N/m]."""
+    tilt: float | None = quantity("N*m/rad", default=None, above=0.0, words="tilt stiffness")
+    """About x and y alike [N m/rad]."""
+    torsion: float | None = quantity("N*m/rad", default=None, above=0.0, words="torsion stiffness")
+    """About z [N m/rad]."""
+    radial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
+    """Points (displacement [m], force [N]), added in x and in y; at most 12."""
+    axial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
+    """Points (displacement [m], force [N]) along z."""
+    tilt_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
+    """Points (angle [rad], moment [N m]) about x and about y."""
+    torsion_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
+    """Points (angle [rad], moment [N m]) about z."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_fields(self)
+        names = dict.fromkeys(DIRECTIONS)
+        for name in (f"{one}_curve" for one in names):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _checked_curve(name, getattr(self, name)))
+        if self.matrix is not None:
+            object.__setattr__(self, "matrix", _checked_matrix(self.matrix))
+            if any(getattr(self, one) is not None for one in names):
+                raise JointplayError(
+                    "give the stiffness matrix or radial, axial, tilt and torsion stiffness, not "
+                    "both",
+                    where=("matrix",),
+                )
+        held = self.held
+        lever = np.array([1.0 if row < 3 else 30.0 for row in held])
+        sizes = np.linalg.eigvalsh(self.stiffness[np.ix_(held, held)] * np.outer(lever, lever))
+        if held and sizes.min() <= 1e-12 * sizes.max():
+            raise JointplayError("the stiffness matrix must be positive definite", ("matrix",))
+
+    def require_free(self, free: int | None) -> None:
+        """Raise unless all directions but `free`, of `DIRECTIONS`, are held.
+
+        Raises:
+            JointplayError: one is not, or that one is.
+        """
+        needed, but = dict.fromkeys(DIRECTIONS), ""
+        if free is not None:
+            where, why = _LEFT_FREE[free]
+            del needed[DIRECTIONS[free]]
+            but = f" but {where}"
+            if free in self.held:
+                raise JointplayError(
+                    f"{where} a joint is free: it has no {DIRECTIONS[free]} stiffness, and row and "
+                    f"column {free + 1} of a stiffness matrix must be zero ({why})"
+                )
+        if len(self.held) < 6 - (free is not None):
+            *first, last = needed
+            raise JointplayError(
+                f"a joint must be held in every direction{but}: give {', '.join(first)} and {last} "
+                "stiffness (or a curve for each), or a positive definite matrix"
+            )
+
+    @cached_property
+    def held(self) -> list[int]:
+        """Which of the six directions x, y, z, about x, y, z it holds."""
+        return [row for row in range(6) if self.stiffness[row].any()]
+
+    def displacements(self, loads: np.ndarray) -> np.ndarray:
+        """By how much it gives way at its first stiffness.
+
+        Args:
+            loads: forces [N] and moments [N m], in its axes, (n, 6); what acts in the direction
+                that is free has no effect.
+
+        Returns:
+            Displacements [m] and rotations [rad], (n, 6).
+        """
+        given, held = np.zeros_like(loads), self.held
+        given[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T
+        return given
+
+    @property
+    def _curves(self) -> list[list[tuple[float, float]]]:
+        """By direction."""
+        curves = (getattr(self, f"{name}_curve") for name in DIRECTIONS)
+        return [[(one[0], one[1]) for one in curve or ()] for curve in curves]
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """At small displacements along x, y, z and rotations about them, shape (6, 6)."""
+        if self.matrix is not None:
+            whole = np.array(self.matrix)
+        else:
+            whole = np.diag([getattr(self, name) or 0.0 for name in DIRECTIONS])
+        for k, curve in enumerate(self._curves):
+            if curve:
+                whole[k, k] += curve[0][1] / curve[0][0]
+        return whole
+
+    def numbers(self, free: int | None) -> tuple[float, ...]:
+        """By which compiled code knows the springs; `free`: see `require_free`."""
+        linear, curves, turn = self.stiffness.copy(), self._curves, _XI[free]
+        for k, curve in enumerate(curves):
+            if curve:
+                linear[k, k] -= curve[0][1] / curve[0][0]
+        at = np.abs(turn).argmax(axis=0)
+        return resultant.spring_numbers(turn.T @ linear @ turn, [curves[int(k)] for k in at])
+
+    @property
+    def words(self) -> str:
+        """Stiffness, for a line of text."""
+        x, _, z, tilt, _, turn = np.diag(self.stiffness)
+        parts = [f"{1e-6 * x:.3g} N/um across"]
+        parts += [f"{1e-6 * z:.3g} N/um along"] if z else []
+        parts += [f"{tilt:.3g} N m/rad in tilt"]
+        parts += [f"{turn:.3g} in torsion"] if turn else []
+        return ", ".join(parts)
+
+
+def _checked_matrix(matrix: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    given, where = require_numbers("the stiffness matrix", matrix), ("matrix",)
+    if given.shape != (6, 6) or not np.isfinite(given).all():
+        raise JointplayError(
+            f"the stiffness matrix must be finite and (6, 6), got {given.shape}", where=where
+        )
+    if np.abs(given - given.T).max() > 1e-9 * np.abs(given).max():
+        raise JointplayError("the stiffness matrix must be symmetric", where=where)
+    return tuple(map(tuple, given.tolist()))
+
+
+def _checked_curve(name: str, given: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    rows = require_numbers(f"the {name.replace('_', ' ')}", given)
+    where = (name,)
+    if rows.ndim != 2 or rows.shape[1] != 2 or not 1 <= len(rows) <= resultant.NODES:
+        raise JointplayError(
+            f"a stiffness curve has 1 to {resultant.NODES} points (displacement, force), got the "
+            f"shape {rows.shape}",
+            where=where,
+        )
+    steps = np.diff(np.vstack([np.zeros(2), rows]), axis=0)
+    if not np.isfinite(rows).all() or not (steps > 0.0).all():
+        raise JointplayError(
+            "displacements and forces of a stiffness curve must rise from zero on", where=where
+        )
+    return tuple(map(tuple, rows.tolist()))

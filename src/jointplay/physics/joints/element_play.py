@@ -1,0 +1,185 @@
+"""What a rolling bearing leaves free: the displacements at which no element bears load.
+
+With the ring's radial and axial displacement at an element's azimuth,
+
+    u = c . e_r + h s,   w = c_z - r s,   s = e_r . a
+
+a ball keeps to |(X + u, y_0 + w)| <= A, a second-order cone, and a roller to u + k w <= C_r, a half
+space. The set is what all of them have in common, exact in the first order of the lean a.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.physics.contact.resultant import WAYS
+from jointplay.physics.joints.play import Cone, Cones, Play, Pressed, Support
+
+
+@dataclass(frozen=True)
+class ElementPlay(Play):
+    """The inner ring of a rolling bearing while no element bears load.
+
+    With preload, or none left, the set is the point zero.
+    """
+
+    rows: tuple[tuple[float, float], ...]
+    """Place h along the axis and y_0 of each row [m]."""
+    count: int
+    """Elements of a row."""
+    cage: float
+    """Azimuth of the first [rad]."""
+    radius: float
+    """r of the groove's centres of curvature, or of the rollers' centres [m]."""
+    across: float
+    """X of balls, C_r of rollers [m]."""
+    distance: float
+    """A of balls [m]."""
+    rollers: bool
+    excess: float = 0.0
+    """Part by which it was widened, see `widened`."""
+
+    def widened(self) -> ElementPlay:
+        """The set large enough for what a lean adds in its second order, r s^2 / 2 across."""
+        if self.empty:
+            return self
+        lean = float(self.support(np.eye(6)[3:5]).value.max())
+        more = 0.5 * (self.radius + max(abs(h) for h, _ in self.rows)) * lean * lean
+        excess = more / float(self.support(np.eye(6)[:1]).value[0])
+        if self.rollers:
+            return replace(self, across=self.across + more, excess=excess)
+        return replace(self, distance=self.distance + more, excess=excess)
+
+    @cached_property
+    def empty(self) -> bool:
+        """Whether nothing is free."""
+        if self.rollers:
+            return self.across <= 0.0
+        y = np.array([self._start[2] + up for _, up in self.rows])
+        return bool((np.hypot(self.across, y) >= self.distance * (1.0 - 1e-12)).any())
+
+    @cached_property
+    def _start(self) -> np.ndarray:
+        """A point inside: balls of rows that press the same way stand off their shoulders."""
+        start = np.zeros(WAYS)
+        if not self.rollers and len({up for _, up in self.rows}) == 1:
+            start[2] = -self.rows[0][1]
+        return start
+
+    @cached_property
+    def _walls(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows (n, k, 5), centres (n, k) and rooms (n,) of |rows . y + centre| <= room.
+
+        k is two for balls and one for rollers, whose walls have one side.
+        """
+        phi = self.cage + 2.0 * np.pi * np.arange(self.count) / self.count
+        c, s, zero = np.cos(phi), np.sin(phi), np.zeros(self.count)
+        rows, centres = [], []
+        for h, up in self.rows:
+            u = np.column_stack([c, s, zero, h * c, h * s])
+            w = np.column_stack([zero, zero, zero + 1.0, -self.radius * c, -self.radius * s])
+            if self.rollers:
+                way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)[:, None]
+                rows.append((u + way * w)[:, None])
+                centres.append(np.zeros((self.count, 1)))
+            else:
+                rows.append(np.stack([u, w], axis=1))
+                centres.append(np.tile([self.across, up], (self.count, 1)))
+        walls = np.concatenate(rows)
+        room = self.across if self.rollers else self.distance
+        return walls, np.concatenate(centres), np.full(len(walls), room)
+
+    @cached_property
+    def _units(self) -> np.ndarray:
+        """In which the five coordinates are of like size [m, m, m, 1, 1]."""
+        across = self.across if self.rollers else self.distance - self.across
+        along = across
+        if not self.rollers:
+            along = math.sqrt(max(self.distance**2 - self.across**2, 0.0))
+        lever = self.radius + max(abs(h) for h, _ in self.rows)
+        return np.array([across, across, along, along / lever, along / lever])
+
+    @cached_property
+    def reach(self) -> tuple[float, float]:
+        """To the corners of the elements' walls."""
+        x, y, z, roll, pitch = self.support(np.eye(6)[:5]).value
+        back = self.support(-np.eye(6)[2:3]).value[0]
+        gap = 1.0 / math.cos(math.pi / self.count)
+        return gap * math.hypot(max(x, y), max(z, back)), gap * max(roll, pitch)
+
+    @property
+    def cones(self) -> Cones:
+        """A cone for each ball, a wall for each roller."""
+        if self.empty:
+            return Cones(np.zeros((6, 1)), (Cone(np.eye(1), np.zeros(1), 1.0),))
+        if self._start.any():
+            raise JointplayError(
+                "in a closed loop a single angular contact bearing has no play about its centre: "
+                "take a pair (arrangement DB or DF)"
+            )
+        spread = np.zeros((6, WAYS))
+        spread[:3, :3] = np.diag(self._units[:3])
+        spread[4, 3], spread[3, 4] = self._units[3], -self._units[4]
+        walls, centres, rooms = self._walls
+        cones = []
+        for rows, centre, room in zip(walls * self._units, centres, rooms, strict=True):
+            if self.rollers:
+                cones.append(Cone(np.zeros((0, WAYS)), rows[0] / room, 1.0))
+            else:
+                cones.append(Cone(rows / room, np.zeros(WAYS), 1.0, centre / room))
+        return Cones(spread, tuple(cones))
+
+    def _solve(self, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates (n, 5) farthest along loads (n, 6), and forces of the elements (n, k)."""
+        walls, centres, rooms = self._walls
+        aims = np.column_stack([loads[:, :3], loads[:, 4], -loads[:, 3]]) * self._units
+        size = np.linalg.norm(aims, axis=1, keepdims=True)
+        aims = np.divide(aims, size, out=np.zeros_like(aims), where=size > 0.0)
+        room = rooms[:1]
+        points, forces = np.zeros((len(loads), WAYS)), np.zeros((len(loads), len(walls)))
+        scaled = np.ascontiguousarray(walls * self._units / room[0])
+        start = self._start / np.where(self._units > 0.0, self._units, 1.0)
+        from jointplay.physics.geometry.cones import farthest  # not needed to check a scenario
+
+        farthest(scaled, centres / room[0], rooms / room[0], start, aims, points, forces)
+        return points * self._units, forces * size / room[0]
+
+    def support(self, loads: np.ndarray) -> Support:
+        """By the cones of all elements."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        point = np.zeros((len(loads), 6))
+        if not self.empty:
+            y, _ = self._solve(loads)
+            point[:, :3], point[:, 4], point[:, 3] = y[:, :3], y[:, 3], -y[:, 4]
+        return Support(np.einsum("ij,ij->i", loads, point), point)
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """The elements that bear the loads; nothing rubs."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        walls, centres, _ = self._walls
+        n, k = len(loads), len(walls)
+        normal, forces = np.zeros((n, k, 6)), np.zeros((n, k))
+        if not self.empty:
+            y, forces = self._solve(loads)
+            out = np.einsum("kai,ni->nka", walls, y) + centres
+            size = np.linalg.norm(out, axis=2, keepdims=True)
+            way = np.ones_like(out) if self.rollers else out / size
+            push = np.einsum("nka,kai->nki", way, walls)
+            normal[:, :, :3] = -push[:, :, :3]
+            normal[:, :, 4], normal[:, :, 3] = -push[:, :, 3], push[:, :, 4]
+        touching = forces > 1e-4 * forces.max(axis=1, initial=0.0, keepdims=True)
+        across = np.zeros((n, k, 2, 6))
+        return Pressed(
+            (0,) * k, forces, normal, across, touching, np.zeros((n, k)), (0, 1, 2, 3, 4)
+        )
+
+
+NO_PLAY = ElementPlay(
+    rows=((0.0, 0.0),), count=2, cage=0.0, radius=1.0, across=0.0, distance=0.0, rollers=True
+)
+"""The point zero."""

@@ -1,0 +1,201 @@
+"""Materials, pairs that wear, and oils by name; the numbers and their sources are in ``data/``.
+
+bearing = jp.RevoluteClearance(..., bearing_material=jp.material("bronze"))
+viscosity = jp.oil("ISO VG 46").viscosity(60.0)  # Pa s
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jointplay.base.errors import JointplayError, MissingName, require_a, require_finite
+from jointplay.base.schema import check_fields, quantity
+from jointplay.physics.joints.base import Material
+
+_DATA = Path(__file__).parent / "data"
+
+ZERO_CELSIUS = 273.15
+"""0 C in K."""
+
+THINNEST = 2e-6
+"""Kinematic viscosity below which ASTM D341 needs further terms [m^2/s]."""
+
+
+@cache
+def _table(name: str) -> dict[str, Any]:
+    with (_DATA / f"{name}.toml").open("rb") as file:
+        return tomllib.load(file)
+
+
+def _word(name: str) -> str:
+    return name.strip().lower().replace(" ", "-").replace("_", "-")
+
+
+def _entry(name: str) -> tuple[str, dict[str, Any]]:
+    """A material's word and numbers."""
+    table = _table("materials")
+    word = table["alias"].get(_word(name), _word(name))
+    if word not in table["material"]:
+        raise MissingName("material", name, materials(aliases=True))
+    return word, table["material"][word]
+
+
+def materials(aliases: bool = False) -> list[str]:
+    """Names that `material` knows, with or without other words for the same."""
+    table = _table("materials")
+    return [*table["material"], *(table["alias"] if aliases else ())]
+
+
+def material(name: str) -> Material:
+    """Return a material by name: typical E, nu and density at room temperature.
+
+    Args:
+        name: such as ``steel`` or ``phosphor-bronze``; capitals do not matter, nor whether words
+            are parted by a space, a hyphen or an underscore.
+
+    Raises:
+        MissingName: no such material; the message lists those there are.
+    """
+    require_a("name", name, "str")
+    word, entry = _entry(name)
+    return Material(name=word, **{key: entry[key] for key in entry if key != "source"})
+
+
+def source(name: str) -> str:
+    """Word for the source of a material's numbers, explained in ``data/materials.toml``.
+
+    Raises:
+        MissingName: no such material.
+    """
+    return str(_entry(name)[1]["source"])
+
+
+@dataclass(frozen=True)
+class WearPair:
+    """Unlubricated wear of the first body sliding on the second, by Archard's law."""
+
+    bodies: tuple[str, str]
+    """The body that wears, and the one it slides on."""
+    coefficient: float
+    """K of V = K F s/H."""
+    hardness: float
+    """H of the body that wears [Pa]."""
+
+    @property
+    def specific(self) -> float:
+        """k = K/H of V = k F s [1/Pa], which is m^3/(N m)."""
+        return self.coefficient / self.hardness
+
+
+def wear_pairs() -> list[tuple[str, str]]:
+    """Pairs that `wear_pair` knows: the body that wears, the one it slides on."""
+    return [(first, second) for first, second in (p["bodies"] for p in _table("wear")["pair"])]
+
+
+def wear_pair(worn: str, counterface: str) -> WearPair:
+    """Return the Archard coefficients of a pair, an order of magnitude.
+
+    Args:
+        worn: the body that wears.
+        counterface: the body it slides on.
+
+    Raises:
+        MissingName: no such pair; the message lists those there are.
+    """
+    for pair in _table("wear")["pair"]:
+        if pair["bodies"] == [_word(worn), _word(counterface)]:
+            first, second = pair["bodies"]
+            return WearPair((first, second), pair["coefficient"], pair["hardness"])
+    raise MissingName("pair", f"{worn} on {counterface}", (" on ".join(p) for p in wear_pairs()))
+
+
+@dataclass(frozen=True)
+class Oil:
+    """A lubricating oil, whose viscosity falls with temperature by Walther's equation.
+
+    log log(nu/(mm^2/s) + 0.7) is linear in log T (ASTM D341), through the viscosities at 40 and
+    100 C: an interpolation between, an extrapolation beyond.
+
+    Raises:
+        JointplayError: a value that is not positive, or an oil that thickens when heated.
+    """
+
+    name: str
+    kinematic_40: float = quantity("m^2/s", above=0.0, words="kinematic viscosity at 40 C")
+    """nu at 40 C [m^2/s]."""
+    kinematic_100: float = quantity("m^2/s", above=0.0, words="kinematic viscosity at 100 C")
+    """nu at 100 C [m^2/s]."""
+    density_40: float = quantity("kg/m^3", default=870.0, above=0.0, words="density")
+    """rho at 40 C [kg/m^3]."""
+    expansion: float = quantity("1/K", default=7e-4)
+    """Relative fall of the density with temperature [1/K]."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_fields(self)
+        if self.kinematic_100 >= self.kinematic_40:
+            raise JointplayError(
+                f"oil {self.name!r} must be thinner at 100 C than at 40 C, got "
+                f"{self.kinematic_100:g} and {self.kinematic_40:g} m^2/s"
+            )
+
+    def kinematic_viscosity(self, celsius: float) -> float:
+        """Return nu at a temperature [m^2/s].
+
+        Raises:
+            JointplayError: no temperature, or one at which the oil is thinner than 2 mm^2/s or
+                infinitely thick, where the equation does not hold.
+        """
+        kelvin = require_finite("temperature", celsius, "C") + ZERO_CELSIUS
+        if kelvin <= 0.0:
+            raise JointplayError(f"temperature must be above -273.15 C, got {celsius:g} C")
+        cold, hot = (
+            math.log(math.log(1e6 * nu + 0.7)) for nu in (self.kinematic_40, self.kinematic_100)
+        )
+        low, high = math.log(ZERO_CELSIUS + 40.0), math.log(ZERO_CELSIUS + 100.0)
+        level = cold + (hot - cold) * (math.log(kelvin) - low) / (high - low)
+        inner = math.exp(min(level, 700.0))
+        nu = 1e-6 * (math.exp(inner) - 0.7) if inner < 50.0 else math.inf
+        if not THINNEST * (1.0 - 1e-9) <= nu < math.inf:
+            raise JointplayError(
+                f"viscosity of oil {self.name!r} at {celsius:g} C is out of the range of ASTM "
+                "D341, 2 mm^2/s and more"
+            )
+        return nu
+
+    def density(self, celsius: float) -> float:
+        """Return rho at a temperature, linear about 40 C [kg/m^3]."""
+        celsius = require_finite("temperature", celsius, "C")
+        return self.density_40 * (1.0 - self.expansion * (celsius - 40.0))
+
+    def viscosity(self, celsius: float) -> float:
+        """Return the dynamic viscosity eta = rho nu at a temperature [Pa s].
+
+        Raises:
+            JointplayError: see `kinematic_viscosity`.
+        """
+        return self.density(celsius) * self.kinematic_viscosity(celsius)
+
+
+def oils() -> list[str]:
+    """Names that `oil` knows."""
+    return [f"iso-vg-{grade}" for grade, _ in _table("oils")["grades"]]
+
+
+def oil(name: str) -> Oil:
+    """Return an oil by its ISO viscosity grade, such as ``ISO VG 46`` or ``iso-vg-46``.
+
+    Raises:
+        MissingName: no such oil; the message lists those there are.
+    """
+    require_a("name", name, "str")
+    if _word(name) not in oils():
+        raise MissingName("oil", name, oils())
+    table = _table("oils")
+    grade, hot = table["grades"][oils().index(_word(name))]
+    return Oil(_word(name), 1e-6 * grade, 1e-6 * hot, table["density"], table["expansion"])

@@ -1,0 +1,606 @@
+"""What the clearance of a joint lets its journal do while it touches nothing: convex sets.
+
+Each is known by its support function, the farthest that a load can push the journal.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.physics.geometry import EDGE_ROUNDING_M
+
+if TYPE_CHECKING:
+    from jointplay.physics.joints.base import Outline
+
+_SECTIONS, _SEARCHES = 10, 10
+"""Equal sections of which two remain, so often: they leave 1e-7 of the angle, and 1e-14 of the
+maximum."""
+_AT_ONCE = 2000
+"""Loads of which as many are searched at once: more do not fit into a processor's cache."""
+_NOTHING = 1e-9
+"""Part of a load that is rounding."""
+_DRAWS = 4000
+"""States by which the variance of a play is found."""
+_FAR = 100.0
+"""Clearances that a journal without end walls is granted along its axis, in `Play.cones`."""
+
+
+class Support(NamedTuple):
+    """Support function of a joint's play, and where it is attained."""
+
+    value: np.ndarray
+    """F . c + M . phi, shape (n,) [J for loads in N and N m]."""
+    point: np.ndarray
+    """Displacement c [m] and rotation phi [rad], shape (n, 6)."""
+
+
+class Cone(NamedTuple):
+    """What coordinates y, shape (m,), must keep to: |across @ y + centre| <= room - along . y."""
+
+    across: np.ndarray
+    """Shape (k, m); no rows for a plane wall."""
+    along: np.ndarray
+    """Shape (m,)."""
+    room: float
+    centre: np.ndarray | float = 0.0
+    """Shape (k,)."""
+
+
+class Cones(NamedTuple):
+    """A play as what some cones have in common: displacements `spread` @ y."""
+
+    spread: np.ndarray
+    """Displacement c [m] and rotation phi [rad] of each coordinate, shape (6, m)."""
+    walls: tuple[Cone, ...]
+    """The coordinates are parts of their clearances: y = 0 lies inside of all."""
+
+
+class Pressed(NamedTuple):
+    """The k contacts that hold a journal against a load, n of them; about the bearing's centre."""
+
+    contact: tuple[int, ...]
+    """Which of the joint's `contacts` each is, for its stiffness, length k."""
+    force: np.ndarray
+    """Normal forces, zero where nothing touches, shape (n, k) [N]."""
+    normal: np.ndarray
+    """Force and moment on the journal of a unit normal force, shape (n, k, 6) [1, m]."""
+    across: np.ndarray
+    """The same of unit friction forces along two tangents, shape (n, k, 2, 6)."""
+    touching: np.ndarray
+    """Which of them touch, if only with no force, shape (n, k)."""
+    patch: np.ndarray
+    """Radius about the axis within which one may push, of a face that lies flat, (n, k) [m]."""
+    borne: tuple[int, ...]
+    """Components of a load that nothing but the contacts bears."""
+
+
+class Play(ABC):
+    """The set of small displacements that a joint's play allows; it contains zero."""
+
+    excess: float = 0.0
+    """Part by which the set may be larger than the true one, the second order of the play."""
+
+    @abstractmethod
+    def support(self, loads: np.ndarray) -> Support:
+        """The farthest displacements in the directions of `loads`, shape (n, 6) [N, N m]."""
+
+    @property
+    @abstractmethod
+    def reach(self) -> tuple[float, float]:
+        """Longest displacement [m] and largest rotation [rad] in the set."""
+
+    @property
+    def cones(self) -> Cones:
+        """The set itself, for plays in a closed loop, which hold each other.
+
+        Raises:
+            JointplayError: a kind of play that does not say.
+        """
+        raise JointplayError(
+            f"{type(self).__name__} does not give the cones that bound it, which a closed loop "
+            "needs"
+        )
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed | None:
+        """The contacts at the points (n, 6) where `support` has the journal under loads (n, 6).
+
+        None for a kind of play that does not say: then friction can hold its journal anywhere.
+        """
+        return None
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Where loads of random direction push, shape (count, 6)."""
+        aside, angle = self.reach
+        if aside == 0.0 and angle == 0.0:
+            return np.zeros((count, 6))
+        arm = aside / angle if angle > 0.0 and aside > 0.0 else 1.0
+        loads = random.normal(size=(count, 6)) * ([1.0] * 3 + [arm] * 3)
+        loads[:, 5] = 0.0  # the drive bears what turns about the axis
+        return self.support(loads).point
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of `draw`, about zero, shape (6, 6)."""
+        states = self.draw(np.random.default_rng(0), _DRAWS)
+        return np.asarray(states.T @ states / _DRAWS)
+
+
+@dataclass(frozen=True)
+class JournalPlay(Play):
+    """A journal in a bore: a disc across, a way along, and a lean that is coupled with both.
+
+    The maximum over the two rims' centres has four candidates, each of which can be reached: no
+    lean; both rims on the bore, leaning in between or as far as the walls let them; one rim on the
+    bore, and the other inside as far from it as the walls let it.
+    """
+
+    across: float
+    """C_r, widened by the second order [m]."""
+    along: float
+    """C_a, likewise; infinite without end walls, zero if locked [m]."""
+    length: float
+    """L_j; infinite if the journal cannot lean [m]."""
+    rim: float
+    """R_j [m]; zero if nothing limits the lean but the bore."""
+    excess: float = 0.0
+    """Part of the clearances by which they were widened."""
+    radius: float = 0.0
+    """R_j again, the arm of friction along the axis, which acts without walls too [m]."""
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """To the corner of disc and way; rims on opposite sides, or at the walls."""
+        along = 0.0 if math.isinf(self.along) else self.along
+        return math.hypot(self.across, along), self._lean
+
+    @property
+    def cones(self) -> Cones:
+        """A disc for each rim; between the walls as much as their lean leaves."""
+        way = _FAR * self.across if math.isinf(self.along) else self.along
+        leans = not math.isinf(self.length)
+        count = (4 if leans else 2) + (way > 0.0)
+        spread, nothing = np.zeros((6, count)), np.zeros(count)
+        rims = [np.eye(2, count), np.eye(2, count, 2)] if leans else [np.eye(2, count)]
+        for number, rim in enumerate(rims):
+            spread[:2] += self.across * rim / len(rims)
+            turn = (1.0, -1.0)[number] * self.across / self.length
+            spread[3:5] += turn * rim[::-1] * [[-1.0], [1.0]]
+        walls = [Cone(rim, nothing, 1.0) for rim in rims]
+        if way > 0.0:
+            spread[2, -1] = way
+            holds = leans and self.rim > 0.0
+            part = self.rim * self.across / (self.length * way) if holds else 0.0
+            apart = part * (rims[0] - rims[-1])[: 2 if holds else 0]
+            walls += [Cone(apart, side * np.eye(count)[-1], 1.0) for side in (1.0, -1.0)]
+        return Cones(spread, tuple(walls))
+
+    @property
+    def _lean(self) -> float:
+        bore = 2.0 * self.across / self.length
+        return bore if self.rim == 0.0 else min(bore, self.along / self.rim)
+
+    def support(self, loads: np.ndarray) -> Support:
+        """The best of four candidates.
+
+        Raises:
+            JointplayError: a load along an axis on which nothing limits the journal.
+        """
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        push, axial = loads[:, :2], loads[:, 2]
+        point = np.zeros((len(loads), 6))
+        if math.isinf(self.along):
+            size = np.abs(loads).max(axis=1, initial=0.0)
+            if (np.abs(axial) > _NOTHING * size).any():
+                raise JointplayError(
+                    "nothing limits the journal along its axis, and this affects the tool: give "
+                    "the joint end walls (an axial clearance), or lock_axial"
+                )
+            axial, way = np.zeros(len(loads)), 0.0
+        else:
+            way = self.along
+        if math.isinf(self.length):
+            point[:, :2] = self.across * _unit(push)
+            point[:, 2] = way * np.sign(axial)
+            return Support(np.einsum("ij,ij->i", loads, point), point)
+        bend = np.column_stack([loads[:, 4], -loads[:, 3]]) / self.length
+        near, far = push / 2.0 + bend, push / 2.0 - bend
+        p, q = self._rims(near, far, np.abs(axial) * self.rim / self.length)
+        lean = (p - q) / self.length
+        point[:, :2] = (p + q) / 2.0
+        left = way - self.rim * np.linalg.norm(lean, axis=1)
+        point[:, 2] = np.maximum(left, 0.0) * np.sign(axial)
+        point[:, 3], point[:, 4] = -lean[:, 1], lean[:, 0]
+        return Support(np.einsum("ij,ij->i", loads, point), point)
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """Rims A and B on the bore, then the walls at ends A and B; see `Play.pressed`.
+
+        Of the multipliers of `support`: near = N_A u_A + h s, far = N_B u_B - h s, s being the
+        lean's direction, and h L / R the sum of the walls' forces.
+        """
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        n, touches = len(loads), 1.0 - 1e-6
+        e_z = np.array([0.0, 0.0, 1.0])
+        walled = 0.0 < self.along < math.inf
+        up = np.maximum(loads[:, 2], 0.0) * walled
+        down = np.maximum(-loads[:, 2], 0.0) * walled
+        if math.isinf(self.length):
+            way = _unit(loads[:, :2])
+            forces = [np.linalg.norm(loads[:, :2], axis=1), up, down]
+            radial = [(way, 0.0)]
+            lean, arm = np.zeros((n, 2)), 0.0
+            sideways, flat = [forces[0] > 0.0], np.zeros(n, bool)
+        else:
+            half, bend = loads[:, :2] / 2.0, np.column_stack([loads[:, 4], -loads[:, 3]])
+            near, far = half + bend / self.length, half - bend / self.length
+            slope = 0.5 * self.length * np.column_stack([point[:, 4], -point[:, 3]])
+            p, q = point[:, :2] + slope, point[:, :2] - slope
+            u_a, u_b = (
+                np.where(np.linalg.norm(r, axis=1, keepdims=True) >= touches * self.across, r, 0.0)
+                / self.across
+                for r in (p, q)
+            )
+            apart = np.linalg.norm(p - q, axis=1)
+            lean = np.where(apart[:, None] > 1e-9 * self.across, _unit(p - q), 0.0)
+            hold = (up + down) * self.rim / self.length
+            widest = self.length * self.along / self.rim if walled and self.rim > 0.0 else math.inf
+            (most,) = np.nonzero(apart >= touches * widest)
+            if len(most):  # both walls hold the lean: least squares find their share
+                zero = np.zeros((len(most), 2))
+                columns = np.stack(
+                    [
+                        np.hstack([lean[most], -lean[most]]),
+                        np.hstack([u_a[most], zero]),
+                        np.hstack([zero, u_b[most]]),
+                    ],
+                    axis=2,
+                )
+                right = np.hstack([near[most], far[most]])[..., None]
+                found = (np.linalg.pinv(columns, rcond=1e-9) @ right)[:, 0, 0]
+                hold[most] = np.maximum(found, hold[most])
+                both = hold[most] * self.length / self.rim
+                up[most], down[most] = (0.5 * (both + k * loads[most, 2]) for k in (1.0, -1.0))
+            on_a = np.maximum(((near - hold[:, None] * lean) * u_a).sum(axis=1), 0.0)
+            on_b = np.maximum(((far + hold[:, None] * lean) * u_b).sum(axis=1), 0.0)
+            flat = apart <= 1e-9 * self.across
+            whole = ((near + far) * u_a).sum(axis=1)
+            on_a = np.where(flat, np.minimum(on_a, np.maximum(whole, 0.0)), on_a)
+            on_b = np.where(flat, np.maximum(whole - on_a, 0.0), on_b)
+            forces = [on_a, on_b, up, down]
+            sideways = [np.abs(u).max(axis=1) > 0.0 for u in (u_a, u_b)]
+            radial = [(u_a, 0.5 * self.length), (u_b, -0.5 * self.length)]
+            arm = 0.5 * self.length
+        normal, across = np.zeros((n, len(forces), 6)), np.zeros((n, len(forces), 2, 6))
+        for k, (way, height) in enumerate(radial):
+            out = np.column_stack([way, np.zeros(n)])
+            round_ = np.cross(e_z, out)
+            normal[:, k, :3], normal[:, k, 3:] = -out, -height * round_
+            across[:, k, 0, :3], across[:, k, 0, 3:] = round_, -height * out
+            across[:, k, 1, :3], across[:, k, 1, 3:] = e_z, -self.radius * round_
+        outer = self.rim * np.column_stack([lean, np.zeros(n)])
+        for k, side in ((len(radial), 1.0), (len(radial) + 1, -1.0)):
+            normal[:, k, 2] = -side
+            normal[:, k, 3:] = np.cross(outer, e_z)
+            for i, axis in enumerate(np.eye(3)[:2]):
+                across[:, k, i, :3] = axis
+                across[:, k, i, 3:] = side * arm * np.cross(e_z, axis)
+        steep = self.rim * np.hypot(point[:, 3], point[:, 4])
+        walls = [
+            (side * point[:, 2] >= (self.along - steep) - 1e-6 * self.along) & walled
+            for side in (1.0, -1.0)
+        ]
+        patch = np.zeros((n, len(forces)))
+        patch[:, len(radial) :] = np.where(flat, self.rim, 0.0)[:, None]
+        tilts = not math.isinf(self.length)
+        return Pressed(
+            tuple(range(len(forces))),
+            np.column_stack(forces),
+            normal,
+            across,
+            np.column_stack([*sideways, *walls]),
+            patch,
+            (0, 1) + (2,) * walled + (3, 4) * tilts,
+        )
+
+    def _rims(self, near: np.ndarray, far: np.ndarray, hold: np.ndarray) -> tuple:
+        """Centres of both rims that maximise near . p + far . q - hold |p - q|, each (n, 2)."""
+        radius = self.across
+        widest = 2.0 * radius if self.rim == 0.0 else self.length * self.along / self.rim
+        most = math.asin(min(1.0, widest / (2.0 * radius)))
+        dot = np.einsum("ij,ij->i", near, far)
+        cross = near[:, 0] * far[:, 1] - near[:, 1] * far[:, 0]
+        # Half the angle between the rims: turned to each other, loads could add up most at `goal`.
+        side = np.where(cross > 0.0, 1.0, -1.0)
+        goal = 0.5 * np.arctan2(np.abs(cross), dot)
+        half = np.minimum(goal, most)
+        # Where the end wall holds, leaning pays if no share of the load balances it at both rims.
+        half = np.where(_distance(-near, far) <= hold, np.where(hold > 0.0, 0.0, half), half)
+        (some,) = np.nonzero((hold > 0.0) & (half > 0.0))
+        half[some] = _largest(near[some], far[some], hold[some], half[some])
+        both = _unit(_turn(near, side * half) + _turn(far, -side * half))
+        p, q = radius * _turn(both, -side * half), radius * _turn(both, side * half)
+        best = np.einsum("ij,ij->i", near, p) + np.einsum("ij,ij->i", far, q)
+        best -= hold * np.linalg.norm(p - q, axis=1)
+        if widest < 2.0 * radius:
+            middle = radius * _unit(near + far)
+            for first in (True, False):
+                away = middle + widest * _unit(near if first else far)
+                one, other = (away, middle) if first else (middle, away)
+                value = np.einsum("ij,ij->i", near, one) + np.einsum("ij,ij->i", far, other)
+                value -= hold * np.linalg.norm(one - other, axis=1)
+                fits = np.linalg.norm(away, axis=1) <= radius * (1.0 + 1e-12)
+                better = fits & (value > best)
+                best = np.where(better, value, best)
+                p = np.where(better[:, None], one, p)
+                q = np.where(better[:, None], other, q)
+        return p, q
+
+
+@dataclass(frozen=True)
+class BallPlay(Play):
+    """A ball in a socket: it is displaced any way; what holds its rotation is not the socket."""
+
+    radius: float
+    """C [m]."""
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """C, and no rotation."""
+        return self.radius, 0.0
+
+    @property
+    def cones(self) -> Cones:
+        """One ball."""
+        return Cones(self.radius * np.eye(6, 3), (Cone(np.eye(3), np.zeros(3), 1.0),))
+
+    def support(self, loads: np.ndarray) -> Support:
+        """Along the force."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        point = np.zeros((len(loads), 6))
+        point[:, :3] = self.radius * _unit(loads[:, :3])
+        return Support(np.einsum("ij,ij->i", loads, point), point)
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """One contact, in the direction of the force."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        out = _unit(loads[:, :3])
+        some = np.eye(3)[np.abs(out).argmin(axis=1)]
+        one = _unit(np.cross(out, some))
+        normal, across = np.zeros((len(loads), 1, 6)), np.zeros((len(loads), 1, 2, 6))
+        normal[:, 0, :3] = -out
+        across[:, 0, 0, :3], across[:, 0, 1, :3] = one, np.cross(out, one)
+        force = np.linalg.norm(loads[:, :3], axis=1)[:, None]
+        return Pressed((0,), force, normal, across, force > 0.0, np.zeros_like(force), (0, 1, 2))
+
+
+@dataclass(frozen=True)
+class BlockPlay(Play):
+    """A slider in a guide: |c_x| + l/2 |phi_y| + h/2 |phi_z| <= C_x, and likewise across y."""
+
+    clearances: tuple[float, float]
+    """Across x and y, widened by the second order; zero where there is none [m]."""
+    arms: tuple[float, float, float]
+    """Half width (x), half height (y), half length (z) of the slider [m]."""
+    turns: tuple[bool, bool, bool]
+    """Whether it can turn about x, y, z."""
+    excess: float = 0.0
+    """Part of the clearances by which they were widened."""
+
+    @property
+    def cones(self) -> Cones:
+        """Plane walls, half of those of each clearance with each sign of its two turns."""
+        parts: list[tuple[np.ndarray, list[float]]] = []
+        for place, size in ((0, self.clearances[0]), (1, self.clearances[1])):
+            if size > 0.0:
+                parts.append((size * np.eye(6)[place], [float(place == i) for i in (0, 1)]))
+                turn = 4 - place
+                if self.turns[turn - 3]:
+                    parts.append((size / self.arms[2] * np.eye(6)[turn], parts[-1][1]))
+        if self._yaw > 0.0:
+            shares = [
+                arm * self._yaw / size
+                for arm, size in zip(self.arms[1::-1], self.clearances, strict=True)
+            ]
+            parts.append((self._yaw * np.eye(6)[5], shares))
+        share = np.array([weights for _, weights in parts])
+        walls = []
+        for axis in (0, 1):
+            (own,) = np.nonzero(share[:, axis])
+            for signs in product((1.0, -1.0), repeat=len(own)):
+                along = np.zeros(len(parts))
+                along[own] = np.array(signs) * share[own, axis]
+                walls.append(Cone(np.zeros((0, len(parts))), along, 1.0))
+        spread = np.column_stack([way for way, _ in parts])
+        return Cones(spread, tuple(wall for wall in walls if wall.along.any()))
+
+    @property
+    def _yaw(self) -> float:
+        x, y = self.clearances
+        return min(x / self.arms[1], y / self.arms[0]) if self.turns[2] else 0.0
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Into a corner; corners of the slider on opposite walls."""
+        x, y = self.clearances
+        lean = math.hypot(x * self.turns[1], y * self.turns[0]) / self.arms[2]
+        return math.hypot(x, y), math.hypot(lean, self._yaw)
+
+    def support(self, loads: np.ndarray) -> Support:
+        """What is left of the clearance after yaw goes where it gains most."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        best = Support(np.full(len(loads), -np.inf), np.zeros((len(loads), 6)))
+        for yaw in sorted({0.0, self._yaw}):
+            point = np.zeros((len(loads), 6))
+            point[:, 5] = yaw * np.sign(loads[:, 5])
+            for axis in (0, 1):
+                room = max(self.clearances[axis] - yaw * self.arms[1 - axis], 0.0)
+                turn = 4 - axis
+                pay = np.abs(loads[:, axis]), np.abs(loads[:, turn]) / self.arms[2]
+                leans = (pay[1] > pay[0]) & self.turns[turn - 3]
+                point[:, axis] = np.where(leans, 0.0, room * np.sign(loads[:, axis]))
+                lean = room / self.arms[2] * np.sign(loads[:, turn])
+                point[:, turn] = np.where(leans, lean, 0.0)
+            value = np.einsum("ij,ij->i", loads, point)
+            better = value > best.value
+            best = Support(
+                np.where(better, value, best.value),
+                np.where(better[:, None], point, best.point),
+            )
+        return best
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """Corners on walls, their forces by least squares."""
+        from scipy.optimize import nnls  # takes long to import
+
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        normal, across, rooms = [], [], []
+        for axis in (0, 1):
+            for side, end, other in product((1.0, -1.0), repeat=3):
+                if self.clearances[axis] == 0.0:
+                    continue
+                place = np.zeros(3)
+                place[1 - axis], place[2] = other * self.arms[1 - axis], end * self.arms[2]
+                forces = np.eye(3)[[axis, 1 - axis, 2]] * [[-side], [1.0], [1.0]]
+                wrenches = np.hstack([forces, np.cross(place, forces)])
+                normal.append(wrenches[0])
+                across.append(wrenches[1:])
+                rooms.append(self.clearances[axis])
+        normals, room = np.array(normal), np.array(rooms)
+        close = -point @ normals.T >= room - 1e-6 * room.max()
+        # What nothing but the walls bears; angles on arms.
+        bears = np.array([size > 0.0 for size in self.clearances] + [False] + [*self.turns])
+        weight = np.where(bears, [1.0] * 3 + [1.0 / self.arms[2]] * 3, 0.0)
+        force = np.zeros((len(loads), len(normals)))
+        for row, active, load in zip(force, close, loads * weight, strict=True):
+            if active.any():
+                row[active] = nnls(-(normals[active] * weight).T, load)[0]
+        shape = len(loads), len(normals)
+        return Pressed(
+            (0,) * len(normals),
+            force,
+            np.broadcast_to(normals, (*shape, 6)),
+            np.broadcast_to(np.array(across), (*shape, 2, 6)),
+            close,
+            np.zeros(shape),
+            tuple(map(int, np.flatnonzero(bears))),
+        )
+
+
+def play_within(outline: Outline, freedoms: Sequence[str], second_order: bool) -> Play:
+    """Play of a journal of this outline, which has these freedoms in its bearing.
+
+    To second order the clearances are widened by what leaning or turning adds to them, which is
+    found by iteration.
+    """
+    if outline.form == "ball":
+        return BallPlay(outline.room[0])  # exact in every order
+    if outline.form == "block":
+        return _block_play(outline, freedoms, second_order)
+    return _journal_play(outline, freedoms, second_order)
+
+
+def _journal_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> JournalPlay:
+    """A journal in a bore."""
+    radius, half, walls = outline.size[0], outline.size[2], outline.walls
+    across = outline.room[0] + max((max(row) for row in outline.worn), default=0.0)
+    along = outline.room[2] if walls else math.inf if "z" in freedoms else 0.0
+    if "pitch" not in freedoms:
+        return JournalPlay(across, along, math.inf, 0.0, radius=radius)
+    length, rim = 2.0 * half, radius if walls else 0.0
+    if not second_order:
+        return JournalPlay(across, along, length, rim, radius=radius)
+    wide, way = across, along
+    steepest = math.sqrt(2.0 * across / radius)  # docs/theory.md, uniqueness
+    for _ in range(40):
+        lean = min(2.0 * wide / length, way / rim if rim else math.inf, steepest, 1.0)
+        shorter = 1.0 - math.sqrt(1.0 - lean * lean)
+        wide = across + radius * shorter
+        way = along + 0.5 * length * shorter + EDGE_ROUNDING_M if walls else along
+    excess = max(wide / across, way / along if walls else 1.0) - 1.0
+    return JournalPlay(wide, way, length, rim, excess, radius)
+
+
+def _block_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> BlockPlay:
+    """A slider in a guide."""
+    given = outline.room[0], outline.room[1] if outline.walls else 0.0
+    free = "roll" in freedoms, "pitch" in freedoms, "yaw" in freedoms
+    block = BlockPlay(given, outline.size, free)
+    if not second_order or not any(free):
+        return block
+    corner = math.hypot(*outline.size)
+    for _ in range(40):
+        more = 0.5 * corner * min(block.reach[1], 1.0) ** 2
+        wide = given[0] + more, given[1] + more if given[1] else 0.0
+        excess = max(w / g for w, g in zip(wide, given, strict=True) if g) - 1.0
+        block = BlockPlay(wide, outline.size, free, excess)
+    return block
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors, zero for zero."""
+    sizes = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, sizes, out=np.zeros_like(vectors), where=sizes > 0.0)
+
+
+def _turn(vectors: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Plane vectors turned by an angle each [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.column_stack([c * x - s * y, s * x + c * y])
+
+
+def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Distance of the straight ways between points of the plane, (n, 2) each, from its origin."""
+    way = other - one
+    length = (way**2).sum(axis=1)
+    part = -np.divide((one * way).sum(axis=1), length, out=np.zeros(len(way)), where=length > 0.0)
+    return np.linalg.norm(one + np.clip(part, 0.0, 1.0)[:, None] * way, axis=1)
+
+
+def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """Half the angle between the rims, 0 to `most`, at which the load gains most, (n,) [rad].
+
+    For a bore of radius one. What can be gained with the rims no farther apart than a length is a
+    concave function of it, so the sections about the best of some points hold its maximum; with
+    rims close together one of them may gain more inside the bore.
+    """
+    if len(hold) > _AT_ONCE:
+        parts = [slice(k, k + _AT_ONCE) for k in range(0, len(hold), _AT_ONCE)]
+        return np.concatenate([_largest(near[p], far[p], hold[p], most[p]) for p in parts])
+    dot = (near * far).sum(axis=1)[:, None]
+    cross = np.abs(near[:, 0] * far[:, 1] - near[:, 1] * far[:, 0])[:, None]
+    squares = ((near**2).sum(axis=1) + (far**2).sum(axis=1))[:, None]
+    sums = np.linalg.norm(near + far, axis=1)[:, None]
+    inside = []
+    for load in (near, far):
+        size = np.linalg.norm(load, axis=1)[:, None]
+        along = ((near + far) * load).sum(axis=1)[:, None]
+        fits = np.divide(-2.0 * along, sums * size, out=np.full_like(size, 2.0), where=sums > 0.0)
+        inside.append((size, fits))
+
+    def gain(apart: np.ndarray) -> np.ndarray:
+        sine = 0.5 * apart
+        cosine = np.sqrt(1.0 - sine * sine)
+        turned = 2.0 * (dot * (1.0 - 2.0 * sine * sine) + cross * 2.0 * sine * cosine)
+        gains = np.sqrt(np.maximum(squares + turned, 0.0))
+        for size, fits in inside:
+            gains = np.maximum(gains, np.where(apart <= fits, sums + apart * size, 0.0))
+        return gains - hold[:, None] * apart
+
+    farthest = 2.0 * np.sin(most)[:, None]
+    low, width = np.zeros_like(farthest), farthest
+    between = np.arange(1, _SECTIONS) / _SECTIONS
+    for _ in range(_SEARCHES):
+        best = gain(low + between * width).argmax(axis=1)[:, None]
+        low, width = low + best / _SECTIONS * width, 2.0 / _SECTIONS * width
+    middle = low + 0.5 * width
+    middle = np.where(gain(farthest) >= gain(middle), farthest, middle)[:, 0]
+    return np.arcsin(np.minimum(0.5 * middle, 1.0))

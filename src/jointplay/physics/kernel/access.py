@@ -1,0 +1,53 @@
+"""What the records of a run point to, opened: `run.minv` is an array in compiled code.
+
+It has the shape that `layout` declares, by the sizes that the record has at that moment.
+"""
+
+from __future__ import annotations
+
+from numba import carray, from_dtype, types
+
+from jointplay.base.compiler import address_of, internal, open_arrays, pointer_to
+from jointplay.physics.kernel.layout import ARRAYS, RUN, term
+
+for _record, _arrays in ARRAYS.items():
+    open_arrays(
+        from_dtype(_record),
+        {
+            name: (from_dtype(array.kind), [term(size) for size in array.shape])
+            for name, array in _arrays.items()
+        },
+    )
+
+
+@internal
+def flat(array):
+    """All numbers of an array in a row."""
+    return carray(address_of(array), (array.size,))
+
+
+@internal
+def square(array, n):
+    """Matrix (n, n) of floats, the first that an array has: n may be known to the compiler."""
+    return carray(address_of(array), (n, n))
+
+
+_whole = pointer_to(types.int64)
+
+
+@internal
+def words(at, size):
+    """Array of `size` whole numbers, or what else has 8 bytes, at an address."""
+    return carray(_whole(at), (size,))
+
+
+@internal
+def record_failure(run, status, contact):
+    """Keep the first failure: later ones follow from it."""
+    if run.status == 0:
+        run.status = status
+        run.bad_contact = contact
+
+
+TABLE = (from_dtype(RUN)[::1], types.int64)
+"""Signature of the kernels' entries."""

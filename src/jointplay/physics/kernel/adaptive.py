@@ -1,0 +1,455 @@
+"""Micro steps of the multi-rate method as long as their error allows.
+
+A micro step of length h changes velocities by h a, with the acceleration a at its middle as the
+leapfrog method takes it. Taylor's next term is what that leaves out,
+
+    e = h^3/24 d2a/dt2,
+
+found from the accelerations at the last three states. The step is as long as e stays below
+`micro_tolerance` times what contacts and inertia move in it, all measured as the root of twice a
+kinetic energy. Impacts count by their mean deceleration at least: their beginning, where the force
+grows from nothing, would otherwise be resolved without end. So a step in flight spans the macro
+step, steps in lasting contact follow the oscillation of the contact, and an impact has as many
+steps however stiff it is. Onsets of contacts are located. A step whose error turns out too large is
+done again, shorter, from a copy of the state; no call of Pinocchio is repeated. Steps are not made
+longer by little: leapfrog steps of equal length keep the energy of an elastic contact.
+
+The error says nothing of stability: a journal that lies still has none, however long the step,
+until it has begun to swing. Steps are therefore never longer than what the stiffness of the
+contacts that touch allows, nor than what springs, gears and drives do.
+
+Records are due at multiples of `run.dt`, wherever the states are: they are interpolated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from jointplay.base.compiler import address_of, internal
+from jointplay.physics.contact.calls import call_normal
+from jointplay.physics.kernel.access import words
+from jointplay.physics.kernel.bodies import place_bodies
+from jointplay.physics.kernel.contact import contact_gap
+from jointplay.physics.kernel.frames import cross, get_vector, project_wrench, set_vector
+from jointplay.physics.kernel.layout import SPEED, STORED
+from jointplay.physics.kernel.multirate import (
+    add_work,
+    check_prediction,
+    commit_memories,
+    end_macro_step,
+    evaluate,
+    plan_macro_step,
+    step_positions,
+)
+from jointplay.physics.kernel.record import fill_row, is_due, write_interpolated
+from jointplay.physics.kernel.rolling import element_frequency
+from jointplay.physics.kernel.solve import find_pose
+from jointplay.physics.kernel.words import POWERS
+
+_NP = len(POWERS)
+
+REFUSED = 2.0
+"""A micro step whose error is so many times the tolerance is done again."""
+
+GROWTH = 2.5
+"""By how much a micro step is longer than the one before at most."""
+
+KEPT = 2.0
+"""A step is not made longer by less than this: leapfrog steps of equal length keep energy."""
+
+SAFETY = 0.85
+"""Part of the length that the last error would allow."""
+
+FIRST_PART = 0.6
+"""Length of the first step of an impact, relative to what the tolerance would allow in its midst:
+the force grows there from nothing."""
+
+STABLE_TURN = 1.0
+"""Largest phase of the stiffest oscillation in a step [rad]: leapfrog is stable up to 2."""
+
+STIFFNESS_DIFFERENCE = 1e-2
+"""Relative difference of the depth by which stiffness is found."""
+
+IMPACT = 2.5
+"""An impact is over after so many times its first half, or has become a contact that lasts."""
+
+SMALL_SPEED = 1e-5
+"""What moves no faster than this, as the root of twice a kinetic energy, is not resolved further
+[kg^0.5 m/s]."""
+
+SMALL_DEPTH = 1e-9
+"""From where the search for an impact's depth begins at least [m]."""
+
+DEPTH_TRIALS = 4
+"""Trials of that search, exact after the first for Hertz's force."""
+
+ONSET_TRIALS = 30
+"""Trials by which the onset of a contact is located, at most."""
+
+ONSET_DEPTH = 1e-3
+"""A contact has begun where its depth is less than this part of the step's way into it."""
+
+
+@internal
+def _save(run):
+    """Keep a copy of all that a macro step changes."""
+    for k in range(run.ncopies):
+        array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
+        source, target = words(array, size), words(copy, size)
+        for i in range(size):
+            target[i] = source[i]
+
+
+@internal
+def _restore(run):
+    """Come back to the copy, but for the counts of the work done and what was refused."""
+    solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
+    at, step, length = run.refused_at, run.refused_step, run.refused_length
+    retried = run.retried_at
+    for k in range(run.ncopies):
+        array, copy, size = run.copies[k, 0], run.copies[k, 1], run.copies[k, 2]
+        source, target = words(copy, size), words(array, size)
+        for i in range(size):
+            target[i] = source[i]
+    run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
+    run.refused_at, run.refused_step, run.refused_length = at, step, length
+    run.retried_at = retried
+
+
+@internal
+def _gap_ahead(run, elapsed):
+    """Least gap of the contacts that do not touch now, `elapsed` after the present state."""
+    nv = run.nv
+    q, v, a = run.q, run.v, run.a
+    there = run.trial[SPEED]
+    for i in range(nv):
+        there[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
+    place_bodies(run, there)
+    least = np.inf
+    for j in range(run.nj):
+        joint = run.joints[j]
+        find_pose(run, joint, there)
+        for k in range(joint.count):
+            if run.contacts[j, k].touching == 0:
+                least = min(least, contact_gap(joint, k))
+    return least
+
+
+@internal
+def _least_gap(run):
+    """Least gap of the contacts that do not touch at the present state."""
+    least = np.inf
+    for j in range(run.nj):
+        for k in range(run.joints[j].count):
+            contact = run.contacts[j, k]
+            if contact.touching == 0:
+                least = min(least, contact.gap)
+    return least
+
+
+@internal
+def _time_to_onset(run, h):
+    """Time to the onset of the next contact, `h` if none begins within it.
+
+    By the Illinois form of regula falsi; the state found lies just behind the onset.
+    """
+    end = _gap_ahead(run, h)
+    if end >= 0.0:
+        return h
+    low, gap, high, depth = 0.0, _least_gap(run), h, -end
+    if not gap > 0.0:
+        return h
+    enough, weight = ONSET_DEPTH * (gap + depth), depth
+    for _ in range(ONSET_TRIALS):
+        if depth <= enough or high - low <= 1e-9 * h:
+            break
+        # Aim just behind the onset, so that it is the end behind it that comes near.
+        part = (gap + 0.5 * enough) / (gap + weight)
+        middle = low + min(max(part, 1e-3), 0.999) * (high - low)
+        found = _gap_ahead(run, middle)
+        if found >= 0.0:
+            low, gap = middle, found
+            weight *= 0.5
+        else:
+            high, depth, weight = middle, -found, -found
+            gap *= 0.5 if part > 0.5 else 1.0
+    return high
+
+
+@internal
+def _quadratic_form(run, forces):
+    """Generalised forces f as f M^-1 f."""
+    nv = run.nv
+    minv = run.minv
+    total = 0.0
+    for i in range(nv):
+        if forces[i] != 0.0:
+            for k in range(nv):
+                total += forces[i] * minv[i, k] * forces[k]
+    return total
+
+
+@internal
+def _compliance_at(run, joint, contact):
+    """Inverse of the mass that a contact meets along its normal [1/kg]."""
+    nv = run.nv
+    pull = run.scratch
+    kept = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
+    normal = get_vector(contact.direction, 0)
+    set_vector(joint.wrench, 0, normal)
+    set_vector(joint.wrench, 3, cross(get_vector(contact.arm, 0), normal))
+    for i in range(nv):
+        pull[i] = 0.0
+    project_wrench(joint, pull)
+    set_vector(joint.wrench, 0, kept[0])
+    set_vector(joint.wrench, 3, kept[1])
+    return _quadratic_form(run, pull)
+
+
+@internal
+def _judge_onset(run, joint, contact):
+    """Expect of a contact that has just begun how long it is and how hard it brakes.
+
+    The depth at which it has stored the energy that the approach brings tells both: half of an
+    impact lasts 1.47 times depth over speed, if the force is Hertz's.
+    """
+    speed, compliance = max(contact.rate, 0.0), contact.compliance
+    contact.braking = 0.0
+    if not (speed > 0.0 and compliance > 0.0):
+        return
+    energy = 0.5 * speed * speed / compliance
+    law = address_of(contact.parameters)
+    depth = max(-contact.gap, SMALL_DEPTH)
+    for _ in range(DEPTH_TRIALS):
+        stored = STORED * depth * call_normal(joint.normal_law, (depth, 0.0, 1.0, law))
+        if not stored > 0.0:
+            return
+        depth *= (energy / stored) ** 0.4
+    half = 1.47 * depth / speed
+    contact.braking = speed / (half * math.sqrt(compliance))
+    contact.braking_end = run.time + IMPACT * half
+    first = FIRST_PART * math.sqrt(24.0 * run.micro_tolerance) * half
+    run.micro_step = min(run.micro_step, max(first, run.shortest_micro))
+
+
+@internal
+def _stiffness(joint, contact):
+    """Rise of a contact's elastic force with its depth [N/m]."""
+    depth = -contact.gap
+    law = address_of(contact.parameters)
+    deeper = (1.0 + STIFFNESS_DIFFERENCE) * depth
+    rise = call_normal(joint.normal_law, (deeper, 0.0, 1.0, law)) - contact.elastic
+    return max(rise, 0.0) / (STIFFNESS_DIFFERENCE * depth)
+
+
+@internal
+def _judge_contacts(run, moved):
+    """Judge the contacts that touch: what impacts under way bring, and which step follows all.
+
+    `braking` becomes the largest deceleration of impacts, `stable_micro` the longest step: the sum
+    of all contacts' squared frequencies, each alone, is no less than the square of the highest that
+    they have together.
+
+    Args:
+        moved: whether inertias are others than when they were judged last.
+    """
+    most = squares = 0.0
+    for j in range(run.nj):
+        joint = run.joints[j]
+        for k in range(joint.count):
+            contact = run.contacts[j, k]
+            if contact.touching == 0:
+                continue
+            begins = contact.steps == 0.0
+            if begins or moved:
+                contact.compliance = _compliance_at(run, joint, contact)
+            if begins:
+                _judge_onset(run, joint, contact)
+            if run.time < contact.braking_end:
+                most = max(most, contact.braking)  # an impact: its error is never nothing
+            if joint.resultant != 0:
+                squares += element_frequency(run, joint)
+            elif not run.time < contact.braking_end:
+                squares += contact.compliance * _stiffness(joint, contact)
+    run.braking = most
+    run.stable_micro = run.longest_micro
+    if squares > 0.0:
+        run.stable_micro = min(run.longest_micro, STABLE_TURN / math.sqrt(squares))
+
+
+@internal
+def _size(run, values):
+    """Generalised velocities or accelerations as the root of twice a kinetic energy."""
+    nv = run.nv
+    minv, weights = run.minv, run.weights
+    total = 0.0
+    for i in range(nv):
+        total += weights[i] * values[i] * values[i] / minv[i, i]
+    return math.sqrt(total)
+
+
+@internal
+def _step_error(run, h):
+    """Error of the step of length h to the state just evaluated, over what is tolerated."""
+    nv = run.nv
+    a, last = run.a, run.earlier_a
+    off, before = last[2], run.earlier_dt
+    for i in range(nv):
+        if run.known_a > 1:
+            slope, slope_before = (a[i] - last[0, i]) / h, (last[0, i] - last[1, i]) / before
+            off[i] = h * h / 12.0 * (slope - slope_before) / (h + before)
+        else:
+            off[i] = (a[i] - last[0, i]) / 24.0
+    wrong = _size(run, off)
+    if wrong == 0.0:
+        return 0.0
+    moved = max(run.moved_by_forces, _size(run, a))
+    whole = max(moved, run.moved, run.braking)
+    run.moved = moved
+    return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))
+
+
+@internal
+def _first_due(run, time):
+    """First step to be recorded at or after a time, as long as it is in this macro step."""
+    step = math.ceil(time / run.dt - 1e-6)
+    last = run.step + run.macro
+    while step < last and not is_due(run, step):
+        step += 1
+    return int(step)
+
+
+@internal
+def _remember_acceleration(run, h):
+    """Move the accelerations of the last states on by one."""
+    nv = run.nv
+    a, last = run.a, run.earlier_a
+    for i in range(nv):
+        last[1, i], last[0, i] = last[0, i], a[i]
+    run.earlier_dt = run.dt_before
+    run.known_a = min(run.known_a + 1, 2)
+
+
+@internal
+def _next_length(run, remaining):
+    """Length of the next micro step: what remains is divided evenly among few."""
+    h = max(min(run.micro_step, run.stable_micro), run.shortest_micro)
+    if h >= remaining:
+        return remaining
+    return remaining / math.ceil(remaining / h) if remaining < 3.0 * h else h
+
+
+@internal
+def _keep_row(run):
+    """Keep the state just evaluated, for records to be interpolated from it."""
+    fill_row(run, run.row_before)
+    for i in range(_NP):
+        run.before[i] = run.power[i]
+    for load in run.loads:
+        load.before = load.power
+
+
+@internal
+def _write_due_records(run, start, h, due):
+    """Write the records from step `due` on that lie in the micro step from `start`.
+
+    Returns the step that is due next.
+    """
+    end = start + h
+    fill_row(run, run.row_after)
+    while due < run.step + run.macro and due * run.dt < end - 1e-6 * run.dt:
+        write_interpolated(run, due * run.dt, max(due * run.dt - start, 0.0), h)
+        due = _first_due(run, (due + 0.5) * run.dt)
+    return due
+
+
+@internal
+def _try_steps(run):
+    """Do the micro steps of a macro step; returns whether the error of none was refused."""
+    end = (run.step + run.macro) * run.dt
+    last = run.step + run.macro
+    evaluate(run)
+    due = _first_due(run, run.time)
+    begins = True
+    while run.status == 0:
+        if run.time >= run.refused_at:
+            run.micro_step, run.refused_at = run.refused_step, np.inf
+            _save(run)
+        _judge_contacts(run, begins)
+        begins = False
+        start = run.time
+        wanted = _next_length(run, end - start)
+        h = _time_to_onset(run, wanted)
+        before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
+        add_work(run, before)
+        commit_memories(run, before + 0.5 * h)
+        records = due < last and due * run.dt < start + h - 1e-6 * run.dt
+        if records:
+            _keep_row(run)
+        add_work(run, 0.5 * h)
+        run.fresh = 0
+        _remember_acceleration(run, h)
+        step_positions(run, h)
+        run.time = start + h
+        evaluate(run)
+        # A step that is far too long can end anywhere: a failure counts with the shortest only.
+        error = _step_error(run, h) if run.status == 0 else np.inf
+        retried = run.retried_at == start
+        if retried:
+            # Where the acceleration jumps, no step is short enough: what counts is the momentum
+            # that is wrong, against that of a step as long as the first that was refused here.
+            error *= h / run.refused_length
+        if error > REFUSED and h > run.shortest_micro:
+            if not retried:
+                run.retried_at, run.refused_length = start, h
+            run.refused_at = start
+            run.refused_step = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest_micro)
+            return False
+        if run.status != 0:
+            break
+        if error > REFUSED:
+            run.unresolved += 1
+        factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
+        if factor < 1.0 or (factor > KEPT and h >= 0.99 * run.micro_step):
+            run.micro_step = max(factor * h, run.shortest_micro)
+        if records:
+            due = _write_due_records(run, start, h, due)
+        if h < wanted or retried:
+            run.known_a = 0  # a contact begins, or a force jumps: the acceleration has a corner
+        end_macro_step(run)
+        if run.departure > run.departure_limit:
+            # States between macro steps lie on multiples of `dt`.
+            steps = math.ceil(run.time / run.dt - 1e-6)
+            if steps * run.dt < end - 0.5 * run.dt:
+                last = int(steps)
+                end = last * run.dt
+        if run.time >= end - 1e-9 * run.dt:
+            break
+    if run.status == 0:
+        run.step = last
+        run.time = run.evaluated_at = last * run.dt
+    else:
+        run.step = int(run.time / run.dt)
+    return True
+
+
+@internal
+def advance_adaptively(run):
+    """Do the planned macro step with Pinocchio's result, and plan the next."""
+    check_prediction(run)
+    if run.refused != 0:
+        return
+    run.macros += 1
+    first, macro = run.step, run.macro
+    run.refused_at = np.inf
+    run.retried_at = -1.0
+    _save(run)
+    while not _try_steps(run):
+        _restore(run)
+    done = run.step - first
+    if run.fixed == 0 and done < macro:
+        run.suggested = min(max(2 * done, 1), run.longest)
+    if run.status == 0 and run.step < run.until:
+        plan_macro_step(run)

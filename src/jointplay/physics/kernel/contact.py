@@ -1,0 +1,413 @@
+"""One joint's contacts: gaps, forces and their slopes, and the state that outlasts a step.
+
+`find_gaps` finds the gaps (eqs 4-9) of a pose. `add_contact_forces` adds the contact forces at the
+joint's twist to its wrench (eqs 18-21), `add_contact_slope` the derivative of the wrench by the
+twist, for the velocity solve. `commit_contacts` accepts the state as one of the trajectory.
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import address_of, internal, pointer
+from jointplay.physics.contact.calls import call_bristle, call_friction, call_normal
+from jointplay.physics.geometry import Shape, touch_cylinder
+from jointplay.physics.geometry import touch as touch_shape
+from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.frames import (
+    add,
+    add_scaled,
+    cross,
+    dot,
+    get_vector,
+    norm,
+    scale,
+    set_vector,
+)
+from jointplay.physics.kernel.layout import FRICTION, MIN_APPROACH_SPEED, NORMAL, STORED
+from jointplay.physics.kernel.rolling import (
+    add_element_forces,
+    add_element_losses,
+    add_element_slope,
+    element_gap,
+    find_elements,
+)
+from jointplay.physics.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
+
+_CYLINDER = int(Shape.CYLINDER)
+_BROKE_OUT, _FILM_BROKE = int(Status.BROKE_OUT), int(Status.FILM_BROKE)
+_BAD_FORCE = int(Status.BAD_FORCE)
+
+_DIFFERENCE = 1e-5
+"""Relative difference of a speed by which laws are differentiated."""
+_LEAST_DIFFERENCE = 1e-9
+"""The same where nothing moves [m/s]."""
+
+_SLID_BEFORE_S = 1e-2
+"""How long contacts that touch at the start have slid before as they do there [s]: bristles that
+began straight at full speed would push by many times the friction until they have bent."""
+
+
+@internal
+def _contact_place(joint, k):
+    """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
+    pose, dimensions = joint.pose, pointer(joint.dimensions)
+    if joint.shape == _CYLINDER:
+        d0, d1, d2, d3 = dimensions[0], dimensions[1], dimensions[2], dimensions[3]
+        return touch_cylinder(
+            k, pose[0], pose[1], pose[2], pose[5], pose[8], pose[11], d0, d1, d2, d3
+        )
+    return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
+
+
+@internal
+def contact_gap(joint, k):
+    """Gap of contact k at the joint's pose."""
+    if joint.resultant != 0:
+        return element_gap(joint)
+    return _contact_place(joint, k)[0]
+
+
+@internal
+def find_gaps(run, j, joint):
+    """Find gap, place and normal of each contact of joint j; returns whether any touches.
+
+    Elastic forces follow, for they depend on the depth alone.
+    """
+    if joint.resultant != 0:
+        return find_elements(run, j, joint)
+    touching = False
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        gap, rx, ry, rz, nx, ny, nz = _contact_place(joint, k)
+        contact.gap = gap
+        contact.touching = 0
+        if gap >= 0.0:
+            continue
+        if gap < joint.limit:
+            record_failure(run, _BROKE_OUT, run.width * j + k)
+            continue
+        if k < joint.must_not_touch:
+            record_failure(run, _FILM_BROKE, run.width * j + k)
+            continue
+        contact.touching = 1
+        touching = True
+        set_vector(contact.arm, 0, (rx, ry, rz))
+        set_vector(contact.direction, 0, (nx, ny, nz))
+        law = address_of(contact.parameters)
+        contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
+    return touching
+
+
+@internal
+def _find_contact_velocity(joint, contact):
+    """Rate of penetration, sliding velocity and its magnitude at a contact, from the twist."""
+    arm, normal = get_vector(contact.arm, 0), get_vector(contact.direction, 0)
+    velocity = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
+    rate = -dot(normal, velocity)
+    slip = add_scaled(velocity, rate, normal)
+    return rate, slip, norm(slip)
+
+
+@internal
+def _normal_force(joint, contact, rate):
+    """Normal force, the approach speed, and the speed that damping is referred to.
+
+    The approach speed is the largest since the contact began. For an impact that is the speed at
+    its onset (eq. 14), for |ddelta| only falls from there. Damping is referred to it, or to the
+    speed at which `rest_mass` would have stored the energy that the contact holds, if that is
+    more. `rest_mass` is far larger than what impacts meet, and an impact never holds more energy
+    than it came with: nothing changes for it. A contact that began at rest and bears a load is a
+    damper that depends smoothly on depth and rate; one that refers to its own smallest rates would
+    be a brake, which no explicit step follows.
+    """
+    approach = max(abs(rate), MIN_APPROACH_SPEED)
+    if contact.steps > 0.0:
+        approach = max(approach, contact.ddelta0)
+    reference = approach
+    energy = STORED * contact.elastic * -contact.gap
+    if energy > 0.5 * joint.rest_mass * approach * approach:
+        reference = math.sqrt(2.0 * energy / joint.rest_mass)
+    law = address_of(contact.parameters)
+    force = call_normal(joint.normal_law, (-contact.gap, rate, reference, law))
+    return max(force, 0.0), approach, reference  # a dry contact never pulls
+
+
+@internal
+def _evaluate_bristle_law(run, joint, contact, speed, normal, dwell):
+    """Evaluate the bristle law (see `BristleLaw`) into `law_numbers`."""
+    law, out = address_of(joint.friction_parameters), address_of(run.law_numbers)
+    call_bristle(joint.friction_law, (speed, normal, dwell, law, out))
+
+
+@internal
+def advance_bristles(run, j, joint, elapsed):
+    """Integrate the bristle deflections of joint j over `elapsed` [s] at the present twist.
+
+    They bend from where the last step left them: dz/dt = A v - r z, exactly for constant v.
+    """
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        if contact.touching == 0:
+            continue
+        rate, slip, speed = _find_contact_velocity(joint, contact)
+        normal, _, _ = _normal_force(joint, contact, rate)
+        _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell)
+        out = run.law_numbers
+        if run.time == 0.0 and contact.steps == 0.0:
+            elapsed = _SLID_BEFORE_S
+        contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
+        direction = get_vector(contact.direction, 0)
+        z = get_vector(contact.bristle, 0)
+        z = add_scaled(z, -dot(direction, z), direction)
+        left = math.exp(-out[1] * elapsed)
+        gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
+        set_vector(contact.bristle_now, 0, add(scale(left, z), scale(gain, slip)))
+
+
+@internal
+def _bristle_force(run, joint, contact, normal, slip, speed):
+    """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v.
+
+    With it, how it falls with velocities across it.
+    """
+    _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell_now)
+    out = run.law_numbers
+    damper = out[3] * out[0]
+    pull = out[2] - out[3] * out[1]
+    force = add(scale(-pull, get_vector(contact.bristle_now, 0)), scale(-damper, slip))
+    size = norm(force)
+    if size > out[5]:
+        force = scale(out[5] / size, force)
+        damper *= out[5] / size
+    return add_scaled(force, -out[4], slip), damper + out[4]
+
+
+@internal
+def _bristle_slope(run, joint, contact, slip):
+    """Direction of sliding, the bristles' force per velocity along it, and its fall across."""
+    speed, normal = contact.speed, contact.normal_now
+    more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
+    force, across = _bristle_force(run, joint, contact, normal, slip, speed)
+    if speed <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), across
+    t = scale(1.0 / speed, slip)
+    further, _ = _bristle_force(
+        run, joint, contact, normal, add_scaled(slip, more, t), speed + more
+    )
+    return t, scale(1.0 / more, add_scaled(further, -1.0, force)), across
+
+
+@internal
+def _friction_slope(joint, contact, slip):
+    """Direction of sliding, friction (eqs 20, 21) per velocity along it, and its fall across."""
+    speed, normal, mu = contact.speed, contact.normal_now, contact.mu
+    law = address_of(joint.friction_parameters)
+    more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
+    rise = (call_friction(joint.friction_law, (speed + more, law)) - mu) / more
+    if speed <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), rise * normal
+    t = scale(1.0 / speed, slip)
+    return t, scale(-rise * normal, t), mu / speed * normal
+
+
+@internal
+def _add_slope(joint, contact, b):
+    """Add the slope of a force at a contact, matrix `b` (3 columns), to the joint's: X^T b X."""
+    arm, wrench_slope = get_vector(contact.arm, 0), joint.wrench_slope
+    for c in range(3):
+        turned = cross(arm, b[c])
+        for r in range(3):
+            wrench_slope[r, c] += b[c][r]
+            wrench_slope[3 + r, c] += turned[r]
+    # The velocity of the point is u + w x r: columns of b (-[r]).
+    x, y, z = arm
+    columns = (
+        add_scaled(scale(-z, b[1]), y, b[2]),
+        add_scaled(scale(z, b[0]), -x, b[2]),
+        add_scaled(scale(-y, b[0]), x, b[1]),
+    )
+    for c in range(3):
+        turned = cross(arm, columns[c])
+        for r in range(3):
+            wrench_slope[r, 3 + c] += columns[c][r]
+            wrench_slope[3 + r, 3 + c] += turned[r]
+
+
+@internal
+def add_contact_slope(run, j, joint):
+    """Add the derivative of the wrench by the twist; after `add_contact_forces`."""
+    if joint.resultant != 0:
+        add_element_slope(joint)
+        return
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        if contact.touching == 0:
+            continue
+        rate, slip, _ = _find_contact_velocity(joint, contact)
+        if joint.bristles != 0:
+            t, b, fall = _bristle_slope(run, joint, contact, slip)
+            mu = 0.0  # what the normal force does to the bristles is left to the next trial
+        else:
+            t, b, fall = _friction_slope(joint, contact, slip)
+            mu = contact.mu
+        more = contact.reference * _DIFFERENCE
+        higher, _, _ = _normal_force(joint, contact, rate + more)
+        damping = (higher - contact.normal_now) / more
+        n = get_vector(contact.direction, 0)
+        a = add_scaled(scale(-damping, n), mu * damping, t)
+        # a n^T + b t^T - fall (1 - n n^T - t t^T), column by column
+        a, b = add_scaled(a, fall, n), add_scaled(b, fall, t)
+        columns = (
+            add(add(scale(n[0], a), scale(t[0], b)), (-fall, 0.0, 0.0)),
+            add(add(scale(n[1], a), scale(t[1], b)), (0.0, -fall, 0.0)),
+            add(add(scale(n[2], a), scale(t[2], b)), (0.0, 0.0, -fall)),
+        )
+        _add_slope(joint, contact, columns)
+
+
+@internal
+def add_contact_forces(run, j, joint):
+    """Add the contact forces at the joint's twist to its wrench."""
+    if joint.resultant != 0:
+        add_element_forces(run, j, joint)
+        return
+    wrench = joint.wrench
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        if contact.touching == 0:
+            continue
+        rate, slip, speed = _find_contact_velocity(joint, contact)
+        normal, approach, reference = _normal_force(joint, contact, rate)
+        contact.rate, contact.speed = rate, speed
+        contact.approach, contact.reference = approach, reference
+        if joint.bristles != 0:
+            friction, _ = _bristle_force(run, joint, contact, normal, slip, speed)
+        else:
+            law = address_of(joint.friction_parameters)
+            contact.mu = call_friction(joint.friction_law, (speed, law))
+            friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
+        contact.normal_now = normal
+        contact.tangential_now = norm(friction)
+        contact.friction_power = -dot(friction, slip)
+        force = add_scaled(friction, normal, get_vector(contact.direction, 0))
+        set_vector(contact.force, 0, force)
+        moment = cross(get_vector(contact.arm, 0), force)
+        for r in range(3):
+            wrench[r] += force[r]
+            wrench[3 + r] += moment[r]
+
+
+@internal
+def add_dissipation(run, j, joint):
+    """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
+    if joint.resultant != 0:
+        add_element_losses(run, joint)
+        return
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        if contact.touching == 0:
+            continue
+        run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
+        run.power[FRICTION] += contact.friction_power
+        finite = math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now)
+        if not finite or (joint.bristles == 0 and contact.friction_power < 0.0):
+            record_failure(run, _BAD_FORCE, run.width * j + k)
+
+
+@internal
+def average_stage_forces(joint, contact_rows, stage, part):
+    """Add the forces at a stage to the means over a step, of which it stands for a `part`."""
+    mean, film = joint.mean_force, joint.mean_film_force
+    for r in range(3):
+        mean[r] = part * joint.wrench[r] + (mean[r] if stage > 0 else 0.0)
+        film[r] = part * joint.film_wrench[r] + (film[r] if stage > 0 else 0.0)
+    for k in range(joint.count):
+        contact = contact_rows[k]
+        if stage == 0:
+            contact.mean_normal = 0.0
+            set_vector(contact.mean_friction, 0, (0.0, 0.0, 0.0))
+        if contact.touching != 0:
+            contact.mean_normal += part * contact.normal_now
+            friction = add_scaled(
+                get_vector(contact.force, 0), -contact.normal_now, get_vector(contact.direction, 0)
+            )
+            set_vector(
+                contact.mean_friction,
+                0,
+                add_scaled(get_vector(contact.mean_friction, 0), part, friction),
+            )
+
+
+@internal
+def commit_contacts(run, j, joint, duration):
+    """Accept the contacts' state as one of the trajectory; its forces act for `duration` [s].
+
+    What is kept for record and audit is a force that acted: that of the state, or, where a step
+    has stages, their mean over the step that led to the state.
+    """
+    averaged = run.averaged != 0
+    for k in range(joint.count):
+        contact = run.contacts[j, k]
+        contact.gap_min = min(contact.gap_min, contact.gap)
+        contact.deepest = min(contact.deepest, contact.gap)
+        if averaged:
+            contact.normal = contact.mean_normal
+            contact.tangential = norm(get_vector(contact.mean_friction, 0))
+        elif contact.touching != 0:
+            contact.normal, contact.tangential = contact.normal_now, contact.tangential_now
+        else:
+            contact.normal = contact.tangential = 0.0
+        impulse = contact.normal * duration
+        contact.impulse += impulse
+        contact.normal_peak = max(contact.normal_peak, contact.normal)
+        if contact.touching == 0:
+            if contact.gap >= 0.0 and contact.steps > 0.0:
+                run.events += 1
+                contact.own_impulse += impulse
+                _end_contact(contact)
+            continue
+        if contact.steps == 0.0:
+            run.events += 1
+            contact.onsets += 1.0
+            contact.own_impulse = 0.0
+        contact.ddelta0 = contact.approach
+        contact.steps += 1.0
+        contact.own_impulse += impulse
+        if joint.bristles != 0:
+            set_vector(contact.bristle, 0, get_vector(contact.bristle_now, 0))
+            contact.dwell = contact.dwell_now
+        if k < joint.wearing:
+            _count_sliding(joint, k, get_vector(contact.direction, 0), impulse * contact.speed)
+    force = get_vector(joint.mean_force, 0) if averaged else get_vector(joint.wrench, 0)
+    set_vector(joint.impulse, 0, add_scaled(get_vector(joint.impulse, 0), duration, force))
+    square = dot(force, force)
+    if square > joint.peak_square:
+        joint.peak_square = square
+        set_vector(joint.peak, 0, force)
+
+
+@internal
+def _end_contact(contact):
+    """Count a contact that has ended, and how well it was resolved."""
+    contact.ended += 1.0
+    contact.fastest = max(contact.fastest, contact.ddelta0)
+    contact.shortest = min(contact.shortest, contact.steps)
+    if contact.steps < WELL_RESOLVED_STEPS:
+        contact.under += 1.0
+        contact.impulse_under += contact.own_impulse
+    contact.steps = 0.0
+    contact.dwell = 0.0
+    set_vector(contact.bristle, 0, (0.0, 0.0, 0.0))
+
+
+@internal
+def _count_sliding(joint, k, direction, work):
+    """Add normal force times sliding distance to the two azimuths beside the contact's place."""
+    counted = joint.sliding_work
+    place = math.atan2(-direction[1], -direction[0]) * (AZIMUTHS / (2.0 * math.pi))
+    whole = math.floor(place)
+    part = place - whole
+    at = int(whole) % AZIMUTHS
+    counted[k, at] += (1.0 - part) * work
+    counted[k, (at + 1) % AZIMUTHS] += part * work

@@ -1,0 +1,152 @@
+"""What acts on single coordinates: drives and joint friction."""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import internal
+from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
+from jointplay.physics.kernel.words import JOINT_FRICTION_SPEED
+
+
+@internal
+def reference_rows(run, time):
+    """Rows of the reference (3, nu) before and after a time; how far between them (0 to 1)."""
+    place = time / run.reference_interval
+    node = min(int(place), run.nref - 2)
+    return run.reference[node], run.reference[node + 1], min(place - node, 1.0)
+
+
+@internal
+def between_rows(before, after, part, kind, column):
+    """Position (kind 0), speed (1) or effort (2) of a column of the reference between two rows."""
+    return before[kind, column] + part * (after[kind, column] - before[kind, column])
+
+
+@internal
+def prescribe_motion(run, q, v, time):
+    """Set prescribed coordinates to the reference, and keep armature x acceleration in drive.
+
+    Cubic Hermite interpolation between the nodes of the reference.
+    """
+    before, after, s = reference_rows(run, time)
+    h = run.reference_interval
+    effort = run.drive
+    for row in run.drives:
+        if row.armature <= 0.0:
+            continue
+        i, u = row.coordinate, row.column
+        q0, v0 = before[0, u], h * before[1, u]
+        rise, v1 = after[0, u] - q0, h * after[1, u]
+        b, c = 3.0 * rise - 2.0 * v0 - v1, v0 + v1 - 2.0 * rise
+        q[i] = q0 + s * (v0 + s * (b + s * c))
+        v[i] = (v0 + s * (2.0 * b + 3.0 * s * c)) / h
+        effort[i] = row.armature * (2.0 * b + 6.0 * s * c) / (h * h)
+
+
+@internal
+def apply_drives(run, q, v, time, tau):
+    """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
+    before, after, part = reference_rows(run, time)
+    effort = run.drive
+    for one in run.drives:
+        i = one.coordinate
+        if one.armature <= 0.0:  # prescribed: `prescribe_motion` has written it
+            position = between_rows(before, after, part, 0, one.column)
+            speed = between_rows(before, after, part, 1, one.column)
+            forward = between_rows(before, after, part, 2, one.column)
+            encoder = one.encoder
+            one.taken_at = v[encoder]
+            effort[i] = forward + one.kp * (position - q[encoder]) + one.kd * (speed - v[encoder])
+            if abs(effort[i]) > one.limit:
+                effort[i] = math.copysign(one.limit, effort[i])
+        tau[i] += effort[i]
+
+
+@internal
+def apply_drive_damping(run, v, tau):
+    """Add what implicit drives' damping changes at the speeds v, against those taken before.
+
+    Where a drive carries far more than its own coordinate's inertia, play between the two, its
+    damping is stiff: a journal that flies has only its own inertia to oppose.
+    """
+    effort = run.drive
+    for one in run.drives:
+        if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
+            tau[one.coordinate] -= one.kd * (v[one.encoder] - one.taken_at)
+
+
+@internal
+def complete_drives(run, v):
+    """Move what implicit damping changed into the drives' efforts, the velocity v found."""
+    effort, forces = run.drive, run.velocity_forces
+    for one in run.drives:
+        i = one.coordinate
+        if one.implicit != 0 and abs(effort[i]) < one.limit:
+            change = one.kd * (v[one.encoder] - one.taken_at)
+            effort[i] -= change
+            forces[i] += change
+            one.taken_at = v[one.encoder]
+
+
+@internal
+def add_drive_power(run, v):
+    """Add the power of the drives whose effort is known to the powers."""
+    effort = run.drive
+    for one in run.drives:
+        if one.armature <= 0.0:
+            run.power[DRIVE] += effort[one.coordinate] * v[one.coordinate]
+
+
+@internal
+def add_prescribed_power(run, v, a):
+    """Complete the effort of prescribed motion, the acceleration known, and add its power."""
+    effort = run.drive
+    for one in run.drives:
+        if one.armature > 0.0:
+            i = one.coordinate
+            effort[i] -= one.armature * a[i]
+            run.power[DRIVE] += effort[i] * v[i]
+
+
+@internal
+def _joint_friction(row, speed):
+    """Friction at a speed, and its slope."""
+    ratio = speed / row.stribeck
+    excess = row.stiction * math.exp(-ratio * ratio)
+    turn = math.tanh(speed / JOINT_FRICTION_SPEED)
+    rise = (1.0 - turn * turn) / JOINT_FRICTION_SPEED
+    dry = row.coulomb + excess
+    slope = dry * rise - 2.0 * ratio / row.stribeck * excess * turn + row.viscous
+    return dry * turn + row.viscous * speed, slope
+
+
+@internal
+def apply_joint_friction(run, v, tau):
+    """Subtract the joints' own friction from tau."""
+    for row in run.frictions:
+        i = row.coordinate
+        friction, _ = _joint_friction(row, v[i])
+        tau[i] -= friction
+
+
+@internal
+def add_joint_slopes(run, v):
+    """Add the derivatives of joint friction and implicit drives by velocity to the slope."""
+    slope, place = run.slope, run.place
+    effort = run.drive
+    for one in run.drives:
+        if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
+            slope[place[one.coordinate], place[one.encoder]] -= one.kd
+    for row in run.frictions:
+        i = place[row.coordinate]
+        _, rise = _joint_friction(row, v[row.coordinate])
+        slope[i, i] -= rise
+
+
+@internal
+def add_joint_losses(run, v):
+    """Add the power dissipated in joint friction at velocities v."""
+    for row in run.frictions:
+        friction, _ = _joint_friction(row, v[row.coordinate])
+        run.power[JOINT_FRICTION] += friction * v[row.coordinate]

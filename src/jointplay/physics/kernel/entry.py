@@ -1,0 +1,111 @@
+"""The compiled functions through which all kernels are entered.
+
+Three, because a run needs one or two of them and each is compiled when it is first called for:
+`enter` has what the multi-rate method does, `enter_adaptive` its steps of their own choice,
+`enter_single` the single-rate methods.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from jointplay.base.compiler import njit
+from jointplay.physics.kernel import adaptive, multirate, singlerate
+from jointplay.physics.kernel import record as records
+from jointplay.physics.kernel.access import TABLE
+from jointplay.physics.kernel.sources import stamp
+from jointplay.physics.kernel.words import REACHED, Command
+
+(
+    _ADVANCE, _PLAN, _RESTART, _START_HALF_STEP, _SYNCHRONIZE, _RECORD_LAST_STATE, _BEGIN,
+    _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA, _CHECK_PREDICTION,
+    _ADVANCE_ADAPTIVELY,
+) = (int(command) for command in Command)  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def enter(table, command) -> int:
+    """Carry out a `Command` of the multi-rate method on a run (`layout.RUN`, an array of one).
+
+    Returns the run's status, or `REACHED`, where `ADVANCE` has come to the step that it should not
+    go beyond.
+    """
+    run = table[0]
+    if command == _ADVANCE:
+        multirate.advance(run)
+        if run.status == 0 and run.step >= run.until:
+            return REACHED
+    elif command == _CHECK_PREDICTION:
+        multirate.check_prediction(run)
+    elif command == _SYNCHRONIZE:
+        multirate.synchronize(run)
+    elif command == _PLAN:
+        multirate.plan_macro_step(run)
+    elif command == _RESTART:
+        multirate.restart(run)
+    elif command == _START_HALF_STEP:
+        multirate.start_half_step(run)
+    elif command == _RECORD_LAST_STATE:
+        multirate.record_last_state(run)
+    return run.status
+
+
+@njit(cache=True, error_model="numpy")
+def enter_adaptive(table, command) -> int:
+    """Do the multi-rate method's `ADVANCE_ADAPTIVELY` on a run; returns what `enter` does."""
+    run = table[0]
+    if command == _ADVANCE_ADAPTIVELY:
+        adaptive.advance_adaptively(run)
+        if run.status == 0 and run.step >= run.until:
+            return REACHED
+    return run.status
+
+
+@njit(cache=True, error_model="numpy")
+def enter_single(table, command) -> int:
+    """Carry out a `Command` of the single-rate methods on a run; returns its status."""
+    run = table[0]
+    if command == _EULER:
+        singlerate.semi_implicit_euler(run)
+    elif command == _RUNGE_KUTTA:
+        singlerate.runge_kutta_4(run)
+    elif command == _EVALUATE_FORCES:
+        singlerate.evaluate_forces(run)
+    elif command in (_BEGIN, _REFRESH):
+        singlerate.begin(run, command == _BEGIN)
+    elif command == _COMPLETE_STEP:
+        records.complete_step(run)
+    elif command == _RECORD:
+        records.complete_step(run)
+        records.write_record(run)
+    return run.status
+
+
+ENTRIES = (enter, enter_adaptive, enter_single)
+
+_SINGLE = (_BEGIN, _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA)
+
+for _entry in ENTRIES:
+    stamp(_entry)
+
+
+def entry_of(command: Command) -> Any:
+    """The one of `ENTRIES` that carries out a command."""
+    if command == Command.ADVANCE_ADAPTIVELY:
+        return enter_adaptive
+    return enter_single if command in _SINGLE else enter
+
+
+def compiled(command: Command = Command.ADVANCE) -> Any:
+    """Compile the entry for a command or load it, and return the function behind the dispatcher.
+
+    To call it directly saves the dispatcher's look at the arguments, half of what a call costs.
+    """
+    return _compiled(entry_of(command))
+
+
+@cache
+def _compiled(entry: Any) -> Any:
+    entry.compile(TABLE)
+    return entry.overloads[TABLE].entry_point

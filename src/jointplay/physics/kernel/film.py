@@ -1,0 +1,164 @@
+"""The oil between journal and bore: what its sections do to the journal."""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import address_of, internal
+from jointplay.physics.contact.calls import call_film
+from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.frames import add, add_scaled, cross, get_vector, scale
+from jointplay.physics.kernel.layout import FILM
+from jointplay.physics.kernel.words import Status
+
+_BAD_FORCE = int(Status.BAD_FORCE)
+_DIFFERENCE = 1e-4
+"""Relative difference of a section's speed by which the film is differentiated."""
+
+
+@internal
+def _evaluate_law(run, joint, e, part, direction, velocity):
+    """Force (2) of a section along x and y, its moment, and its damping, at a velocity (x, y)."""
+    clearance = joint.clearance
+    ratio = min(e / clearance, joint.thinnest)
+    ex, ey = direction
+    rate, whirl = ex * velocity[0] + ey * velocity[1], ex * velocity[1] - ey * velocity[0]
+    state = ratio, rate / clearance, whirl / clearance, joint.twist[5]
+    law, numbers = address_of(joint.film_parameters), address_of(run.law_numbers)
+    call_film(joint.film_law, (*state, law, numbers))
+    out = run.law_numbers
+    along_line, across, turn, damping = out[0], out[1], out[2], out[3]
+    return (
+        part * (ex * along_line - ey * across),
+        part * (ey * along_line + ex * across),
+        part * turn,
+        part * damping,
+    )
+
+
+@internal
+def _section_state(joint, section):
+    """Where a section stands: its arm, eccentricity, direction of it, and share of the film."""
+    pose = joint.pose
+    height = joint.section * (1.0 - 2.0 * section)
+    arm = scale(height, (pose[5], pose[8], pose[11]))
+    px, py = pose[0] + arm[0], pose[1] + arm[1]
+    e = math.sqrt(px * px + py * py)
+    direction = (px / e, py / e) if e > 0.0 else (1.0, 0.0)
+    part = 1.0 / joint.sections
+    if e > joint.clearance:
+        part *= max(1.0 - (e - joint.clearance) / joint.transition, 0.0)
+    return arm, e, direction, part
+
+
+@internal
+def _lagged_force(run, joint, section, place, velocity):
+    """Force and moment of a section for an explicit step, which cannot follow a stiff film.
+
+    Where dt C/m is not small the force is a mean of what the law says and of the force of the last
+    step, weighted so that a mass m stays stable; a steady force is exact (docs/theory.md).
+    """
+    e, part, direction = place
+    memory = joint.film_memory
+    fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, velocity)
+    stiff = damping * run.dt / joint.lag_mass
+    ahead = stiff / (1.0 + stiff)
+    if memory[section, 4] > 0.0 and ahead > 0.0:
+        ux = velocity[0] + ahead * (velocity[0] - memory[section, 2])
+        uy = velocity[1] + ahead * (velocity[1] - memory[section, 3])
+        fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, (ux, uy))
+        stiff = damping * run.dt / joint.lag_mass
+        ahead = stiff / (1.0 + stiff)
+    else:
+        ahead = 0.0
+    fx = (1.0 - ahead) * fx + ahead * memory[section, 0]
+    fy = (1.0 - ahead) * fy + ahead * memory[section, 1]
+    return fx, fy, turn
+
+
+@internal
+def _add_slope(run, joint, place, velocity, arm, force):
+    """Add the slope of a section's force with its velocity to the joint's."""
+    e, part, direction = place
+    size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
+    more = _DIFFERENCE * size + 1e-9
+    wrench_slope = joint.wrench_slope
+    for c in range(2):
+        ux = velocity[0] + (more if c == 0 else 0.0)
+        uy = velocity[1] + (more if c == 1 else 0.0)
+        fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, (ux, uy))
+        column = ((fx - force[0]) / more, (fy - force[1]) / more, 0.0)
+        turned = cross(arm, column)
+        # Velocity of the section per angular velocity: row c of -[arm].
+        lever = (0.0, arm[2], -arm[1]) if c == 0 else (-arm[2], 0.0, arm[0])
+        for r in range(3):
+            wrench_slope[r, c] += column[r]
+            wrench_slope[3 + r, c] += turned[r]
+            for k in range(3):
+                wrench_slope[r, 3 + k] += column[r] * lever[k]
+                wrench_slope[3 + r, 3 + k] += turned[r] * lever[k]
+
+
+@internal
+def add_film_forces(run, joint, lag):
+    """Add the film's forces at the joint's twist to its wrench.
+
+    With `lag` the force is that of an explicit step.
+    """
+    wrench, film = joint.wrench, joint.film_wrench
+    for r in range(6):
+        film[r] = 0.0
+    for section in range(joint.sections):
+        arm, e, direction, part = _section_state(joint, section)
+        if part <= 0.0:
+            continue
+        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
+        velocity, place = (at[0], at[1]), (e, part, direction)
+        if lag:
+            fx, fy, turn = _lagged_force(run, joint, section, place, velocity)
+        else:
+            fx, fy, turn, _ = _evaluate_law(run, joint, e, part, direction, velocity)
+        force = (fx, fy, 0.0)
+        moment = add_scaled(cross(arm, force), turn, (0.0, 0.0, 1.0))
+        for r in range(3):
+            film[r] += force[r]
+            film[3 + r] += moment[r]
+    for r in range(6):
+        wrench[r] += film[r]
+
+
+@internal
+def add_film_slope(run, joint):
+    """Add the derivative of the film's wrench by the joint's twist."""
+    for section in range(joint.sections):
+        arm, e, direction, part = _section_state(joint, section)
+        if part <= 0.0:
+            continue
+        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
+        velocity = (at[0], at[1])
+        fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, velocity)
+        _add_slope(run, joint, (e, part, direction), velocity, arm, (fx, fy))
+
+
+@internal
+def add_film_losses(run, j, joint):
+    """Add the power dissipated in the film; stop the run where its law has failed."""
+    wrench, twist = joint.film_wrench, joint.twist
+    for r in range(6):
+        run.power[FILM] -= wrench[r] * twist[r]
+    if not math.isfinite(wrench[0] + wrench[1] + wrench[5]):
+        record_failure(run, _BAD_FORCE, run.width * j)
+
+
+@internal
+def commit_film(run, joint):
+    """Keep the sections' force and velocity for the lag of the next explicit step."""
+    memory = joint.film_memory
+    for section in range(joint.sections):
+        arm, e, direction, part = _section_state(joint, section)
+        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
+        fx, fy = 0.0, 0.0
+        if part > 0.0:
+            fx, fy, _ = _lagged_force(run, joint, section, (e, part, direction), (at[0], at[1]))
+        memory[section, 0], memory[section, 1] = fx, fy
+        memory[section, 2], memory[section, 3], memory[section, 4] = at[0], at[1], 1.0

@@ -1,0 +1,245 @@
+"""Pose and motion of a journal in its bearing, and the way back: forces on the coordinates.
+
+Where bearing and journal are neighbours in the tree, joined by the six coordinates of the virtual
+link, both are known from these coordinates. Otherwise - a loop cut at the joint, a locked freedom,
+bearing and journal exchanged - they come from frames and Jacobians: Pinocchio's for single-rate
+methods, those of `bodies` for the multi-rate one.
+
+A contact wrench needs no external force: the force F on the journal and its reaction -F on the
+bearing, at the same point, *are* a generalised force tau += J^T w, J being the motion of the
+journal relative to the bearing: the F_C of eq. 23 "projected on q".
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import internal, njit
+
+# Vectors of three numbers as tuples: what compiled code reckons with. All are inlined.
+
+
+inlined = njit(inline="always", error_model="numpy")
+
+
+@inlined
+def get_vector(array, at):
+    """Three numbers of an array, from index `at` on."""
+    return array[at], array[at + 1], array[at + 2]
+
+
+@inlined
+def set_vector(array, at, a):
+    """Write a vector into an array, from index `at` on."""
+    array[at], array[at + 1], array[at + 2] = a
+
+
+@inlined
+def add(a, b):
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@inlined
+def scale(s, a):
+    """S times a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@inlined
+def add_scaled(a, s, b):
+    """a + s b."""
+    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
+
+
+@inlined
+def dot(a, b):
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def cross(a, b):
+    """A x b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@inlined
+def norm(a):
+    """|a|."""
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@internal
+def pose_of_virtual_link(q, joint):
+    """Pose of the journal from the six coordinates of the virtual link: Rz(yaw) Ry(p) Rx(roll)."""
+    first = joint.first
+    cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
+    cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
+    cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
+    pose, sines = joint.pose, joint.sines
+    pose[0], pose[1], pose[2] = q[first], q[first + 1], q[first + 2]
+    pose[3], pose[4], pose[5] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    pose[6], pose[7], pose[8] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    pose[9], pose[10], pose[11] = -sp, cp * sr, cp * cr
+    sines[0], sines[1], sines[2], sines[3] = sy, cy, sp, cp
+
+
+@internal
+def _world_pose(rotation, translation, placement):
+    """World orientation (9, row by row) and place (3) of a placement in a joint's frame.
+
+    Pinocchio's rotations are stored column by column.
+    """
+    r0 = (rotation[0], rotation[3], rotation[6])
+    r1 = (rotation[1], rotation[4], rotation[7])
+    r2 = (rotation[2], rotation[5], rotation[8])
+    p0, p1, p2 = get_vector(placement, 0), get_vector(placement, 3), get_vector(placement, 6)
+    place = get_vector(placement, 9)
+    rows = (
+        add(add(scale(r0[0], p0), scale(r0[1], p1)), scale(r0[2], p2)),
+        add(add(scale(r1[0], p0), scale(r1[1], p1)), scale(r1[2], p2)),
+        add(add(scale(r2[0], p0), scale(r2[1], p1)), scale(r2[2], p2)),
+    )
+    at = (
+        translation[0] + r0[0] * place[0] + r0[1] * place[1] + r0[2] * place[2],
+        translation[1] + r1[0] * place[0] + r1[1] * place[1] + r1[2] * place[2],
+        translation[2] + r2[0] * place[0] + r2[1] * place[1] + r2[2] * place[2],
+    )
+    return rows, at
+
+
+@internal
+def _rotate_back(rows, a):
+    """R^T a for a matrix R given by its rows."""
+    return add(add(scale(a[0], rows[0]), scale(a[1], rows[1])), scale(a[2], rows[2]))
+
+
+@internal
+def pose_of_frames(run, joint, pose, jacobian):
+    """Pose of the journal (12) and `reach` (6, n) from the frames that carry it and its bearing.
+
+    Only coordinates that move one of both and not the other enter, so that a common motion cannot
+    blur what they do.
+    """
+    bearing, origin = _world_pose(
+        joint.bearing_rotation,
+        joint.bearing_translation,
+        joint.bearing_placement,
+    )
+    journal, place = _world_pose(
+        joint.journal_rotation,
+        joint.journal_translation,
+        joint.journal_placement,
+    )
+    set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
+    for i in range(3):
+        row = (0.0, 0.0, 0.0)
+        for k in range(3):
+            row = add_scaled(row, bearing[k][i], journal[k])
+        set_vector(pose, 3 + 3 * i, row)
+    n = joint.nsupport
+    columns = run.world_jacobian
+    support, signs = joint.support, joint.signs
+    for k in range(n):
+        column = columns[support[k]]
+        turning = scale(1.0 * signs[k], get_vector(column, 3))
+        moving = add(scale(1.0 * signs[k], get_vector(column, 0)), cross(turning, place))
+        moving, turning = _rotate_back(bearing, moving), _rotate_back(bearing, turning)
+        for r in range(3):
+            jacobian[r, k] = moving[r]
+            jacobian[3 + r, k] = turning[r]
+
+
+@internal
+def frame_twist(joint, jacobian, v, out):
+    """Motion (6) of what `reach` moves at velocities v."""
+    n = joint.nsupport
+    support = joint.support
+    for r in range(6):
+        total = 0.0
+        for k in range(n):
+            total += jacobian[r, k] * v[support[k]]
+        out[r] = total
+
+
+@internal
+def find_twist(joint, v):
+    """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
+    out = joint.twist
+    if joint.first < 0:
+        frame_twist(joint, joint.jacobian, v, out)
+        return
+    first, sines = joint.first, joint.sines
+    sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
+    out[0], out[1], out[2] = v[first], v[first + 1], v[first + 2]
+    # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
+    out[3] = -sy * v[first + 4] + cy * cp * v[first + 5]
+    out[4] = cy * v[first + 4] + sy * cp * v[first + 5]
+    out[5] = v[first + 3] - sp * v[first + 5]
+
+
+@internal
+def project_wrench(joint, tau):
+    """Project the joint's wrench on the coordinates: tau += J^T w."""
+    wrench = joint.wrench
+    if joint.first < 0:
+        n = joint.nsupport
+        jacobian, support = joint.jacobian, joint.support
+        for k in range(n):
+            total = 0.0
+            for r in range(6):
+                total += jacobian[r, k] * wrench[r]
+            tau[support[k]] += total
+        return
+    first, sines = joint.first, joint.sines
+    sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
+    tau[first] += wrench[0]
+    tau[first + 1] += wrench[1]
+    tau[first + 2] += wrench[2]
+    tau[first + 3] += wrench[5]
+    tau[first + 4] += cy * wrench[4] - sy * wrench[3]
+    tau[first + 5] += cy * cp * wrench[3] + sy * cp * wrench[4] - sp * wrench[5]
+
+
+@internal
+def project_frame_slope(one, place, slope):
+    """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
+    n, wrench_slope = one.nsupport, one.wrench_slope
+    jacobian, support = one.jacobian, one.support
+    for k in range(n):
+        for r in range(6):
+            total = 0.0
+            for c in range(6):
+                total += wrench_slope[r, c] * jacobian[c, k]
+            if total != 0.0:
+                for m in range(n):
+                    slope[place[support[m]], place[support[k]]] += jacobian[r, m] * total
+
+
+@internal
+def project_slope(run, joint):
+    """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
+    slope, wrench_slope = run.slope, joint.wrench_slope
+    place = run.place
+    if joint.first < 0:
+        project_frame_slope(joint, place, slope)
+        return
+    at, sines = place[joint.first], joint.sines
+    sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
+    # Turn the columns, then the rows, of the part that belongs to rotations.
+    for r in range(6):
+        a, b, c = wrench_slope[r, 3], wrench_slope[r, 4], wrench_slope[r, 5]
+        wrench_slope[r, 3], wrench_slope[r, 4] = c, cy * b - sy * a
+        wrench_slope[r, 5] = cy * cp * a + sy * cp * b - sp * c
+    for k in range(6):
+        a, b, c = wrench_slope[3, k], wrench_slope[4, k], wrench_slope[5, k]
+        wrench_slope[3, k], wrench_slope[4, k] = c, cy * b - sy * a
+        wrench_slope[5, k] = cy * cp * a + sy * cp * b - sp * c
+    for r in range(6):
+        for k in range(6):
+            slope[at + r, at + k] += wrench_slope[r, k]

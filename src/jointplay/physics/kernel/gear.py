@@ -1,0 +1,208 @@
+"""Gears between a motor and its joint: elastic beyond their play, with hysteresis and losses.
+
+With the motor's coordinate m and the joint's k, the twist of a gear and its lever are
+
+    twist = m + e(m) - k,    lever = 1 + e'(m),    e(m) = sum of a_i sin(n_i m + phase_i)
+
+e being the kinematic error. The torque on the joint is S(twist) + d d(twist)/dt + z: an elastic
+curve beyond the play with a damper that never make the teeth pull, and the torque z of bristles
+that hold the two sides by friction. The motor feels that torque times the lever, and friction of
+its own. Bristles follow Dahl's law, which knows no time:
+
+    dz/d(twist) = z_max/b (1 - z/z_max sgn(d(twist)))
+
+so that z after a turn follows exactly from z before it. They store b z^2/(2 z_max) and lose
+z^2/z_max per angle.
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import internal, njit
+from jointplay.physics.kernel.layout import GEAR, GEAR_TORQUE
+from jointplay.physics.kernel.words import GEAR_BENDS, JOINT_FRICTION_SPEED
+
+LEAST_TURN = 1e-12
+"""First twist that is tried beyond the last one in a search for a torque [rad]."""
+
+HALVINGS = 64
+"""By which the interval of that search becomes no more than rounding."""
+
+
+@internal
+def _elastic_torque(gear, depth):
+    """Elastic torque at a twist `depth` beyond the play, which is not negative."""
+    torque = start = 0.0
+    for k in range(GEAR_BENDS):
+        end = gear.bend_twists[k]
+        if depth <= end:
+            return torque + gear.slopes[k] * (depth - start)
+        torque, start = gear.bend_torques[k], end
+    return torque + gear.slopes[GEAR_BENDS] * (depth - start)
+
+
+@internal
+def _take_twist(gear, twist):
+    """Find elastic torque and hysteresis at a twist, from the hysteresis at the last one."""
+    gear.twist = twist
+    depth = abs(twist) - gear.half_play
+    gear.elastic = _elastic_torque(gear, depth) if depth > 0.0 else 0.0
+    gear.hysteresis = 0.0
+    if gear.grip > 0.0:
+        turn = twist - gear.last_twist
+        limit = math.copysign(gear.grip, turn)
+        left = math.exp(-abs(turn) / gear.presliding)
+        gear.hysteresis = limit + (gear.last_hysteresis - limit) * left
+
+
+@internal
+def _commit_gear(gear):
+    gear.last_twist, gear.last_hysteresis = gear.twist, gear.hysteresis
+
+
+@internal
+def place_gears(run, q):
+    """Find all that depends on the coordinates alone."""
+    for gear in run.gears:
+        motor = q[gear.motor]
+        error, lever = 0.0, 1.0
+        for k in range(gear.orders):
+            angle = gear.order[k] * motor + gear.phase[k]
+            error += gear.amplitude[k] * math.sin(angle)
+            lever += gear.amplitude[k] * gear.order[k] * math.cos(angle)
+        gear.lever = lever
+        _take_twist(gear, motor + error - q[gear.link])
+
+
+@internal
+def commit_gears(run):
+    """Accept the state of the gears as one of the trajectory."""
+    for gear in run.gears:
+        _commit_gear(gear)
+
+
+@internal
+def mark_gears(run, marks):
+    """Mark the coordinates on which gears act."""
+    for gear in run.gears:
+        if gear.elastic > 0.0 or gear.rubs != 0:
+            marks[gear.motor] = marks[gear.link] = 1.0
+
+
+@internal
+def _held_torque(gear):
+    """Torque that teeth and bristles hold at rest."""
+    return math.copysign(gear.elastic, gear.twist) + gear.hysteresis
+
+
+@internal
+def _tooth_torque(gear, v):
+    """Torque that teeth transmit, the side in contact, and the teeth's rate."""
+    if gear.elastic <= 0.0:
+        return 0.0, 0.0, 0.0
+    side = math.copysign(1.0, gear.twist)
+    rate = side * (gear.lever * v[gear.motor] - v[gear.link])
+    return max(gear.elastic + gear.damping * rate, 0.0), side, rate  # teeth never pull
+
+
+@internal
+def _gear_friction(gear, speed):
+    """Friction on the motor at its speed, and its slope.
+
+    It grows with the torque that the gear holds: by one part where the motor drives, by another
+    where it is driven.
+    """
+    if gear.rubs == 0:
+        return 0.0, 0.0
+    held = _held_torque(gear)
+    part = gear.driving_loss if held * speed > 0.0 else gear.driven_loss
+    dry = gear.running_torque + part * abs(held)
+    turn = math.tanh(speed / JOINT_FRICTION_SPEED)
+    slope = dry * (1.0 - turn * turn) / JOINT_FRICTION_SPEED + gear.viscous
+    return dry * turn + gear.viscous * speed, slope
+
+
+@internal
+def apply_gears(run, v, tau):
+    """Add the torques at the velocities v, after `place_gears`."""
+    for gear in run.gears:
+        torque, side, _ = _tooth_torque(gear, v)
+        gear.torque = side * torque + gear.hysteresis
+        friction, _ = _gear_friction(gear, v[gear.motor])
+        tau[gear.motor] -= gear.lever * gear.torque + friction
+        tau[gear.link] += gear.torque
+
+
+@internal
+def add_gear_slopes(run, v):
+    """Add the derivatives of the torques by velocity to the slope."""
+    slope, place = run.slope, run.place
+    for gear in run.gears:
+        m, k = place[gear.motor], place[gear.link]
+        _, rise = _gear_friction(gear, v[gear.motor])
+        slope[m, m] -= rise
+        torque, _, _ = _tooth_torque(gear, v)
+        if torque > 0.0:
+            slope[m, m] -= gear.lever * gear.lever * gear.damping
+            slope[k, k] -= gear.damping
+            slope[m, k] += gear.lever * gear.damping
+            slope[k, m] += gear.lever * gear.damping
+
+
+@internal
+def add_gear_losses(run, v):
+    """Add the power dissipated at the velocities v."""
+    for gear in run.gears:
+        torque, _, rate = _tooth_torque(gear, v)
+        friction, _ = _gear_friction(gear, v[gear.motor])
+        run.power[GEAR] += (torque - gear.elastic) * rate + friction * v[gear.motor]
+        if gear.grip > 0.0:
+            slip = abs(gear.lever * v[gear.motor] - v[gear.link])
+            run.power[GEAR] += gear.hysteresis * gear.hysteresis / gear.grip * slip
+
+
+@internal
+def record_gears(run, row):
+    """Write torque and hysteresis of each gear into a record's row."""
+    at = run.columns[GEAR_TORQUE]
+    for gear in run.gears:
+        row[at] = gear.torque
+        row[at + 1] = gear.hysteresis
+        at += 2
+
+
+@njit(cache=True, error_model="numpy")
+def turn_slowly(row, torques, twists):
+    """Load a gear with one torque after another, at no speed, from where `row` has it.
+
+    Where several twists bear a torque the gear goes no farther than to the first.
+
+    Args:
+        row: of `layout.GEAR_ROW`, shape (1,); it keeps where the gear ends.
+        torques: (n,) [N m].
+        twists: result, (n,) [rad].
+    """
+    gear = row[0]
+    for i in range(len(torques)):
+        begin = gear.last_twist
+        _take_twist(gear, begin)
+        missing = torques[i] - _held_torque(gear)
+        if missing != 0.0:
+            way = math.copysign(1.0, missing)
+            low, high = 0.0, LEAST_TURN
+            while True:
+                _take_twist(gear, begin + way * high)
+                if not way * (_held_torque(gear) - torques[i]) < 0.0:
+                    break
+                low, high = high, 2.0 * high
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                _take_twist(gear, begin + way * middle)
+                if way * (_held_torque(gear) - torques[i]) < 0.0:
+                    low = middle
+                else:
+                    high = middle
+            _take_twist(gear, begin + way * high)
+        _commit_gear(gear)
+        twists[i] = gear.twist

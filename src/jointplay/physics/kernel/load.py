@@ -1,0 +1,262 @@
+"""Loads whose laws are called by address: springs, wrenches, stops, controllers, a user's own.
+
+A law is a compiled function
+
+    law(time, x, dx, p, out)
+
+of the time [s] and what it reads. Between two frames x is the pose of the second one in the first
+(origin, then orientation row by row), dx its velocity and angular velocity there, and out the
+wrench on it: force, then moment about its origin, in axes of the first frame, whose body gets the
+opposite. On coordinates x and dx are positions and velocities, out the efforts. p are numbers of
+the load.
+
+What a load answers at rest, law(time, x, 0), does not depend on velocity if it stores energy; the
+rest does, and takes part in the velocity solve. A load that stores none is evaluated at velocities
+extrapolated by half a step, as drives are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import types
+
+from jointplay.base.compiler import NUMBERS, address_of, calling, internal, pointer
+from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
+from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
+from jointplay.physics.kernel.words import ALWAYS, IF_PRESSED, Status
+
+_BAD_LOAD = int(Status.BAD_LOAD)
+
+LOAD_LAW = types.void(types.float64, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
+"""Signature of a load's law."""
+
+_DIFFERENCE = 1e-6
+"""Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
+
+
+_call = calling(LOAD_LAW)
+
+
+@internal
+def _evaluate_law(load, time):
+    """Evaluate the law at the load's present inputs, into `out`."""
+    inputs = address_of(load.place), address_of(load.rate)
+    _call(load.law, (time, *inputs, pointer(load.numbers), address_of(load.out)))
+    out, bounds = load.out, load.bounds
+    for i in range(bounds.size):
+        if abs(out[i]) > bounds[i]:
+            out[i] = math.copysign(bounds[i], out[i])
+
+
+@internal
+def _read_positions(load, q):
+    """Copy the coordinates on which the load depends into its x."""
+    inputs, place = load.inputs, load.place
+    for k in range(load.ninputs):
+        place[k] = q[inputs[k]]
+
+
+@internal
+def _read_velocities(load, v):
+    """Copy the velocities on which the load depends into its dx."""
+    if load.frames != 0:
+        frame_twist(load, load.jacobian, v, load.twist)
+        return
+    inputs, rate = load.inputs, load.rate
+    for k in range(load.ninputs):
+        rate[k] = v[inputs[k]]
+
+
+@internal
+def _evaluate_law_at_rest(load, time):
+    """Evaluate the law at zero velocity, into `out` and `elastic`."""
+    rate = load.rate
+    for k in range(rate.size):
+        rate[k] = 0.0
+    _evaluate_law(load, time)
+    out, elastic = load.out, load.elastic[0]
+    for i in range(out.size):
+        elastic[i] = out[i]
+
+
+@internal
+def _project_forces(load, sign, forces, tau):
+    """Add the generalised forces of `forces`, times `sign`, to tau."""
+    if load.frames != 0:
+        jacobian, support = load.jacobian, load.support
+        for k in range(support.size):
+            total = 0.0
+            for r in range(6):
+                total += jacobian[r, k] * forces[r]
+            tau[support[k]] += sign * total
+        return
+    outputs = load.outputs
+    for k in range(outputs.size):
+        tau[outputs[k]] += sign * forces[k]
+
+
+@internal
+def evaluate_loads(run, q, v, marks):
+    """Answer of all loads at q, but for what depends on velocity: into `load_forces`.
+
+    Coordinates on which the rest acts are marked. v are the extrapolated velocities.
+    """
+    tau = run.load_forces
+    for i in range(run.nv):
+        tau[i] = 0.0
+    for load in run.loads:
+        if load.frames != 0:
+            pose_of_frames(run, load, load.pose, load.jacobian)
+        else:
+            _read_positions(load, q)
+        load.active = 0
+        if load.stores == 0:
+            _read_velocities(load, v)
+            _evaluate_law(load, run.time)
+            _project_forces(load, 1.0, load.out, tau)
+            continue
+        _evaluate_law_at_rest(load, run.time)
+        elastic = load.elastic[0]
+        _project_forces(load, 1.0, elastic, tau)
+        pressed = load.implicit == ALWAYS
+        if load.implicit == IF_PRESSED:
+            for i in range(elastic.size):
+                pressed = pressed or elastic[i] != 0.0
+        if not pressed:
+            continue
+        load.active = 1
+        moved = load.support if load.frames != 0 else load.outputs
+        for k in range(moved.size):
+            marks[moved[k]] = 1.0
+
+
+@internal
+def apply_loads(run, base, h):
+    """Add the forces from `evaluate_loads` to tau, and their impulse over h to the velocities."""
+    nv = run.nv
+    forces, tau = run.load_forces, run.tau
+    minv = run.minv
+    for k in range(nv):
+        if forces[k] == 0.0:
+            continue
+        tau[k] += forces[k]
+        for i in range(nv):
+            base[i] += h * minv[i, k] * forces[k]
+
+
+@internal
+def apply_velocity_loads(run, v, tau):
+    """Add the velocity-dependent part of the loads to tau."""
+    for load in run.loads:
+        if load.active == 0:
+            continue
+        _read_velocities(load, v)
+        _evaluate_law(load, run.time)
+        _project_forces(load, 1.0, load.out, tau)
+        _project_forces(load, -1.0, load.elastic[0], tau)
+
+
+@internal
+def add_load_slopes(run):
+    """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
+    slope, place = run.slope, run.place
+    for load in run.loads:
+        if load.active == 0:
+            continue
+        frames, rate, out, kept = load.frames != 0, load.rate, load.out, load.elastic[1]
+        for i in range(out.size):
+            kept[i] = out[i]
+        for c in range(rate.size):
+            now = rate[c]
+            more = _DIFFERENCE * (abs(now) + 1.0)
+            rate[c] = now + more
+            _evaluate_law(load, run.time)
+            rate[c] = now
+            for r in range(out.size):
+                rise = (out[r] - kept[r]) / more
+                if frames:
+                    load.wrench_slope[r, c] = rise
+                elif rise != 0.0:
+                    i, k = load.outputs[r], load.inputs[c]
+                    slope[place[i], place[k]] += rise
+        for i in range(out.size):
+            out[i] = kept[i]
+        if frames:
+            project_frame_slope(load, place, slope)
+
+
+@internal
+def find_load_powers(run, v):
+    """Powers of the loads at velocities v; stops the run where a law has failed."""
+    for index in range(run.nl):
+        load = run.loads[index]
+        out, elastic, outputs = load.out, load.elastic[0], load.outputs
+        _read_velocities(load, v)
+        if load.stores != 0 and load.implicit != 0 and load.active == 0:
+            for i in range(out.size):
+                out[i] = elastic[i]
+        total, finite = 0.0, True
+        for i in range(out.size):
+            finite = finite and math.isfinite(out[i])
+            speed = load.twist[i] if load.frames != 0 else v[outputs[i]]
+            total += (out[i] - elastic[i] if load.stores != 0 else out[i]) * speed
+        load.power = total
+        if not finite:
+            record_failure(run, _BAD_LOAD, index)
+
+
+@internal
+def apply_current_loads(run, q, v, time, tau):
+    """Add the forces of all loads at state (q, v) to tau, and find their powers."""
+    for load in run.loads:
+        if load.frames != 0:
+            pose_of_frames(run, load, load.pose, load.jacobian)
+        else:
+            _read_positions(load, q)
+        if load.stores != 0:
+            _evaluate_law_at_rest(load, time)
+        load.active = 1
+        _read_velocities(load, v)
+        _evaluate_law(load, time)
+        _project_forces(load, 1.0, load.out, tau)
+    find_load_powers(run, v)
+
+
+@internal
+def add_load_work(run, duration):
+    """Add the loads' work at their present powers over `duration`."""
+    for load in run.loads:
+        load.work += duration * load.power
+
+
+@internal
+def complete_load_work(run):
+    """Complete the works of a single-rate step by the trapezoidal rule, if they are pending."""
+    for load in run.loads:
+        if run.pending != 0:
+            load.work += 0.5 * run.dt * (load.before + load.power)
+        load.before = load.power
+
+
+@internal
+def add_stage_work(run, stage, weight):
+    """Add a stage's part to the works of a Runge-Kutta step; with the fourth they are done."""
+    for load in run.loads:
+        load.gathered = weight * load.power + (0.0 if stage == 0 else load.gathered)
+        if stage == 3:
+            load.work += load.gathered
+
+
+@internal
+def record_loads(run, row):
+    """Write answers and works into a record's row."""
+    at = run.columns[LOAD_FORCE]
+    for index in range(run.nl):
+        load = run.loads[index]
+        out = load.out
+        for i in range(out.size):
+            row[at + i] = out[i]
+        at += out.size
+        row[run.columns[LOAD_WORK] + index] = load.work

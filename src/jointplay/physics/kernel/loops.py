@@ -1,0 +1,141 @@
+"""Loops without clearance: the inverse mass matrix and the acceleration of the closed mechanism.
+
+Points p and p' are held together: J a + g = 0, J the Jacobian of p - p', g its acceleration at
+constant speeds. From Pinocchio's M^-1 and a of the open tree follow, row j of J by row,
+
+    u = M^-1 j / sqrt(j M^-1 j),    a <- a - u (j a + g) / sqrt(j M^-1 j),    M^-1 <- M^-1 - u u^T
+
+the row with the largest j M^-1 j first. Rows that depend linearly on others are left with
+j M^-1 j = 0 and are skipped. The same steps correct the drift of loops.
+"""
+
+from __future__ import annotations
+
+from jointplay.base.compiler import internal
+from jointplay.physics.kernel.access import flat
+from jointplay.physics.kernel.bodies import (
+    find_body_rates,
+    matrix_times_vector,
+    place_bodies,
+    point_acceleration,
+)
+from jointplay.physics.kernel.frames import add, cross, get_vector
+
+REDUNDANT = 1e-10
+"""Rows of less inverse mass than this, relative to the first one's, are redundant."""
+
+
+@internal
+def _add_point_rows(run, k, sign, at, place, residual, moving):
+    """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
+    rows = run.loop_rows
+    columns, every = run.world_jacobian, run.bodies
+    arm = matrix_times_vector(every[at].rotation, place[0], place[1], place[2])
+    point = add(get_vector(every[at].origin, 0), arm)
+    value = point_acceleration(every[at], arm) if moving else point
+    for r in range(3):
+        residual[3 * k + r] += sign * value[r]
+    b = at
+    while b > 0:
+        i = every[b].coordinate
+        column = add(get_vector(columns[i], 0), cross(get_vector(columns[i], 3), point))
+        for r in range(3):
+            rows[3 * k + r, i] += sign * column[r]
+        b = every[b].parent
+
+
+@internal
+def _find_rows(run, residual, moving):
+    """Find the constraint rows of all pairs and their residuals, once the bodies are placed."""
+    rows = flat(run.loop_rows)
+    for i in range(rows.size):
+        rows[i] = 0.0
+    for i in range(3 * run.nh):
+        residual[i] = 0.0
+    for k in range(run.nh):
+        hold = run.holds[k]
+        _add_point_rows(run, k, 1.0, hold.one, hold.place, residual, moving)
+        _add_point_rows(run, k, -1.0, hold.other, hold.other_place, residual, moving)
+
+
+@internal
+def _inverse_mass_of(rows, minv, r):
+    """j M^-1 j of row r."""
+    total = 0.0
+    for i in range(minv.shape[0]):
+        if rows[r, i] != 0.0:
+            for k in range(minv.shape[0]):
+                total += rows[r, i] * minv[i, k] * rows[r, k]
+    return total
+
+
+@internal
+def _constrain(run, minv, residual, x):
+    """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
+    nv, size = run.nv, 3 * run.nh
+    rows = run.loop_rows
+    first = 0.0
+    for step in range(size):
+        best, most = -1, 0.0
+        for r in range(size):
+            mass = _inverse_mass_of(rows, minv, r)
+            if mass > most:
+                best, most = r, mass
+        if step == 0:
+            first = most
+        if best < 0 or most <= REDUNDANT * first:
+            return
+        u = run.scratch
+        for i in range(nv):
+            u[i] = 0.0
+            for k in range(nv):
+                u[i] += minv[i, k] * rows[best, k]
+        for one in range(2):
+            open_by = residual[one, best]
+            for i in range(nv):
+                open_by += rows[best, i] * x[one, i]
+            for i in range(nv):
+                x[one, i] -= u[i] * (open_by / most)
+        for i in range(nv):
+            for k in range(nv):
+                minv[i, k] -= u[i] * u[k] / most
+
+
+@internal
+def project_dynamics(run, q, v):
+    """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
+    nv = run.nv
+    given, free = run.open_minv, run.open_free
+    minv, acceleration = run.found_minv, run.found_free
+    x, residual = run.loop_correction, run.loop_residual
+    place_bodies(run, q)
+    find_body_rates(run, v)
+    _find_rows(run, residual[0], True)
+    for i in range(nv):
+        x[0, i], x[1, i] = free[i], 0.0
+        for k in range(nv):
+            minv[i, k] = given[i, k] if i <= k else given[k, i]
+    _constrain(run, minv, residual, x)
+    for i in range(nv):
+        acceleration[i] = x[0, i]
+
+
+@internal
+def correct_drift(run):
+    """Correct the drift of the loops since the last macro step, in positions and velocities."""
+    nv = run.nv
+    q, half, a = run.q, run.half, run.a
+    given, minv = run.open_minv, run.loop_minv
+    x, residual = run.loop_correction, run.loop_residual
+    place_bodies(run, q)
+    _find_rows(run, residual[0], False)
+    for r in range(3 * run.nh):
+        residual[1, r] = 0.0
+    for i in range(nv):
+        x[0, i], x[1, i] = 0.0, half[i] + 0.5 * run.dt_before * a[i]
+        for k in range(nv):
+            minv[i, k] = given[i, k] if i <= k else given[k, i]
+    _constrain(run, minv, residual, x)
+    for i in range(nv):
+        q[i] += x[0, i]
+        half[i] = x[1, i] - 0.5 * run.dt_before * a[i]

@@ -1,0 +1,610 @@
+"""The multi-rate method: the arm at its own pace, the contact at its own.
+
+Once a macro step Pinocchio gives the inverse mass matrix and the acceleration without forces at
+the predicted middle of the step. Between, micro steps run here alone, on these two, which change
+in time along the parabola through this macro step's middle and the last two:
+
+    solve for v_n:   v_n = v_half + dt/2 (a_free + M^-1 [tau(q_n, t_n) + tau_c(q_n, v_n)])
+    v_half <- 2 v_n - v_half,      q_{n+1} = q_n + dt v_half
+
+The leapfrog method in positions: symplectic for elastic forces, second order; what depends on
+velocity is taken at v_n, half way between the two half-step velocities, so that the work of every
+force in a step is dt times its power at v_n, exactly. Records hold the state (q_n, v_n) and the
+forces at it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import internal
+from jointplay.physics.kernel.access import flat, record_failure
+from jointplay.physics.kernel.contact import add_dissipation, commit_contacts
+from jointplay.physics.kernel.drive import (
+    add_drive_power,
+    add_joint_losses,
+    apply_drives,
+    complete_drives,
+    prescribe_motion,
+)
+from jointplay.physics.kernel.film import add_film_losses
+from jointplay.physics.kernel.gear import add_gear_losses, commit_gears
+from jointplay.physics.kernel.layout import (
+    ACCELERATION,
+    DRIVE,
+    ERROR,
+    HALF,
+    JERK,
+    MEAN,
+    MIDDLE,
+    MIDDLE_SPEED,
+    POWERS,
+    SPEED,
+    SPEED_LIMIT,
+    START,
+    START_SPEED,
+)
+from jointplay.physics.kernel.load import add_load_work, apply_loads, find_load_powers
+from jointplay.physics.kernel.loops import correct_drift, project_dynamics
+from jointplay.physics.kernel.record import is_due, write_record
+from jointplay.physics.kernel.rolling import advance_cages
+from jointplay.physics.kernel.servo import apply_servos
+from jointplay.physics.kernel.solve import (
+    LEAST_COMPLIANCE,
+    evaluate_velocity_forces,
+    find_velocity_forces,
+    solve_velocity,
+)
+from jointplay.physics.kernel.words import Status
+
+# Macro steps: how long they are, where they lead, and what Pinocchio says of their middle.
+#
+# The inverse mass matrix and the acceleration without forces follow parabolas in time through the
+# middles of this macro step and of the last two. How far the new middle lies off the parabola of
+# the three before it is the error estimate.
+
+
+LARGEST_TURN = 0.02
+"""Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
+
+FEWEST_STEPS = 6
+"""Steps that a macro step has although joints turn further: coarse steps of fast machines."""
+
+REFUSED = 4.0
+"""A macro step whose middle is so many times the tolerance off is planned anew."""
+
+LEAST_STEPS = 8
+"""Macro steps are planned no shorter than this many steps where one has been ended early."""
+
+GROWTH = 1.5
+"""By how much a macro step is longer than the one before at most."""
+
+LEAST_APART = 0.3
+"""Middles nearer to each other than this, relative to the macro step, do not make a line."""
+
+CHORD_STEPS = 4
+"""Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
+itself is more memory than the nearest cache has beside what the velocity solve needs there."""
+
+CHORD_PART = 0.25
+"""Longest chord, relative to the macro step."""
+
+
+@internal
+def _predict(run):
+    """Predict the path of the next macro step, `run.macro` micro steps long."""
+    nv = run.nv
+    path = run.path
+    q, half, a = run.q, run.half, run.a
+    done = run.time - run.path_start
+    if done > 0.0:  # else planned anew
+        apart = run.path_start + 0.5 * done - run.mean_time
+        smooth = run.touching == 0 and run.events == 0 and run.known_free > 1
+        for i in range(nv):
+            # The acceleration of a contact that lasts swings; its mean is what moves the arm.
+            mean = (half[i] - path[HALF, i]) / done
+            jerk = 0.0
+            if smooth:
+                jerk = (mean - path[MEAN, i]) / apart
+            path[ACCELERATION, i] = mean + 0.5 * done * jerk if run.touching > 0 else a[i]
+            path[JERK, i] = jerk
+            path[MEAN, i] = mean
+        run.mean_time = run.path_start + 0.5 * done
+    span = run.macro * run.dt
+    s = 0.5 * span
+    for i in range(nv):
+        rise, jerk = path[ACCELERATION, i], path[JERK, i]
+        speed = half[i] + 0.5 * run.dt_before * rise
+        path[START, i], path[START_SPEED, i], path[HALF, i] = q[i], speed, half[i]
+        path[MIDDLE, i] = q[i] + s * (speed + s * (0.5 * rise + s * jerk / 6.0))
+        path[MIDDLE_SPEED, i] = speed + s * (rise + 0.5 * s * jerk)
+    run.path_start, run.path_span = run.time, span
+
+
+@internal
+def _bounded(run):
+    """Length of the next macro step in steps: as wished, unless joints turn too far."""
+    longest = run.until - run.step
+    macro = min(longest, max(run.suggested // run.unit, 1) * run.unit)
+    if run.fixed == 0 and run.fastest * macro * run.dt > LARGEST_TURN:
+        units = int(LARGEST_TURN / (run.fastest * run.dt * run.unit))
+        macro = max(units, FEWEST_STEPS // run.unit, 1) * run.unit
+    return min(macro, longest)
+
+
+@internal
+def plan_macro_step(run):
+    """Choose the length of the next macro step and predict its path."""
+    if run.nh > 0:
+        correct_drift(run)
+    run.macro = _bounded(run)
+    _predict(run)
+
+
+@internal
+def _find_path_error(run):
+    """Compare Pinocchio's answer at the predicted middle with the parabola through the last three.
+
+    The difference of the accelerations is `run.path_error`, relative to the whole acceleration; -1
+    where there is no line, or velocities have jumped since.
+    """
+    nv = run.nv
+    apart = run.path_start + 0.5 * run.path_span - run.middle_time
+    square = apart * (apart + run.middles_apart)
+    found, found_free = run.found_minv, run.found_free
+    middle, slope = run.minv_middle, run.minv_slope
+    curve, free_curve = run.minv_curve, run.free_curve
+    free_middle, free_slope = run.free_middle, run.free_slope
+    forces, effort, weights = (
+        run.velocity_forces,
+        run.drive,
+        run.weights,
+    )
+    loaded = run.load_forces
+    run.path_error = -1.0
+    if run.known_free < 2 or run.events > 0:
+        return
+    wrong = whole = least = 0.0
+    for i in range(nv):
+        least = max(least, LEAST_COMPLIANCE * middle[i, i])
+    for i in range(nv):
+        miss = found_free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
+        acceleration = found_free[i]
+        for k in range(nv):
+            value = found[i, k] if i <= k else found[k, i]
+            force = forces[k] + effort[k] + loaded[k]
+            change = apart * slope[i, k] + square * curve[i, k]
+            miss += (value - middle[i, k] - change) * force
+            acceleration += value * force
+        wrong += weights[i] * miss * miss / max(middle[i, i], least)
+        whole += weights[i] * acceleration * acceleration / max(middle[i, i], least)
+    if whole > 0.0:
+        run.path_error = math.sqrt(wrong / whole)
+
+
+@internal
+def _fit_parabola(found, middle, slope, curve, value, known, lengths):
+    """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
+
+    `lengths`: half of the macro step, and how far apart the last two middles and those before are.
+    """
+    s, apart, before = -lengths[0], lengths[1], lengths[2]
+    for i in range(found.size):
+        bend = 0.0
+        if known > 0:
+            rise = (found[i] - middle[i]) / apart
+            bend = (rise - slope[i]) / (apart + before) if known > 1 else 0.0
+            slope[i] = rise
+        else:
+            slope[i] = 0.0
+        curve[i], middle[i] = bend, found[i]
+        value[i] = found[i] + s * (slope[i] + bend * (s + apart))
+
+
+@internal
+def _accept_middle(run):
+    """Take Pinocchio's answer at the predicted middle, and draw the parabola through the last ones.
+
+    Where a contact has begun or ended in between, velocities have jumped, and the acceleration
+    without forces with them: its line is then level.
+    """
+    nv, span = run.nv, run.path_span
+    now = run.path_start + 0.5 * span
+    apart = now - run.middle_time
+    if not apart > LEAST_APART * span:
+        run.known_middles = run.known_free = 0
+    if run.events > 0:
+        run.known_free = 0
+    lengths = (0.5 * span, apart, run.middles_apart)
+    found = run.found_minv
+    for i in range(nv):
+        for k in range(i):
+            found[i, k] = found[k, i]
+    _fit_parabola(
+        flat(run.found_minv), flat(run.minv_middle),
+        flat(run.minv_slope), flat(run.minv_curve),
+        flat(run.minv), run.known_middles, lengths,
+    )  # fmt: skip
+    _fit_parabola(
+        run.found_free, run.free_middle, run.free_slope,
+        run.free_curve, run.free, run.known_free, lengths,
+    )  # fmt: skip
+    run.events = 0
+    run.middle_time, run.middles_apart, run.chord_end = now, apart, run.path_start
+    run.known_middles = min(run.known_middles + 1, 3)
+    run.known_free = min(run.known_free + 1, 3)
+
+
+@internal
+def check_prediction(run):
+    """Accept Pinocchio's result, or plan a shorter macro step if it is too far from the prediction.
+
+    Then `refused` is set.
+    """
+    if run.nh > 0:
+        path = run.path
+        project_dynamics(run, path[MIDDLE], path[MIDDLE_SPEED])
+    _find_path_error(run)
+    error, macro, unit = run.path_error, run.macro, run.unit
+    run.refused = 0
+    if run.fixed == 0 and macro > unit and error > REFUSED * run.tolerance:
+        run.refused = 1
+        run.macro = max(macro // (4 * unit), 1) * unit
+        _predict(run)
+        return
+    if run.fixed == 0:
+        factor = GROWTH
+        if error > 0.0:
+            order = 1.0 / 3.0 if run.known_free > 2 else 0.5
+            factor = min(max((0.5 * run.tolerance / error) ** order, 0.25), GROWTH)
+        best = int(macro * factor + 0.9)
+        if macro == run.until - run.step and factor >= 1.0:
+            best = max(
+                best, run.suggested
+            )  # it was not this macro step's own error that cut it short
+        run.suggested = min(max(best, 1), run.longest)
+    _accept_middle(run)
+
+
+@internal
+def end_macro_step(run):
+    """Measure at the end of a macro step how fast angles change and how far it left its path."""
+    nv = run.nv
+    path, half, angular = run.path, run.half, run.angular
+    done = run.time - run.path_start
+    run.fastest = run.departure = 0.0
+    for i in range(nv):
+        at = done - 0.5 * run.dt_before
+        expected = path[START_SPEED, i] + at * (path[ACCELERATION, i] + 0.5 * at * path[JERK, i])
+        run.fastest = max(run.fastest, angular[i] * abs(half[i]))
+        run.departure = max(run.departure, angular[i] * abs(half[i] - expected) * done)
+
+
+@internal
+def begin(run):
+    """Start inverse mass matrix, free acceleration and path at the state just evaluated."""
+    nv = run.nv
+    path, half, a = run.path, run.half, run.a
+    for i in range(nv):
+        path[HALF, i], path[JERK, i] = half[i], 0.0
+        path[ACCELERATION, i] = path[MEAN, i] = a[i]
+    found, middle = run.found_minv, run.minv_middle
+    free, free_middle = run.found_free, run.free_middle
+    for i in range(nv):
+        free_middle[i] = free[i]
+        for k in range(nv):
+            middle[i, k] = found[i, k] if i <= k else found[k, i]
+    run.middle_time, run.departure = run.time, 0.0
+    run.known_middles = run.known_free = 1
+    run.mean_time = run.time
+
+
+_NP = len(POWERS)
+_RUN_AWAY = int(Status.RUN_AWAY)
+
+LEAST_DONE = 2
+"""A macro step is not ended before this many micro steps."""
+
+
+@internal
+def _base_velocity(run, q, half, v, base, h):
+    """Velocity without what depends on it: drives at an extrapolated v, inertia, gravity."""
+    nv = run.nv
+    a, tau = run.a, run.tau
+    free, minv = run.free, run.minv
+    for i in range(nv):
+        v[i] = half[i] + h * a[i]
+        tau[i] = 0.0
+    if run.prescribed != 0:
+        for one in run.drives:
+            if one.armature > 0.0:
+                half[one.coordinate] -= q[one.coordinate] / run.dt_before
+        prescribe_motion(run, q, v, run.time)
+        for one in run.drives:
+            if one.armature > 0.0:
+                half[one.coordinate] += q[one.coordinate] / run.dt_before
+    apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
+    for i in range(nv):
+        base[i] = half[i] + h * free[i]
+    for one in run.drives:
+        k = one.coordinate
+        row, moved = minv[k], h * tau[k]
+        for i in range(nv):
+            base[i] += moved * row[i]
+    if run.prescribed != 0:
+        for one in run.drives:
+            if one.armature > 0.0:
+                base[one.coordinate] = v[one.coordinate]
+
+
+@internal
+def _complete_velocities(run, half, v, base, h):
+    """Velocities that the solve left out, and all accelerations; returns their size."""
+    nv, n = run.nv, run.active
+    a, forces, minv = run.a, run.velocity_forces, run.minv
+    pushed = run.pushed[0]
+    if n == nv:
+        trial = run.trial
+        for i in range(nv):  # the residual, where the last trial ended, has the product with M^-1
+            pushed[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
+    else:
+        touched = run.touched
+        for i in range(nv):
+            pushed[i] = 0.0
+        for b in range(n):
+            row, force = minv[touched[b]], forces[touched[b]]
+            for i in range(nv):
+                pushed[i] += force * row[i]
+    size = square = 0.0
+    for i in range(nv):
+        square += forces[i] * pushed[i]
+        v[i] = base[i] + h * pushed[i]
+        a[i] = (v[i] - half[i]) / h
+        size += abs(v[i])
+    run.moved_by_forces = math.sqrt(max(square, 0.0))
+    return size
+
+
+@internal
+def _powers(run, q, v):
+    """Powers of all forces at the state, and the effort of prescribed motion."""
+    nv = run.nv
+    for i in range(_NP):
+        run.power[i] = 0.0
+    complete_drives(run, v)
+    add_drive_power(run, v)
+    add_joint_losses(run, v)
+    add_gear_losses(run, v)
+    find_load_powers(run, v)
+    for j in range(run.nj):
+        joint = run.joints[j]
+        if joint.touching != 0:
+            add_dissipation(run, j, joint)
+            if joint.sections > 0:
+                add_film_losses(run, j, joint)
+    if run.prescribed == 0:
+        return
+    effort, minv = run.drive, run.minv
+    free, tau, forces = run.free, run.tau, run.velocity_forces
+    for one in run.drives:
+        if one.armature > 0.0:
+            i = one.coordinate
+            acceleration = free[i]
+            for k in range(nv):
+                acceleration += minv[i, k] * (tau[k] + forces[k])
+            effort[i] -= one.armature * acceleration
+            run.power[DRIVE] += effort[i] * v[i]
+
+
+@internal
+def evaluate(run):
+    """State and forces at the present instant: the velocity solve and all that follows from it."""
+    nv = run.nv
+    q, v, half = run.q, run.v, run.half
+    base = run.scratch
+    forces = run.velocity_forces
+    h = 0.5 * run.dt_before
+    _base_velocity(run, q, half, v, base, h)
+    find_velocity_forces(run, q, half)
+    if run.nl > 0:
+        apply_loads(run, base, h)
+    # A state that ends one macro step and begins the next is evaluated with both parabolas; what
+    # it was found to need once is the best guess.
+    pushed, new = run.pushed, run.time != run.evaluated_at
+    for i in range(nv):
+        guess = pushed[0, i]
+        if new:
+            pushed[2, i] = guess
+            guess += run.dt_before * pushed[1, i]
+        v[i] = base[i] + h * guess
+    if run.active > 0:
+        solve_velocity(run, q, base, v, h)
+    else:
+        for i in range(nv):
+            forces[i] = 0.0
+    run.evaluated_at = run.time
+    size = _complete_velocities(run, half, v, base, h)
+    if new:
+        for i in range(nv):
+            pushed[1, i] = (pushed[0, i] - pushed[2, i]) / run.dt_before
+    _powers(run, q, v)
+    if not size < SPEED_LIMIT:  # true for NaN as well
+        record_failure(run, _RUN_AWAY, 0)
+
+
+@internal
+def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span):
+    """Rates that lead values within `span` to where their parabolas are `s` after the middle."""
+    square, part = s * (s + apart), 1.0 / span  # a division takes as long as all the rest
+    for i in range(value.size):
+        rate[i] = part * (middle[i] + s * slope[i] + square * curve[i] - value[i])
+
+
+@internal
+def _aim_at_parabolas(run, span):
+    """Begin chords of the parabolas of inverse mass matrix and free acceleration."""
+    run.chord_end = run.time + span
+    s, apart = run.chord_end - run.middle_time, run.middles_apart
+    _aim_at_parabola(
+        run.free, run.free_rate, run.free_middle,
+        run.free_slope, run.free_curve, s, apart, span,
+    )  # fmt: skip
+    _aim_at_parabola(
+        flat(run.minv), flat(run.minv_rate),
+        flat(run.minv_middle), flat(run.minv_slope),
+        flat(run.minv_curve), s, apart, span,
+    )  # fmt: skip
+
+
+@internal
+def _advance(value, rate, dt):
+    """Advance values at their rates by `dt`."""
+    for i in range(value.size):
+        value[i] += dt * rate[i]
+
+
+@internal
+def step_positions(run, dt):
+    """Go from the state just evaluated to the one `dt` later."""
+    nv = run.nv
+    q, v, half = run.q, run.v, run.half
+    ratio = dt / run.dt_before
+    for i in range(nv):
+        half[i] = v[i] + ratio * (v[i] - half[i])
+    advance_cages(run, half, dt)
+    for i in range(nv):
+        q[i] += dt * half[i]
+    if run.time + 0.5 * dt > run.chord_end:
+        _aim_at_parabolas(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt))
+    _advance(run.free, run.free_rate, dt)
+    _advance(flat(run.minv), flat(run.minv_rate), dt)
+    run.dt_before = dt
+
+
+@internal
+def add_work(run, duration):
+    """Add the works of all forces at their present powers over `duration` [s]."""
+    for i in range(_NP):
+        run.work[i] += duration * run.power[i]
+    if run.nl > 0:
+        add_load_work(run, duration)
+
+
+@internal
+def commit_memories(run, duration):
+    """Accept all contacts and gears as evaluated; their forces act for `duration` [s]."""
+    commit_gears(run)
+    for j in range(run.nj):
+        commit_contacts(run, j, run.joints[j], duration)
+
+
+@internal
+def _commit_state(run, dt, recorded):
+    """Accept and record the state just evaluated, `dt` before the next."""
+    before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
+    add_work(run, before)
+    commit_memories(run, before + 0.5 * dt)
+    if recorded:
+        write_record(run)
+    add_work(run, 0.5 * dt)
+    run.fresh = 0
+
+
+@internal
+def macro_step(run):
+    """Micro steps of a macro step, each `run.dt` long, until the state leaves its predicted path.
+
+    Impacts, which no path foresees, so end macro steps.
+    """
+    run.macros += 1
+    for k in range(run.macro):
+        evaluate(run)
+        _commit_state(run, run.dt, is_due(run, run.step))
+        if run.status != 0:
+            return
+        step_positions(run, run.dt)
+        run.step += 1
+        run.time = run.step * run.dt
+        end_macro_step(run)
+        if run.departure > run.departure_limit and k + 1 >= LEAST_DONE:
+            return
+
+
+@internal
+def synchronize(run):
+    """Evaluate velocity and forces at the present instant, and complete the work up to it."""
+    evaluate(run)
+    if run.fresh == 0:
+        for i in range(_NP):
+            run.work[i] += 0.5 * run.dt_before * run.power[i]
+        add_load_work(run, 0.5 * run.dt_before)
+
+
+@internal
+def record_last_state(run):
+    """Record the state at the end of the last macro step."""
+    evaluate(run)
+    _commit_state(run, 0.0, True)
+
+
+@internal
+def restart(run):
+    """Discard the history, after q and v were set from outside."""
+    nv = run.nv
+    v, half, a = run.v, run.half, run.a
+    run.touching = run.known_middles = run.known_free = run.events = run.known_a = 0
+    run.moved = 0.0
+    run.path_start = run.time
+    run.dt_before = run.dt
+    for i in range(nv):
+        half[i], a[i] = v[i], 0.0
+
+
+@internal
+def start_half_step(run):
+    """Put `half` half a step before the state (q, v), with the forces at it."""
+    if run.nh > 0:
+        project_dynamics(run, run.q, run.v)
+    nv = run.nv
+    q, v, half = run.q, run.v, run.half
+    a, tau, forces = run.a, run.tau, run.velocity_forces
+    free, minv = run.found_free, run.found_minv
+    if run.prescribed != 0:
+        prescribe_motion(run, q, v, run.time)
+    for i in range(nv):
+        tau[i] = 0.0
+    apply_drives(run, q, v, run.time, tau)
+    if run.ns > 0:
+        apply_servos(run, q, v, run.time, tau)
+    find_velocity_forces(run, q, v)
+    evaluate_velocity_forces(run, q, v)
+    loaded = run.load_forces
+    for i in range(nv):
+        tau[i] += loaded[i]
+    pushed = run.pushed[0]  # from which the first solve starts
+    for i in range(nv):
+        a[i], pushed[i] = free[i], 0.0
+        for k in range(nv):
+            compliance = minv[i, k] if i <= k else minv[k, i]
+            a[i] += compliance * (tau[k] + forces[k])
+            pushed[i] += compliance * forces[k]
+        half[i] = v[i] - 0.5 * run.dt * a[i]
+    begin(run)
+    run.fresh = 1
+
+
+@internal
+def advance(run):
+    """Do the planned macro step with Pinocchio's result, and plan the next."""
+    check_prediction(run)
+    if run.refused != 0:
+        return
+    first, macro = run.step, run.macro
+    macro_step(run)
+    done = run.step - first
+    if run.fixed == 0 and done < macro:
+        run.suggested = min(max(2 * done, LEAST_STEPS), run.longest)
+    if run.status == 0 and run.step < run.until:
+        plan_macro_step(run)

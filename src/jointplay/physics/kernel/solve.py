@@ -1,0 +1,367 @@
+"""The velocity solve: friction, damping and films of all contacts together, implicit in velocity.
+
+The multi-rate method asks, in every micro step, for the velocity v with
+
+    v = v_half + h (a_free + M^-1 [tau + tau_c(q, v)]),    h = dt/2
+
+v_half being the velocity half a step ago, tau what does not depend on v, and tau_c all that does:
+contacts (their elastic part, too), films, joint friction, gears, damping of loads. Newton's method
+on those coordinates that tau_c moves, for the rims of one journal couple strongly; the matrix is
+
+    I - h M^-1 d(tau_c)/dv
+
+Where laws fall with speed the step is shortened until the error falls. Reference for friction
+as one implicit problem in velocity: M. Anitescu, F. Potra, Int. J. Numer. Meth. Engng 55 (2002)
+753-784; A. Castro, X. Han, J. Masterjohn, Irrotational Contact Fields, arXiv 2312.03908 (2023).
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.base.compiler import contracted, internal
+from jointplay.physics.kernel.access import flat, square
+from jointplay.physics.kernel.bodies import place_bodies
+from jointplay.physics.kernel.contact import (
+    add_contact_forces,
+    add_contact_slope,
+    advance_bristles,
+    find_gaps,
+)
+from jointplay.physics.kernel.drive import (
+    add_joint_slopes,
+    apply_drive_damping,
+    apply_joint_friction,
+)
+from jointplay.physics.kernel.film import add_film_forces, add_film_slope
+from jointplay.physics.kernel.frames import (
+    find_twist,
+    inlined,
+    pose_of_frames,
+    pose_of_virtual_link,
+    project_slope,
+    project_wrench,
+)
+from jointplay.physics.kernel.gear import (
+    add_gear_slopes,
+    apply_gears,
+    mark_gears,
+    place_gears,
+)
+from jointplay.physics.kernel.layout import BASE, ERROR, INERTIA, LAST, MARKS, PUSH, SPEED, STEP
+from jointplay.physics.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
+
+TOLERANCE = 1e-9
+"""Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
+kinetic energy [kg^0.5 m/s]."""
+
+RELATIVE_TOLERANCE = 1e-11
+"""The same relative to the state's own."""
+
+LEAST_COMPLIANCE = 1e-14
+"""Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
+
+MOST_LISTED = 0.75
+"""Where more than this part of all coordinates take part, all do: their rows lie there already."""
+
+SINGLE = 6
+"""Coordinates of one joint with clearance: loops of this length are compiled on their own."""
+
+CONTRACTION = 0.1
+"""A matrix that brings the error down by less than this is reckoned anew."""
+
+MOST_TRIALS = 40
+"""Velocities tried before the best of them is taken."""
+
+LEAST_PART = 1.0 / 64.0
+"""Smallest part of a Newton step that is tried."""
+
+
+@internal
+def find_pose(run, joint, q):
+    """Pose of the journal of a joint at the coordinates q, at which `place_bodies` was called."""
+    if joint.first >= 0:
+        pose_of_virtual_link(q, joint)
+    else:
+        pose_of_frames(run, joint, joint.pose, joint.jacobian)
+
+
+@internal
+def find_velocity_forces(run, q, half):
+    """Find what depends on the velocity at q, and list the coordinates that it moves."""
+    nv = run.nv
+    touched, place = run.touched, run.place
+    marks = run.trial[MARKS]
+    for i in range(nv):
+        marks[i] = 0.0
+    run.touching = 0
+    place_bodies(run, q)
+    for j in range(run.nj):
+        joint = run.joints[j]
+        find_pose(run, joint, q)
+        touching = find_gaps(run, j, joint)
+        run.touching += 1 if touching else 0
+        joint.touching = 1 if touching or joint.sections > 0 or joint.resultant != 0 else 0
+        for r in range(6):
+            joint.wrench[r] = 0.0
+        if joint.touching == 0:
+            continue
+        if joint.bristles != 0:
+            find_twist(joint, half)
+            advance_bristles(run, j, joint, run.dt_before)
+        support = joint.support
+        for k in range(joint.nsupport):
+            marks[support[k]] = 1.0
+    for row in run.frictions:
+        marks[row.coordinate] = 1.0
+    for one in run.drives:
+        if one.implicit != 0:
+            marks[one.coordinate] = marks[one.encoder] = 1.0
+    if run.nl + run.ng > 0:
+        place_gears(run, q)
+        mark_gears(run, marks)
+        evaluate_loads(run, q, run.v, marks)
+    n = 0
+    for i in range(nv):
+        if marks[i] != 0.0:
+            touched[n] = i
+            place[i] = n
+            n += 1
+    if n > SINGLE and n > MOST_LISTED * nv:
+        n = nv
+        for i in range(nv):
+            touched[i] = place[i] = i
+    run.active = n
+
+
+@internal
+def evaluate_velocity_forces(run, q, v):
+    """Evaluate tau_c at state (q, v) into `velocity_forces`."""
+    tau = run.velocity_forces
+    for i in range(run.nv):
+        tau[i] = 0.0
+    for j in range(run.nj):
+        joint = run.joints[j]
+        if joint.touching == 0:
+            continue
+        find_twist(joint, v)
+        for r in range(6):
+            joint.wrench[r] = 0.0
+        if joint.sections > 0:
+            add_film_forces(run, joint, False)
+        add_contact_forces(run, j, joint)
+        project_wrench(joint, tau)
+    apply_joint_friction(run, v, tau)
+    apply_gears(run, v, tau)
+    apply_drive_damping(run, v, tau)
+    apply_velocity_loads(run, v, tau)
+
+
+@internal
+def _evaluate_slopes(run, q, v):
+    """Evaluate the Jacobian of tau_c at the last evaluated state into `slope`."""
+    slope = flat(run.slope)
+    for i in range(slope.size):
+        slope[i] = 0.0
+    for j in range(run.nj):
+        joint = run.joints[j]
+        if joint.touching == 0:
+            continue
+        for r in range(6):
+            for c in range(6):
+                joint.wrench_slope[r, c] = 0.0
+        if joint.sections > 0:
+            add_film_slope(run, joint)
+        add_contact_slope(run, j, joint)
+        project_slope(run, joint)
+    add_joint_slopes(run, v)
+    add_gear_slopes(run, v)
+    add_load_slopes(run)
+
+
+@contracted
+def add_rows(rows, factors, total, n, size):
+    """Put the sum of `n` rows, each times its factor, into the first `size` of `total`.
+
+    This is the product of a symmetric matrix and a vector in the order that processors can do
+    several at a time: a sum along a row must be done one after the other. Four rows at once, for
+    `total` need be read and written less often.
+    """
+    for a in range(size):
+        total[a] = 0.0
+    fours = n - n % 4
+    for b in range(0, fours, 4):
+        f0, f1, f2, f3 = factors[b], factors[b + 1], factors[b + 2], factors[b + 3]
+        for a in range(size):
+            more = total[a] + f0 * rows[b, a] + f1 * rows[b + 1, a]
+            total[a] = more + f2 * rows[b + 2, a] + f3 * rows[b + 3, a]
+    for b in range(fours, n):
+        factor = factors[b]
+        for a in range(size):
+            total[a] += factor * rows[b, a]
+
+
+@inlined
+def _listed_compliance(run, n):
+    """M^-1 of the coordinates that take part."""
+    return square(run.minv if n == run.nv else run.compliance, n)
+
+
+@inlined
+def _residual(run, h, n):
+    """Write the residual of the velocity equation; returns its squared norm."""
+    trial = run.trial
+    speed, base, inertia, error = trial[SPEED], trial[BASE], trial[INERTIA], trial[ERROR]
+    add_rows(_listed_compliance(run, n), trial[PUSH], error, n, n)
+    size = 0.0
+    for a in range(n):
+        wrong = speed[a] - base[a] - h * error[a]
+        error[a] = wrong
+        size += wrong * wrong * inertia[a]
+    return size
+
+
+@internal
+def _evaluate_trial(run, q, v, h):
+    """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
+    n, touched = run.active, run.touched
+    trial, tau = run.trial, run.velocity_forces
+    for a in range(n):
+        v[touched[a]] = trial[SPEED, a]
+    evaluate_velocity_forces(run, q, v)
+    for a in range(n):
+        trial[PUSH, a] = tau[touched[a]]
+    return _residual(run, h, SINGLE) if n == SINGLE else _residual(run, h, n)
+
+
+@internal
+def _factor(run, h):
+    """Put the inverse of I - h M^-1 slope, transposed, into `inverse`.
+
+    By Gauss and Jordan's elimination in place, with exchange of rows.
+    """
+    n = run.active
+    inverse, exchanged = run.inverse, run.exchanged
+    compliance, slope = _listed_compliance(run, n), run.slope
+    # The transpose of M^-1 slope is the sum of rows of M^-1, which is symmetric.
+    for a in range(n):
+        row = inverse[a]
+        for b in range(n):
+            row[b] = 0.0
+        for c in range(n):
+            factor = h * slope[c, a]
+            if factor != 0.0:  # most coordinates do not act on each other
+                for b in range(n):
+                    row[b] -= factor * compliance[c, b]
+        row[a] += 1.0
+    for k in range(n):
+        best = k
+        for a in range(k + 1, n):
+            if abs(inverse[a, k]) > abs(inverse[best, k]):
+                best = a
+        exchanged[k] = best
+        row = inverse[k]
+        if best != k:
+            other = inverse[best]
+            for b in range(n):
+                row[b], other[b] = other[b], row[b]
+        pivot = 1.0 / row[k]
+        row[k] = 1.0
+        for b in range(n):
+            row[b] *= pivot
+        for a in range(n):
+            other = inverse[a]
+            factor = other[k]
+            if a != k and factor != 0.0:
+                other[k] = 0.0
+                for b in range(n):
+                    other[b] -= factor * row[b]
+    for k in range(n - 1, -1, -1):
+        best = exchanged[k]
+        if best != k:
+            for a in range(n):
+                inverse[a, k], inverse[a, best] = inverse[a, best], inverse[a, k]
+    run.factored = n
+
+
+@inlined
+def _newton_step(run, n):
+    """Write the Newton step of the last factored matrix into `trial`."""
+    trial, inverse = run.trial, square(run.inverse, n)
+    add_rows(inverse, trial[ERROR], trial[STEP], n, n)
+    for a in range(n):
+        trial[STEP, a] = -trial[STEP, a]
+        trial[LAST, a] = trial[SPEED, a]
+
+
+@internal
+def _list_compliance(run, n):
+    """Gather M^-1 of the coordinates that take part, if these are not all."""
+    touched, minv, compliance = run.touched, run.minv, run.compliance
+    for a in range(n):
+        row = minv[touched[a]]
+        for b in range(n):
+            compliance[a, b] = row[touched[b]]
+
+
+@inlined
+def _initial_guess(run, base, v, n):
+    """Start from the velocities `v`; returns the squared tolerance of the residual."""
+    touched, minv, trial = run.touched, run.minv, run.trial
+    inertia = trial[INERTIA]
+    least = 0.0
+    for a in range(n):
+        i = touched[a]
+        least = max(least, LEAST_COMPLIANCE * minv[i, i])
+        trial[BASE, a], trial[SPEED, a] = base[i], v[i]
+    size = 0.0
+    for a in range(n):
+        i = touched[a]
+        inertia[a] = 1.0 / max(minv[i, i], least)
+        size += trial[BASE, a] * trial[BASE, a] * inertia[a]
+    return n * TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
+
+
+@internal
+def _take_step(run, q, v, h, part):
+    """Take a part of the Newton step; returns the squared residual there."""
+    trial = run.trial
+    for a in range(run.active):
+        trial[SPEED, a] = trial[LAST, a] + part * trial[STEP, a]
+    return _evaluate_trial(run, q, v, h)
+
+
+@internal
+def solve_velocity(run, q, base, v, h):
+    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method from `v`.
+
+    The matrix of an earlier step is used as long as each trial brings the error down by
+    `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
+    """
+    n = run.active
+    if n < run.nv:
+        _list_compliance(run, n)
+    limit = _initial_guess(run, base, v, n)
+    error, trials = _evaluate_trial(run, q, v, h), 1
+    old = run.factored == n
+    while not error <= limit:
+        if trials >= MOST_TRIALS or not math.isfinite(error):
+            run.unsolved += 1
+            break
+        if not old:
+            _evaluate_slopes(run, q, v)
+            _factor(run, h)
+        _newton_step(run, SINGLE) if n == SINGLE else _newton_step(run, n)
+        least, part = error, 1.0
+        error, trials = _take_step(run, q, v, h, part), trials + 1
+        if old:
+            old = error < CONTRACTION * CONTRACTION * least
+            if not error < least:
+                error = _take_step(run, q, v, h, 0.0)
+            continue
+        while not error < least and part > LEAST_PART and trials < MOST_TRIALS:
+            part *= 0.5
+            error, trials = _take_step(run, q, v, h, part), trials + 1
+        old = error < CONTRACTION * CONTRACTION * least
+    run.solves += 1
+    run.iterations += trials

@@ -1,0 +1,386 @@
+"""What the page is told: budget and one cycle of a machine whose numbers were changed.
+
+A question is answered in steps, each better than the one before: the budget at one pose, a quick
+run, then the budget along the whole motion and the run as `jointplay run` makes it.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.accuracy import poses
+from jointplay.accuracy.error_budget import FOLLOW, PlayBudget, budget
+from jointplay.base.errors import JointplayError
+from jointplay.base.units import readable
+from jointplay.model.tree import BodyMotion, Tree
+from jointplay.physics.joints import Coordinate
+from jointplay.physics.kernel import Status
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.show.live.state import State
+from jointplay.show.player import scene
+from jointplay.show.plots.chart import Axis, Curve, Panel
+from jointplay.show.plots.result import TIME
+from jointplay.simulation.analysis.tool_error import deviation
+from jointplay.simulation.analysis.twins import COMPARED, ideal_simulation
+from jointplay.simulation.loads.drive import Drive
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.variables import TERMS
+from jointplay.simulation.run import Run
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.physics.joints import Clearance
+    from jointplay.simulation.simulation import Simulation
+
+Message = tuple[dict[str, Any], bytes]
+"""Plain data, and a block of bytes to which it refers."""
+
+QUICK = (0.1, 1e-3)
+"""Tolerance of the steps of a quick run, and macro step [s]."""
+QUICK_LOOPS = (1e-2, 2e-4)
+"""With closed loops, whose contacts stand against each other: with longer steps journals break out.
+"""
+QUICK_RECORDS = 2000
+"""Records of a quick run, about; a macro step is no longer than the time between two."""
+SHOWN = 1500
+"""Records that are sent, about; peaks among those that are not are kept."""
+QUICK_MOMENTS, MOMENTS = 120, 600
+"""Moments at which the picture shows the machine; between them it is interpolated."""
+_TWINS = 6
+"""Ideal twins that are kept: moving one clearance back and forth asks for the same one again."""
+
+
+class Superseded(Exception):
+    """There is a newer question."""
+
+
+class Machine:
+    """One case of a scenario, kept warm: what it answers to changed numbers.
+
+    Args:
+        state: what can be changed.
+
+    Attributes:
+        superseded: says whether there is a newer question; a run then ends.
+    """
+
+    def __init__(self, state: State) -> None:
+        """Nothing is computed yet."""
+        self.state = state
+        self.superseded: Callable[[], bool] = lambda: False
+        self._twins: OrderedDict[str, Result] = OrderedDict()
+        self._worst: dict[str, np.ndarray] = {}
+
+    def simulation(self, values: Mapping[str, float]) -> Simulation:
+        """The case with these numbers.
+
+        Raises:
+            JointplayError: as `jointplay run` says it.
+        """
+        state = self.state
+        return state.scenario.simulation(state.case, state.changes(values))
+
+    def quick(self, values: Mapping[str, float]) -> Iterator[Message]:
+        """Answer soon: the budget at one pose, and a run with long steps."""
+        simulation = self.simulation(values)
+        yield _safely("budget", lambda: self._budget(simulation, whole=False))
+        self._continue()
+        coarse = quick_simulation(simulation)
+        if coarse is None:
+            return
+        try:
+            yield from self._cycle(coarse, QUICK_MOMENTS, quick=True)
+        except JointplayError:  # which the run as it is need not share
+            return
+
+    def fine(self, values: Mapping[str, float]) -> Iterator[Message]:
+        """Answer as the product does: the budget along the motion, and the run as it is."""
+        simulation = self.simulation(values)
+        yield _safely("budget", lambda: self._budget(simulation, whole=True))
+        self._continue()
+        yield from self._cycle(simulation, MOMENTS, quick=False)
+
+    def _continue(self) -> None:
+        if self.superseded():
+            raise Superseded
+
+    def _budget(self, simulation: Simulation, whole: bool) -> Message:
+        """The static budget, as `jointplay budget FILE` computes it, or at its worst pose."""
+        mechanism, motion = simulation.mechanism, simulation.motion
+        driven, near = None, {}
+        if mechanism.loops:
+            near = poses.start_of(simulation)
+            driven = poses.standing(mechanism, motion, near)
+        key = "whole" if whole else "one"
+        if not whole and self._worst.get(key) is not None:
+            q = self._worst[key]
+        elif motion is None:
+            q = poses.at_pose(mechanism, {}, driven, near)
+        else:
+            q = poses.along_motion(mechanism, motion, near=near)
+        own = simulation.drive
+        drive = own if isinstance(own, Drive) and own.follows else FOLLOW
+        errors = budget(mechanism, q, driven=driven, drive=drive)
+        at = errors.worst_pose
+        if not whole and len(q) > 1:  # from now on at this pose
+            self._worst[key] = q[at : at + 1]
+        return budget_message(errors, whole, motion is not None), b""
+
+    def _cycle(self, simulation: Simulation, moments: int, quick: bool) -> Iterator[Message]:
+        run = Run(simulation)
+        self._continue()
+        run.stop_checks.append(self.superseded)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
+            run.run_to_end()
+        self._continue()
+        if quick and run.workspace.status != Status.COMPLETED:
+            return  # its steps were too long for this machine
+        result = run.result()
+        self._continue()
+        twin, reason = None, ""
+        try:
+            twin = self._twin(run.simulation)
+        except JointplayError as error:
+            reason = f"no ideal twin: {error}"
+        self._continue()
+        steps = ""
+        if quick:
+            macro = readable(float(simulation.macro_step or 0.0), "s")
+            steps = f"tolerance {simulation.tolerance:g}, macro steps of {macro}"
+        yield cycle_message(result, twin, moments, steps, reason)
+
+    def _twin(self, simulation: Simulation) -> Result:
+        """Where the ideal machine goes, which most changes of a clearance leave as it is."""
+        ideal = ideal_simulation(simulation)
+        key = json.dumps(ideal.describe(), default=str)
+        found = self._twins.pop(key, None)
+        if found is None:
+            run = Run(ideal)
+            run.stop_checks.append(self.superseded)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                status = run.run_to_end()
+            self._continue()
+            if status != Status.COMPLETED:
+                raise JointplayError(run.message(status))
+            found = run.result(status, reactions=False, only=("q", *COMPARED))
+        self._twins[key] = found
+        while len(self._twins) > _TWINS:
+            self._twins.popitem(last=False)
+        return found
+
+
+def _safely(kind: str, compute: Callable[[], Message]) -> Message:
+    """A part of an answer, or why there is none; the other parts do not depend on it."""
+    try:
+        return compute()
+    except JointplayError as error:
+        return {"kind": kind, "error": str(error)}, b""
+
+
+def quick_simulation(simulation: Simulation) -> Simulation | None:
+    """The same with longer steps and fewer records, for a first look; None if there is none."""
+    duration = simulation.duration or (simulation.motion.duration if simulation.motion else None)
+    if duration is None:
+        return None
+    apart = float(duration) / QUICK_RECORDS
+    tolerance, macro = QUICK_LOOPS if simulation.mechanism.loops else QUICK
+    try:
+        return replace(
+            simulation,
+            integrator=DEFAULT,
+            tolerance=max(tolerance, simulation.tolerance or 0.0),
+            macro_step=max(min(macro, apart), simulation.step),
+            record_every=max(round(apart / simulation.step), simulation.record_every),
+        )
+    except JointplayError:
+        return None
+
+
+def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, Any]:
+    """A budget as the page shows it [m, rad]."""
+    at = errors.worst_pose
+    total = float(errors.worst_parts[at].sum())
+    where = "the worst of the poses along the motion" if moves else "one pose"
+    return {
+        "kind": "budget",
+        "whole": whole,
+        "where": where if whole or not moves else "the pose that was the worst to begin with",
+        "poses": len(errors.worst),
+        "tool": errors.tool,
+        "worst": float(errors.worst[at]),
+        "rms": float(errors.rms[at]),
+        "turn": float(errors.worst_turn[at]),
+        "second_order": float(errors.second_order[at]),
+        "parts": [
+            {
+                "name": name,
+                "worst": float(errors.worst_parts[at, j]),
+                "share": float(errors.worst_parts[at, j]) / total if total else 0.0,
+                "rms": float(errors.rms_parts[at, j]),
+                "turn": float(errors.turn_parts[at, j]),
+            }
+            for j, name in enumerate(errors.joints)
+        ],
+    }
+
+
+class Curves:
+    """Charts in one block of bytes: 32-bit floats, the same ones once."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self.block = bytearray()
+        self._places: dict[bytes, dict[str, int]] = {}
+
+    def _put(self, values: Any) -> dict[str, int]:
+        data = np.ascontiguousarray(values, "<f4").tobytes()
+        if data not in self._places:
+            self._places[data] = {"at": len(self.block), "count": len(data) // 4}
+            self.block += data
+        return self._places[data]
+
+    def chart(self, panel: Panel) -> dict[str, Any]:
+        """A chart as `chart.js` draws it, in SI: it chooses the units that it shows."""
+        return {
+            "x": {"label": panel.x.name, "unit": panel.x.unit},
+            "y": {"label": panel.y.name, "unit": panel.y.unit},
+            "equal": bool(panel.equal),
+            "marks": [
+                {"name": one.name, "frame": one.frame, "x": self._put(one.x), "y": self._put(one.y)}
+                for one in panel.marks
+                if isinstance(one, Curve)
+            ],
+        }
+
+
+def _energy(result: Result) -> Panel:
+    """Energies since the start: stored, and those terms that are not nothing."""
+    stored = result["kinetic_energy"].values + result["potential_energy"].values
+    terms = [(term.label, result[term.variable].values) for term in TERMS]
+    shown = [("stored", stored - stored[0]), *((name, one) for name, one in terms if np.any(one))]
+    marks = [Curve(result.time, values, name) for name, values in shown]
+    return Panel(TIME, Axis("energy", "J"), marks)
+
+
+def cycle_message(
+    result: Result, twin: Result | None, moments: int, steps: str = "", reason: str = ""
+) -> Message:
+    """A run as the page shows it: figures of all its records, curves of some, and the picture.
+
+    Args:
+        result, twin: of the run and of its ideal twin, if there is one.
+        moments: of the picture, about.
+        steps: of a quick run, how long they were, in words.
+        reason: why there is no twin.
+    """
+    full_error = full_turn = None
+    if twin is not None:
+        full_error = np.linalg.norm(deviation(result, twin).values, axis=1)
+        full_turn = np.linalg.norm(deviation(result, twin, "tool_orientation").values, axis=1)
+    few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
+    kept = np.searchsorted(result.time, few.time)
+    curves, error = Curves(), None
+    joints: dict[str, Any] = {}
+    figures: list[dict[str, Any]] = []
+
+    def figure(name: str, value: float, unit: str) -> None:
+        figures.append({"name": name, "value": float(value), "unit": unit})
+
+    since = result.time >= result.judge_from
+    if full_error is not None and full_turn is not None:
+        begin = np.append(0, kept[:-1] + 1)
+        largest = np.maximum.reduceat(full_error, np.minimum(begin, len(full_error) - 1))
+        error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
+        for what, sizes, unit in (("error", full_error, "m"), ("turn", full_turn, "rad")):
+            judged = sizes[since[: len(sizes)]]
+            figure(f"largest tool {what}", judged.max(initial=0.0), unit)
+            rms = np.sqrt(np.mean(judged**2)) if len(judged) else 0.0
+            figure(f"RMS tool {what}", rms, unit)
+    for j, name in enumerate(result.joints):
+        shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
+        joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
+        forces = np.linalg.norm(result["joint_force_peak"].values[since, j], axis=1)
+        figure(f"peak force, {name}", forces.max(initial=0.0), "N")
+    sunk = {
+        name: _sunk(result, name, joint, since)
+        for name, joint in result.simulation.mechanism.clearance.items()
+    }
+    drives = _given_way(result, twin) if twin is not None else None
+    charts = {"error": error, "energy": curves.chart(_energy(few)), "joints": joints}
+    lost = sum(float(result[term.variable].values[-1]) for term in TERMS if term.lost)
+    figure("energy lost", lost, "J")
+    packed, picture = b"", None
+    if twin is not None and len(few.time) > 1:
+        moving = scene.motion("", few, twin, moments)
+        picture, packed = moving.contents, moving.block
+    head = {
+        "kind": "cycle",
+        "quick": bool(steps),
+        "steps": steps,
+        "message": result.message,
+        "completed": result.status == Status.COMPLETED,
+        "reason": reason,
+        "judged_from": result.judge_from,
+        "joints": list(result.joints),
+        "sunk": sunk,
+        "drives": None if drives is None else float(drives[since].max(initial=0.0)),
+        "figures": figures,
+        "charts": charts,
+        "curves": len(curves.block),
+        "picture": picture,
+    }
+    return head, bytes(curves.block) + packed
+
+
+def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> float | None:
+    """How far the contacts of a joint gave way, over their clearance; None: they are not free.
+
+    A journal that sinks in by so much has that much more play: its free travel scales with the
+    clearance.
+    """
+    if joint.springs is not None or joint.resultant is not None:
+        return None
+    gaps = result["gap_min"].sel(joint=name)
+    parts = [
+        -float(np.nanmin(gaps.sel(contact=contact).values[judged], initial=0.0)) / room
+        for contact, room in zip(joint.contacts, joint.rooms, strict=False)
+    ]
+    return max(parts, default=0.0)
+
+
+def _given_way(result: Result, twin: Result) -> np.ndarray | None:
+    """How far drives alone put the tool from where they hold the ideal machine's [m].
+
+    With the journals put back to the middle. None where more than play and drives moves the tool:
+    with closed loops, gears, free bases, or between records of another step.
+    """
+    mechanism = result.simulation.mechanism
+    moved = mechanism.loops or mechanism.gears or mechanism.free_base is not None
+    if moved or len(twin.time) < len(result.time):
+        return None
+    q = np.array(result.q, float)
+    for name, joint in mechanism.clearance.items():
+        for part in joint.freedoms:
+            if part not in joint.ideal_freedoms:
+                q[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    motion = BodyMotion.of(len(q), 0)
+    carrier = int(frame.parentJoint), frame.placement
+    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), carrier, [])
+    away = motion.tool[:, :3] - twin["tool_position"].values[: len(q)]
+    return np.asarray(np.linalg.norm(away, axis=1))
+
+
+def look(mechanism: Mechanism, meshes: Sequence[str] = ()) -> Message:
+    """The bodies of a machine, which the page receives once."""
+    shown = scene.bodies(mechanism, meshes)
+    return shown.contents | {"notes": shown.notes}, shown.block

@@ -1,0 +1,219 @@
+"""The page that offers the controls, and the answers to what it asks, on this machine only."""
+
+from __future__ import annotations
+
+import base64
+import json
+import queue
+import struct
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from jointplay.base.errors import JointplayError, require_finite
+from jointplay.show.live.answer import look
+from jointplay.show.live.state import State
+from jointplay.show.live.workers import Workers
+from jointplay.show.player.pages import as_data, as_script, components, licences, policy
+from jointplay.show.player.server import HOST, PORT, Server, open_browser
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
+
+_OWN = ("chart.js", "robot.js", "live.js")
+
+
+@cache
+def scripts() -> tuple[str, str]:
+    """Meshcat's viewer, and the front end: a function of it that gives ``mount``."""
+    bundle = resources.files("meshcat") / "viewer" / "dist" / "main.min.js"
+    own = resources.files("jointplay.show.live") / "static"
+    front = "\n".join((components(), *((own / name).read_text("utf-8") for name in _OWN)))
+    body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{front}\nreturn {{mount, overHttp}};'
+    return bundle.read_text("utf-8"), f"function jointplayLive(MeshCat) {{\n{body}\n}}"
+
+
+@cache
+def style() -> str:
+    """Of the front end, which touches nothing outside its own element."""
+    return (resources.files("jointplay.show.live") / "static" / "live.css").read_text("utf-8")
+
+
+def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:
+    """What the front end starts from: controls, and the bodies of the machine."""
+    seen, block = look(simulation.mechanism)
+    said = {
+        "title": title,
+        "controls": state.described(),
+        "assumptions": [*state.scenario.assumptions, *state.scenario.notes],
+        "bodies": seen,
+        "joints": list(simulation.mechanism.clearance),
+    }
+    return said, block
+
+
+def page(said: Mapping[str, Any], block: bytes) -> bytes:
+    """The page, HTML in UTF-8; its policy lets it ask the server that it comes from."""
+    viewer, front = scripts()
+    start = (
+        'window.jointplay = jointplayLive(MeshCat).mount(document.getElementById("live"), '
+        'JSON.parse(document.getElementById("contents").textContent), '
+        'document.getElementById("block").textContent, null);'
+    )
+    run = [as_script(viewer), as_script(f"{front}\n{start}")]
+    made = Environment(
+        loader=PackageLoader("jointplay.show.live", "static"),
+        autoescape=True,
+        undefined=StrictUndefined,
+    )
+    return (
+        made.get_template("page.html")
+        .render(
+            policy=policy(run, connect="'self' data: blob:"),
+            title=said["title"],
+            style=as_script(style()),
+            contents=as_data(json.dumps(said, separators=(",", ":"))),
+            block=base64.b64encode(block).decode("ascii"),
+            licences=licences(),
+            scripts=run,
+        )
+        .encode("utf-8")
+    )
+
+
+def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:
+    """A part of an answer: two lengths, plain data, bytes."""
+    text = json.dumps(plain(head), separators=(",", ":")).encode()
+    return struct.pack("<II", len(text), len(block)) + text + block
+
+
+def plain(value: Any) -> Any:
+    """Plain data that browsers read: no number that JSON has not."""
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+def values_of(asked: Any) -> dict[str, float]:
+    """Values by control, of what a page sent.
+
+    Raises:
+        JointplayError: it is something else.
+    """
+    values = asked.get("values") if isinstance(asked, dict) else None
+    if not isinstance(values, dict) or not all(
+        isinstance(one, int | float) and not isinstance(one, bool) for one in values.values()
+    ):
+        raise JointplayError("a question has values, numbers by control")
+    return {name: require_finite(name, one, "") for name, one in values.items()}
+
+
+class Routes:
+    """What the page can ask.
+
+    Args:
+        state: what can be changed.
+        workers: who answer.
+    """
+
+    def __init__(self, state: State, workers: Workers) -> None:
+        """Nothing is asked yet."""
+        self._state, self._workers = state, workers
+        self._lock = threading.Lock()
+        self._newest = ("", 0)
+
+    @property
+    def posts(self) -> dict[str, Callable[[bytes], Iterator[bytes]]]:
+        """By name, for the server."""
+        return {"ask": self._ask, "scenario": self._scenario}
+
+    def _read(self, body: bytes) -> tuple[dict[str, float], tuple[str, int]]:
+        """Values, and which question of which page it is."""
+        try:
+            asked = json.loads(body)
+        except (ValueError, RecursionError) as error:
+            raise JointplayError(f"the question cannot be read: {error}") from None
+        values = values_of(asked)
+        page, number = asked.get("page", ""), asked.get("number", 0)
+        if not isinstance(page, str) or not isinstance(number, int):
+            raise JointplayError("a question's page is text, and its number a whole one")
+        return values, (page, number)
+
+    def _is_newest(self, question: tuple[str, int]) -> bool:
+        """Whether no later question of the same page came before this one."""
+        page, number = self._newest
+        if question[0] == page and question[1] < number:
+            return False
+        self._newest = question
+        return True
+
+    def _ask(self, body: bytes) -> Iterator[bytes]:
+        values, question = self._read(body)
+        parts: queue.SimpleQueue[tuple[dict[str, Any], bytes]] = queue.SimpleQueue()
+
+        def answer() -> Iterator[bytes]:
+            with self._lock:
+                newest = self._is_newest(question)
+                if newest:
+                    self._workers.ask(values, lambda head, block: parts.put((head, block)))
+            if not newest:
+                yield frame({"kind": "end", "superseded": True})
+                return
+            while True:
+                head, block = parts.get()
+                yield frame(head, block)
+                if head["kind"] == "end":
+                    return
+
+        return answer()
+
+    def _scenario(self, body: bytes) -> Iterator[bytes]:
+        text = self._state.text(self._read(body)[0])
+        return (part for part in [text.encode()])
+
+
+def serve(
+    state: State,
+    simulation: Simulation,
+    title: str,
+    *,
+    port: int = PORT,
+    browser: bool = True,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serve the page and open it in the browser; returns after Ctrl-C.
+
+    Args:
+        state: what can be changed.
+        simulation: of its case.
+        title: of the page.
+        port: where; if it is taken, another. Other machines cannot connect.
+        browser: whether to open one.
+        say: receives one line for each thing the user should know.
+
+    Raises:
+        JointplayError: see `Server`.
+    """
+    shown = page(*contents(state, simulation, title))
+    workers = Workers(state)
+    try:
+        with Server(shown, HOST, port, Routes(state, workers).posts) as server:
+            if port and server.port != port:
+                say(f"port {port} is in use; using {server.port}")
+            say(f"live at {server.url} (stop with Ctrl-C)")
+            if browser and not open_browser(server.url):
+                say("no browser could be opened; open this address yourself")
+            server.serve_forever(poll_interval=0.2)
+    except KeyboardInterrupt:
+        say("")
+    finally:
+        workers.close()

@@ -1,0 +1,179 @@
+"""Processes that answer: one soon, one exactly; a newer question ends what an older one began.
+
+Each has its own machine, built and compiled once. They end with this process, however it ends.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import threading
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+from jointplay.base import processes
+from jointplay.base.errors import JointplayError
+from jointplay.show.live.answer import Machine, Superseded
+from jointplay.show.live.state import State
+
+Receive = Callable[[dict[str, Any], bytes], None]
+"""Receives a part of an answer, in a thread of the workers."""
+
+_METHOD = "fork" if sys.platform == "linux" else "spawn"
+ROUNDS = ("quick", "fine")
+"""Methods of `Machine`; each has a process."""
+
+
+class Workers:
+    """Processes that answer questions on one state, the newest only.
+
+    Args:
+        state: what can be changed.
+
+    Attributes:
+        processes: by what they do.
+    """
+
+    def __init__(self, state: State) -> None:
+        """Start the processes."""
+        self.state = state
+        context: Any = multiprocessing.get_context(_METHOD)
+        self._context = context
+        self._newest = context.Value("Q", 0)
+        self._lock = threading.Lock()
+        self._receive: Receive = lambda head, block: None
+        self._values: dict[str, float] = {}
+        self._open = False
+        self._closed = False
+        self.processes: dict[str, Any] = {}
+        self._connections: dict[str, Any] = {}
+        for kind in ROUNDS:
+            self._start(kind)
+
+    def _start(self, kind: str) -> None:
+        mine, theirs = self._context.Pipe()
+        process = self._context.Process(
+            target=_serve, args=(self.state, kind, theirs, self._newest), daemon=True
+        )
+        with warnings.catch_warnings():  # libraries have threads, none at work here
+            warnings.simplefilter("ignore", DeprecationWarning)
+            process.start()
+        theirs.close()
+        self.processes[kind], self._connections[kind] = process, mine
+        threading.Thread(target=self._read, args=(kind, mine), daemon=True).start()
+
+    def ask(self, values: Mapping[str, float], receive: Receive) -> int:
+        """Have a question answered; what is asked before gets no further answers.
+
+        Args:
+            values: of controls, by name.
+            receive: for each part of the answer; the last one is of the kind ``end``.
+
+        Returns:
+            The question's number, which all parts of its answer have.
+        """
+        with self._lock:
+            before, self._receive = self._receive, receive
+            unanswered, self._open = self._open, True
+            number = int(self._newest.value) + 1
+            self._newest.value, self._values = number, dict(values)
+            self._send(ROUNDS[0])
+        if unanswered:
+            before({"kind": "end", "question": number - 1, "superseded": True}, b"")
+        return number
+
+    def _send(self, kind: str) -> None:
+        """Have a process begin with the newest question."""
+        with suppress(OSError):  # it is dead, which `_read` finds
+            self._connections[kind].send((int(self._newest.value), self._values))
+
+    def _read(self, kind: str, connection: Any) -> None:
+        """Hand on what a process answers, if nothing newer was asked."""
+        with suppress(EOFError, OSError):
+            while True:
+                head, block = connection.recv()
+                self._hand_on(kind, head, block)
+        with self._lock:
+            if self._closed:
+                return
+            number = int(self._newest.value)
+            self._start(kind)
+        text = "a process was ended from outside (too little memory?); ask again"
+        self._hand_on(kind, {"kind": "error", "question": number, "error": text, "at": None}, b"")
+        self._hand_on(kind, {"kind": "done", "question": number, "refused": True}, b"")
+
+    def _hand_on(self, kind: str, head: dict[str, Any], block: bytes) -> None:
+        with self._lock:
+            if head["question"] != self._newest.value:
+                return
+            receive = self._receive
+            if head["kind"] == "done":
+                if kind == ROUNDS[0] and not head.get("refused"):
+                    self._send(ROUNDS[1])  # not before: it would take the processor from the other
+                    return
+                self._open = False
+                head = {"kind": "end", "question": head["question"], "superseded": False}
+            receive(head, block)
+
+    def close(self) -> None:
+        """End the processes; what they were doing is given up."""
+        with self._lock:
+            self._closed = True
+        for process in self.processes.values():
+            process.kill()
+        for process in self.processes.values():
+            process.join()
+
+
+def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
+    """What a process does: answer the newest question, until its parent ends."""
+    processes.begin()
+    os.nice(5)  # what is computed gives way to what is drawn
+    machine = Machine(state)
+    with processes.one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            number, values = connection.recv()
+            while connection.poll():  # older ones were asked in passing
+                number, values = connection.recv()
+
+            def superseded(number: int = number) -> bool:
+                return bool(newest.value != number)
+
+            began = time.process_time()
+
+            def send(
+                head: dict[str, Any],
+                block: bytes = b"",
+                number: int = number,
+                began: float = began,
+            ) -> None:
+                took = {"question": number, "cpu_s": time.process_time() - began}
+                connection.send((head | took, block))
+
+            machine.superseded = superseded
+            _answer(machine, kind, values, send)
+
+
+def _answer(machine: Machine, kind: str, values: Mapping[str, float], send: Any) -> None:
+    """Answer one question; what is wrong with it is said at the control it belongs to."""
+    refused = True
+    try:
+        for head, block in getattr(machine, kind)(values):
+            send(head, block)
+        refused = False
+    except Superseded:
+        return
+    except JointplayError as error:
+        send({"kind": "error", "error": str(error), "at": machine.state.control_at(error.where)})
+    except (ArithmeticError, ValueError, MemoryError) as error:
+        reason = f"these numbers cannot be computed with: {error or type(error).__name__}"
+        send({"kind": "error", "error": reason, "at": None})
+    except Exception as error:
+        traceback.print_exc()
+        send({"kind": "error", "error": f"{type(error).__name__}: {error}", "at": None})
+    send({"kind": "done", "refused": refused})

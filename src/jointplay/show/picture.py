@@ -1,0 +1,247 @@
+"""A picture of a mechanism: its shapes shaded, joints with clearance and loops marked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pinocchio as pin
+import trimesh
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+from jointplay.base.errors import JointplayError
+from jointplay.model.loop import assemble
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.scene import Scene
+from jointplay.model.visuals import Look
+
+_LIGHT = np.array([0.35, -0.6, 0.72])
+"""Towards the light, in world axes."""
+_OTHERS = "#c9d3df"
+"""Of bodies of which a colouring says nothing."""
+_PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
+_TYPE, _LINE, _LETTER = 8.0, 10.5, 4.8
+"""Size of words, of a line of them and about that of a letter [points]."""
+_HEIGHT = 390.0
+"""About that of the picture within the figure [points]."""
+_Note = tuple[np.ndarray, str, str]
+"""A place (3,) [m], words and their colour."""
+_RING = 0.06
+"""Radius of the marks, relative to the mechanism's size."""
+_PIECE = 0.03
+"""Longest side of a triangle, relative to the mechanism's size."""
+_FINE = 2000
+"""A body of this many triangles needs no cutting."""
+_FINEST = 1.0 / 300.0
+"""Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
+_FARTHEST = 1e6
+"""From the origin; shapes that reach farther are mistakes [m]."""
+_FLAT = 0.4
+"""Height relative to the largest extent below which a mechanism is flat."""
+
+
+@mpl.rc_context({"text.parse_math": False})  # names stand as they are, $ and all
+def picture(
+    mechanism: Mechanism,
+    q: np.ndarray | None = None,
+    *,
+    title: str = "",
+    view: tuple[float, float] | None = None,
+    folders: Sequence[str | Path] = (),
+    colours: Mapping[str, str] | None = None,
+    labels: Mapping[str, str] | None = None,
+) -> Figure:
+    """Draw a mechanism as it stands, in parallel projection.
+
+    Joints with clearance are marked by a ring about their axis, their name and the room that the
+    journal has; ideal loops likewise, in another colour. Where there is nothing to show, or a mesh
+    is missing, simple shapes stand in, and the picture says so.
+
+    Args:
+        mechanism: what to draw.
+        q: configuration, shape (nq,); None takes zero, with loops closed.
+        title: above the picture.
+        view: azimuth and elevation of the viewer [deg]; None looks from the side, and from further
+            above where the mechanism is flat.
+        folders: where meshes may be, too.
+        colours: of bodies, by the name of the joint that carries them, as #rrggbb.
+        labels: what stands beside the marks of joints with clearance instead of their play.
+
+    Returns:
+        A figure of its own; save it with its `savefig`.
+
+    Raises:
+        JointplayError: q of the wrong shape; loops that cannot be closed; no such folder; a shape
+            of a size that cannot be drawn.
+    """
+    if q is None:
+        q = assemble(mechanism, np.zeros(mechanism.model.nq), [])
+    q = np.asarray(q, float)
+    if q.shape != (mechanism.model.nq,):
+        raise JointplayError(
+            f"q must have the shape ({mechanism.model.nq},): {', '.join(mechanism.coordinates)}; "
+            f"got {q.shape}"
+        )
+    scene = Scene(mechanism, folders)
+    places = dict(zip(scene.links, map(pin.XYZQUATToSE3, scene.poses(q[None])[0]), strict=True))
+    bodies, paints = _placed(scene, places, colours)
+    points = np.concatenate(bodies).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    if view is None:
+        flat = high[2] - low[2] < _FLAT * float((high - low).max())
+        view = (-70.0, 55.0) if flat else (-60.0, 24.0)
+    # Matplotlib sorts whole triangles by depth, which needs them small.
+    pieces, sides = zip(
+        *(_coarse(_cut(body, _PIECE * size), _FINEST * size) for body in bodies), strict=True
+    )
+    triangles, normals = np.concatenate(pieces), np.concatenate(sides)
+    tones = [np.tile(tone, (len(piece), 1)) for tone, piece in zip(paints, pieces, strict=True)]
+
+    figure = Figure(figsize=(8.0, 5.5), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
+    notes: list[_Note] = []
+    for joint in scene.joints:
+        if not joint.hinge:
+            colour = _PLAY if joint.play else _LOOP
+            text = f"{joint.name}\n{joint.words}"
+            if joint.play and labels is not None:
+                text = labels.get(joint.name, joint.name)
+            where = places[scene.links[joint.link]] * joint.place
+            notes.append((_mark(axes, where, _RING * size, colour), text, colour))
+    pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
+    tool = mechanism.data.oMf[mechanism.tool_frame].translation
+    axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
+    notes.append((tool, mechanism.tool, _TOOL))
+    _frame(axes, low, high, view)
+    _write(axes, notes)
+    axes.set_title(title, fontsize=11)
+    _say_missing(figure, scene.look)
+    return figure
+
+
+def _say_missing(figure: Figure, looks: Look) -> None:
+    """Name the meshes that were not found."""
+    if looks.missing:
+        names = ", ".join(Path(name).name for name in looks.missing[:3])
+        more = f" and {len(looks.missing) - 3} more" if len(looks.missing) > 3 else ""
+        figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
+
+
+def _placed(
+    scene: Scene, places: Mapping[str, pin.SE3], colours: Mapping[str, str] | None
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Triangles of every part where it stands (n, 3, 3) [m], and its colour."""
+    mechanism, bodies, paints = scene.mechanism, [], []
+    for shape in scene.look.shapes:
+        place = places[shape.link].homogeneous @ shape.placement
+        frame = mechanism.model.getFrameId(shape.link, pin.FrameType.BODY)
+        carrier = mechanism.owner(mechanism.model.frames[frame].parentJoint)
+        for part, colour in zip(shape.parts, shape.colours, strict=True):
+            bodies.append(part.corners() @ place[:3, :3].T + place[:3, 3])
+            if not (np.abs(bodies[-1]) < _FARTHEST).all():
+                raise JointplayError(
+                    f"link {shape.link!r} has a shape that reaches beyond {_FARTHEST:g} m, and "
+                    "cannot be drawn; see its scale"
+                )
+            own = None if colours is None else _rgb(colours.get(carrier or "", _OTHERS))
+            paints.append(np.array(colour[:3]) if own is None else own)
+    return bodies, paints
+
+
+def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same surface without what is smaller than `grid`, which is not seen but takes long.
+
+    Returns:
+        Triangles (n, 3, 3) [m], and the normal of each as it was before (n, 3).
+    """
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    whole = np.round(triangles / grid)
+    apart = (whole != np.roll(whole, 1, axis=1)).any(axis=2).all(axis=1)
+    if len(triangles) < _FINE or not apart.any():
+        return triangles, normals
+    corners = np.ascontiguousarray(whole[apart]).view([("x", "f8"), ("y", "f8"), ("z", "f8")])
+    _, first = np.unique(np.sort(corners[..., 0], axis=1), axis=0, return_index=True)
+    return grid * whole[apart][first], normals[apart][first]
+
+
+def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
+    """The same surface in triangles whose sides are no longer than `longest`."""
+    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    if not 0 < len(triangles) < _FINE or mesh.edges_unique_length.max() <= longest:
+        return triangles
+    points, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, 12)
+    return np.asarray(points)[faces]
+
+
+def _rgb(colour: str) -> np.ndarray:
+    return np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+
+
+def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
+    light = _LIGHT / np.linalg.norm(_LIGHT)
+    # Either side may be the outer one: not all mesh files wind their triangles alike.
+    shade = 0.45 + 0.5 * np.abs(normals @ light)
+    faces = np.clip(colours * shade[:, None], 0.0, 1.0)
+    return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
+
+
+def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
+    """A ring about a joint's axis; returns where its words belong."""
+    phi = np.linspace(0.0, 2.0 * np.pi, 61)
+    ring = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), 0.0 * phi])
+    axes.plot(*(ring @ place.rotation.T + place.translation).T, color=colour, lw=1.8, zorder=4)
+    axis = np.array([[0.0, 0.0, -1.5 * radius], [0.0, 0.0, 1.5 * radius]])
+    line = (axis @ place.rotation.T + place.translation).T
+    axes.plot(*line, color=colour, lw=1.0, ls="-.", zorder=4)
+    return np.asarray(line[:, 1])
+
+
+def _write(axes: Any, notes: Sequence[_Note]) -> None:
+    """Words beside their points, from above; what would cover others moves down, led by a line."""
+    seen = axes.get_proj()
+    point = axes.viewLim.height / _HEIGHT
+    taken: list[tuple[float, float, float, float]] = []
+    flat = [(np.array(proj_transform(*at, seen)[:2], float), text, c) for at, text, c in notes]
+    for at, text, colour in sorted(flat, key=lambda note: -note[0][1]):
+        lines = text.split("\n")
+        high = _LINE * len(lines) * point
+        wide = _LETTER * max(map(len, lines)) * point
+        left, top = at[0] + 6.0 * point, at[1] + 0.5 * high
+        for a, b, upper, lower in sorted(taken, key=lambda box: -box[2]):
+            if left < b and a < left + wide and top > lower and top - high < upper:
+                top = lower
+        taken.append((left, left + wide, top, top - high))
+        middle = top - 0.5 * high
+        if middle < at[1] - 0.5 * high:
+            ends = ((at[0], left), (at[1], middle))
+            axes.add_artist(Line2D(*ends, color=colour, lw=0.6, zorder=5))
+        axes.text2D(
+            left, middle, text, color=colour, fontsize=_TYPE, va="center", zorder=6,
+            transform=axes.transData,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        )  # fmt: skip
+
+
+def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, float]) -> None:
+    """Axes with units around what is shown, equally scaled."""
+    room = 0.08 * float((high - low).max())
+    low, high = low - room, high + room
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(high - low, zoom=1.1)
+    axes.view_init(azim=view[0], elev=view[1])
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.tick_params(labelsize=7)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
+        axis.pane.set_alpha(0.15)

@@ -1,0 +1,497 @@
+"""Figures of budgets, allocations, identifications, ISO 9283, wear, reduction and shares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_hex
+from matplotlib.figure import Figure
+
+from jointplay.accuracy.allocation import Allocation
+from jointplay.accuracy.error_budget import ErrorBudget, PlayBudget
+from jointplay.accuracy.jacobians import GEAR
+from jointplay.estimate import Calibration, Estimate, Identification
+from jointplay.model.mechanism import Mechanism
+from jointplay.show.picture import picture
+from jointplay.show.plots.chart import (
+    Area,
+    Axis,
+    Bars,
+    Chart,
+    Curve,
+    Dots,
+    Mark,
+    Panel,
+    Rule,
+    Words,
+)
+from jointplay.show.plots.draw import draw
+from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.study.iso9283 import Iso9283
+from jointplay.study.maintenance import Maintenance
+from jointplay.study.shares import DynamicBudget
+
+if TYPE_CHECKING:
+    from jointplay.bridges.reduction import Reduction
+
+_SHARES = "YlOrRd"
+
+
+def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Figure:
+    """A figure of panels side by side."""
+    return draw(Chart([list(panels)], size, **more))
+
+
+# Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
+
+
+def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
+    """What each joint adds to the tool's error at a pose, by default the worst one."""
+    at = budget.worst_pose if pose is None else pose
+    rests, whole, _ = budget.rest_positions.at(at)
+    groups = (
+        ("worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
+        ("RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
+        ("at rest", np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1), COLOURS[3]),
+    )
+    marks = [
+        Bars(
+            values,
+            f"{words}, all {1e3 * total:.3g} mm",
+            colour,
+            shift=0.27 * (index - 1),
+            height=0.25,
+        )
+        for index, (words, total, values, colour) in enumerate(groups)
+    ]
+    across = Axis(f"contribution of the joint to the error of {budget.tool!r}", "m")
+    panel = Panel(across, Axis(rows=budget.joints), marks)
+    return _row([panel], (7.0, 1.6 + 0.42 * len(budget.joints)), note=budget.accuracy, key=2)
+
+
+def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]:
+    """Bars of each cause, one where the other ends, negative ones to the left (causes, rows)."""
+    marks: list[Mark] = []
+    ends = {1.0: np.zeros(parts.shape[1]), -1.0: np.zeros(parts.shape[1])}
+    for own, name, colour in zip(parts, names, COLOURS, strict=False):
+        for sign, end in ends.items():  # loads may shift the tool back
+            part = np.where(np.sign(own) == sign, own, 0.0)
+            if sign > 0.0 or part.any():
+                marks.append(Bars(part, name if sign > 0.0 else "", colour, end.copy(), **look))
+            end += part
+    return marks
+
+
+def cause_bars(budget: ErrorBudget) -> Figure:
+    """Each joint's part of the whole error at the worst pose, by cause."""
+    at = budget.worst_pose
+    joints = list(dict.fromkeys(one.joint for one in budget.model.contributions))
+    causes = list(budget.by("cause"))
+    parts, variances = budget.worst_parts[at], budget.variances
+    whole = float(variances.sum()) or 1.0
+    shown = np.zeros((2, len(causes), len(joints)))
+    for part, variance, one in zip(parts, variances, budget.model.contributions, strict=True):
+        cell = causes.index(one.cause), joints.index(one.joint)
+        shown[0][cell] += part
+        shown[1][cell] += 100.0 * variance / whole
+    axes = (
+        Axis(f"part of the worst case of {1e3 * budget.worst[at]:.3g} mm", "m"),
+        Axis(f"part of the variance (RMS with the mean {1e3 * budget.rms[at]:.3g} mm)", "%"),
+    )
+    panels = [
+        Panel(axis, Axis(rows=joints), _stacked(values, causes))
+        for axis, values in zip(axes, shown, strict=True)
+    ]
+    size, note = (9.0, 1.8 + 0.35 * len(joints)), "; ".join(budget.assumed)
+    return _row(panels, size, note=note, key=len(causes), same_y=True)
+
+
+def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
+    """The robot, each body coloured by its joint's share of the worst case at the worst pose."""
+    share: dict[str, float] = {}
+    gears = {name + GEAR: name for name in mechanism.gears}
+    for name, value in zip(budget.joints, budget.shares, strict=True):
+        joint = gears.get(name, name)
+        share[joint] = share.get(joint, 0.0) + float(value)
+    scale = Normalize(0.0, 100.0 * max(max(share.values()), 1e-9))
+    palette = mpl.colormaps[_SHARES]
+    colours = {name: to_hex(palette(scale(100.0 * value))) for name, value in share.items()}
+    labels = {name: f"{name}: {100 * value:.1f} %" for name, value in share.items()}
+    worst = 1e3 * budget.worst[budget.worst_pose]
+    figure = picture(
+        mechanism,
+        q[budget.worst_pose],
+        title=f"origin of the worst case of {worst:.3g} mm at {budget.tool!r} (static)",
+        colours=colours,
+        labels=labels,
+    )
+    figure.set_dpi(130)
+    figure.colorbar(
+        ScalarMappable(scale, palette),
+        ax=figure.axes[0],
+        shrink=0.6,
+        label="share of the joint that carries the body [%]",
+    )
+    return figure
+
+
+def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
+    """All places that the tool can take at a pose, seen along x, y and z; and where it rests.
+
+    The box holds all places in which friction can hold it.
+    """
+    at = budget.worst_pose if pose is None else pose
+    angle = np.linspace(0.0, 2.0 * np.pi, 241)
+    rest = budget.rest_positions.at(at).whole
+    ends = budget.rest_positions.interval(at)
+    held = f"{budget.rest_positions.words} may hold it"
+    if budget.rest_positions.unsearched:
+        held = "entire play: friction not searched"
+    panels = []
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        directions = np.zeros((len(budget.positions), len(angle), 3))
+        directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
+        edge = np.zeros((len(angle), 3))
+        marks = []
+        for error in budget.model.along(directions).error[:, at]:
+            edge = edge + error[:, :3]
+            marks.append(Curve(edge[:, i], edge[:, j], colour="#bfbfbf", width=0.6))
+        (left, right), (low, high) = ends[i], ends[j]
+        box = [left, right, right, left, left], [low, low, high, high, low]
+        marks += [
+            Curve(edge[:, i], edge[:, j], "reachable", COLOURS[0]),
+            Curve([rest[i]], [rest[j]], "at rest", COLOURS[3], "", marker="o", size=5.0),
+            Curve(*box, held, COLOURS[3], "--", 1.0),
+            Curve([0.0], [0.0], "without play", "black", "", marker="+", size=6.0),
+        ]
+        panels.append(Panel(Axis("xyz"[i], "m"), Axis("xyz"[j], "m"), marks, equal="data"))
+    note = f"grey: first joint, first two, ... of {', '.join(budget.joints)}\n{budget.accuracy}"
+    return _row(panels, (8.5, 3.4), note=note, key=4)
+
+
+def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
+    """Error along a motion: worst case by joint, stacked; and at rest, and RMS.
+
+    Args:
+        budget: along the motion.
+        time: of its poses [s], shape (n,); None counts them.
+    """
+    x = np.arange(len(budget.worst)) if time is None else time
+    tops = np.cumsum(np.column_stack([np.zeros(len(x)), budget.worst_parts]), axis=1).T
+    tones = many(len(budget.joints))
+    marks: list[Mark] = [
+        Area(x, low, high, joint, tone)
+        for (low, high), joint, tone in zip(pairwise(tops), budget.joints, tones, strict=False)
+    ]
+    for values, name, line in (
+        (budget.worst, "worst case", "-"),
+        (budget.rms, "RMS over load directions", "--"),
+        (budget.rest_error, "at rest under its load", ":"),
+    ):
+        marks.append(Curve(x, values, name, "black", line))
+    across = Axis("pose") if time is None else Axis("time in the motion", "s")
+    across = replace(across, low=float(x[0]), high=float(x[-1]))
+    panel = Panel(across, Axis(f"error of {budget.tool!r}", "m", low=0.0), marks)
+    at = "outside right upper"
+    return _row([panel], (7.0, 3.6), note=budget.accuracy, key=1, key_at=at)
+
+
+def workspace_map(budget: PlayBudget) -> Figure:
+    """Where in the workspace the worst case is large: from the side and from above."""
+    x, y, z = budget.positions.T
+    scale = Axis(f"worst-case error of {budget.tool!r}", "m")
+    order = np.argsort(budget.worst)
+    views = (
+        (np.hypot(x, y), z, "distance from the z axis", "z"),
+        (x, y, "x", "y"),
+    )
+    panels = [
+        Panel(
+            Axis(word, "m", "large"),
+            Axis(other, "m", "large"),
+            [Dots(across[order], up[order], budget.worst[order], scale)],
+            equal="data",
+        )
+        for across, up, word, other in views
+    ]
+    return _row(panels, (8.0, 4.0), note=budget.accuracy)
+
+
+def allocation(allotment: Allocation) -> Figure:
+    """Clearances, what they add to the error, and what another micrometre of each would save."""
+    shown = (
+        (allotment.clearance, Axis("clearance", "m", "fine"), COLOURS[1]),
+        (allotment.each("after"), Axis("adds to the error", "m", "fine"), COLOURS[0]),
+        (
+            allotment.each("saved"),
+            Axis(f"saved by one µm more\n[cost, {allotment.cost}]"),
+            COLOURS[3],
+        ),
+    )
+    panels = [
+        Panel(axis, Axis(rows=allotment.joints), [Bars(values, colour=colour)])
+        for values, axis, colour in shown
+    ]
+    title = (
+        f"{allotment.kind} {1e6 * allotment.error:.4g} µm, target {1e6 * allotment.target:.4g} µm"
+    )
+    return _row(panels, (9.0, 1.6 + 0.35 * len(allotment.joints)), title=title, same_y=True)
+
+
+def cause_allocation(allotment: Allocation) -> Figure:
+    """Each joint's causes as they are and in the end, and what each costs."""
+    joints = list(dict.fromkeys(allotment.joints))
+    causes = list(dict.fromkeys(one.cause for one in allotment.choices))
+    shown = np.zeros((3, len(causes), len(joints)))
+    for one in allotment.choices:
+        cell = shown[:, causes.index(one.cause), joints.index(one.joint)]
+        cell += [one.before, one.after, one.price]
+    part = (
+        f"part of the {allotment.kind}, pale as it is ({1e3 * allotment.was:.4g} mm),\n"
+        f"full in the end ({1e3 * allotment.error:.4g} mm)"
+    )
+    nameless = [""] * len(causes)
+    before = _stacked(shown[0], nameless, shift=-0.2, height=0.36, opacity=0.45)
+    after = _stacked(shown[1], causes, shift=0.2, height=0.36)
+    rows = Axis(rows=joints)
+    panels = [
+        Panel(Axis(part, "m"), rows, [*before, *after]),
+        Panel(Axis(f"price, {allotment.total:.4g} in all"), rows, _stacked(shown[2], nameless)),
+    ]
+    note = "; ".join(one for one in allotment.notes if one.startswith("assumed"))
+    size = (9.0, 1.9 + 0.42 * len(joints))
+    return _row(panels, size, note=note, key=len(causes), same_y=True)
+
+
+# Figure of an identification: what was found beside the scenario, restitution, agreement.
+
+
+_AGREEMENT = {
+    "tool": Axis("deviation of the tool", "m", "fine"),
+    "link": Axis("link - motor", "rad"),
+}
+
+
+def identification(fit: Identification) -> Figure:
+    """Intervals relative to the scenario's values, predicted means over measured, restitution."""
+    kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
+    words = "statistical; bars: 95 % intervals"
+    shown = [one for one in fit.estimates if one.unknown.sought]
+    panels = []
+    if shown:
+        panel = _intervals(shown, 1.0, [one.unknown.scale for one in shown])
+        found = Axis("found / scenario", low=0.0)
+        panels.append(replace(panel.with_marks(Rule(1.0, "x", colour=LINE, line=":")), x=found))
+        words += f"; static model, left over {fit.misfit:.2g} standard errors (RMS)"
+    panels += [_agreement(fit, kind) for kind in kinds]
+    if fit.restitutions:
+        panel = _intervals(fit.restitutions, 0.5, [1.0] * len(fit.restitutions))
+        panels.append(replace(panel, x=Axis("restitution", low=0.0, high=1.0)))
+    height = max(2.0 + 0.3 * len(shown), 3.2)
+    return _row(panels, (1.6 + 3.0 * len(panels), height), note=words)
+
+
+def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
+    return [
+        Curve([low, high], [row, row], width=2.0),
+        Curve([value], [row], line="", marker="o", size=4.0),
+    ]
+
+
+def _intervals(rows: Sequence[Estimate], middle: float, scales: Sequence[float]) -> Panel:
+    """Name, interval and value of a row each, by its scale; of what cannot be told that it is."""
+    marks: list[Mark] = []
+    for row, (one, scale) in enumerate(zip(rows, scales, strict=True)):
+        if one.reason:
+            marks.append(Words(middle, row, "cannot tell"))
+            continue
+        low, high = (end / scale for end in one.interval)
+        marks += _interval(row, low, high, one.value / scale)
+    return Panel(Axis(), Axis(rows=[one.label for one in rows]), marks)
+
+
+def _agreement(fit: Identification, kind: str) -> Panel:
+    """Means by the model over measured ones, offsets included."""
+    axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
+    marks: list[Mark] = []
+    ends: list[float] = []
+    for column, (own, name) in enumerate(fit.observed.keys):
+        use = np.isfinite(fit.error[:, column])
+        if own != kind or not use.any():
+            continue
+        x, y = fit.observed.mean[use, column], fit.predicted[use, column]
+        ends += [x.min(), x.max()]
+        colour, aside = COLOURS[column % len(COLOURS)], fit.error[use, column]
+        marks.append(Curve(x, y, name, colour, "", 0.5, marker="o", size=2.5, aside=aside))
+    if ends:
+        line = [min(ends), max(ends)]
+        marks.append(Curve(line, line, colour=LINE, width=0.7))
+    across, up = replace(axis, name=f"measured: {axis.name}"), replace(axis, name="static model")
+    return Panel(across, up, marks, legend="best")
+
+
+def calibration(fit: Calibration) -> Figure:
+    """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
+    told = [one for one in fit.play if not one.reason]
+    groups = ((-0.2, "training", COLOURS[0]), (0.2, "held_back", COLOURS[1]))
+    steps: list[Mark] = []
+    poses: list[Mark] = []
+    for shift, name, colour in groups:
+        sizes = [getattr(one, name)[0] for one in fit.steps]
+        label = name.replace("_", " ")
+        steps.append(Bars(sizes, label, colour, shift=shift, height=0.38))
+        each = np.linalg.norm(fit.step().errors[name][0], axis=1)
+        poses.append(Curve(np.arange(1, len(each) + 1), each, "", colour, "", marker="o", size=2.5))
+    rows = [one.added + (" (kept)" if one.kept else "") for one in fit.steps]
+    panels = [
+        Panel(Axis("position error (RMS)", "m"), Axis(rows=rows), steps),
+        Panel(Axis("pose"), Axis("position error", "m", low=0.0), poses),
+    ]
+    bounds: list[Mark] = []
+    for row, one in enumerate(told):
+        if one.found:
+            bounds += _interval(row, 1e3 * one.low, 1e3 * one.high, 1e3 * one.value)
+        else:
+            bounds.append(Bars([1e3 * one.upper], "", "#cccccc", height=0.5, rows=[row]))
+    if told:
+        across = Axis("half-play [mrad or mm]\ninterval; grey: bound")
+        panels.append(Panel(across, Axis(rows=[one.joint for one in told]), bounds))
+    size = (3.4 * len(panels), 1.6 + 0.3 * max(len(fit.steps), 5))
+    return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
+
+
+# Figures of accuracy and repeatability: attained poses around the command, and the path.
+
+
+MOST_POSES = 6
+"""Stops that are drawn: the worst."""
+
+
+def poses(performance: Iso9283) -> Figure:
+    """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
+    worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
+    shown = sorted(worst, key=lambda pose: pose.time)
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    rows: list[list[Panel | None]] = [[], []]
+    for pose in shown:
+        ap, rp = pose.figures["AP_p"].value, pose.figures["RP_l"].value
+        centre = pose.attained.mean(axis=0)
+        points = pose.attained - centre
+        arrow = -0.8 * rp * centre / max(float(np.linalg.norm(centre)), 1e-300)
+        title = f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} µm"
+        way = "direction to the command pose (length not to scale)"
+        for row, (i, j) in zip(rows, ((0, 1), (0, 2)), strict=True):
+            dot: dict[str, Any] = {"line": "", "marker": "o", "size": 2.5}
+            cross: dict[str, Any] = {"line": "", "marker": "x", "size": 6.0}
+            marks = [
+                Curve(points[:, i], points[:, j], "attained", COLOURS[0], **dot),
+                Curve([0.0], [0.0], "barycentre", COLOURS[1], **cross),
+                Curve(rp * np.cos(angle), rp * np.sin(angle), "RP_l", COLOURS[1], width=0.8),
+                Curve([0.0, arrow[i]], [0.0, arrow[j]], way, LINE, width=0.8),
+            ]
+            x, y = (Axis("xyz"[k], "m", "fine", ticks=5) for k in (i, j))
+            row.append(Panel(x, y, marks, title if row is rows[0] else "", equal="data"))
+    size = (1.4 + 2.4 * max(len(shown), 2), 5.6)
+    return draw(Chart(rows, size, note=_note(performance), key=2))
+
+
+def path(performance: Iso9283) -> Figure:
+    """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
+    marks = [
+        Curve(
+            performance.path_times,
+            values,
+            f"{name} = {performance.path[name].words(1e3, 'mm')}",
+            colour,
+            width=0.8,
+            marker="o",
+            size=2.5,
+        )
+        for values, name, colour in (
+            (performance.path_accuracy, "AT_p", COLOURS[0]),
+            (performance.path_repeatability, "RT_p", COLOURS[1]),
+        )
+    ]
+    up = Axis("across the command path", "m", low=0.0)
+    panel = Panel(Axis("time in the cycle", "s"), up, marks)
+    return _row([panel], (6.5, 3.4), note=_note(performance), key=2)
+
+
+def _note(performance: Iso9283) -> str:
+    parts = performance.accuracy.split("; ")
+    half = len(parts) // 2
+    return "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
+
+
+def wear_course(estimate: Maintenance) -> Figure:
+    """The tool's error up to its tolerance, and each joint's growth of clearance."""
+    aside = 2.0 * np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
+    course = Curve(estimate.cycles, estimate.error, "worst case, static", COLOURS[0], marker="o")
+    errors: list[Mark] = [
+        replace(course, aside=aside),
+        Rule(estimate.target, "y", "tolerance", "black", "--", 0.9),
+    ]
+    depths = [
+        Curve(estimate.cycles, depth, name, colour, marker="o")
+        for name, depth, colour in zip(
+            estimate.joints, estimate.growth.T, many(len(estimate.joints)), strict=False
+        )
+    ]
+    cycles, (low, high) = Axis("cycles"), estimate.spread
+    panels = [
+        Panel(cycles, Axis("error of the tool", "m", low=0.0), errors, legend="best"),
+        Panel(cycles, Axis("growth of clearance, deepest", "m", "fine"), depths, legend="best"),
+    ]
+    note = (
+        "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
+        f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
+        f"{estimate.factor:g}"
+    )
+    return _row(panels, (7.5, 3.4), note=note)
+
+
+def reversals(reduction: Reduction) -> Figure:
+    """The lag of the link behind the motor in time, and over the motor's angle (hysteresis)."""
+    past, half = reduction.history, 0.5 * reduction.dead_band
+    sides = [Rule(side, "y", colour=LINE, line=":", width=0.7) for side in (-half, half)]
+    curves: list[list[Mark]] = [[*sides], [*sides]]
+    for name, colour, line in (("full", COLOURS[0], "-"), ("reduced", COLOURS[1], "--")):
+        lag = past["motor"] - past[name]
+        curves[0].append(Curve(past["time"], lag, f"{name} model", colour, line))
+        curves[1].append(Curve(past["motor"], lag, "", colour, line))
+    up = Axis("motor - link", "rad")
+    angle = Axis(f"motor of {reduction.joint}", "rad", "large")
+    panels = [Panel(Axis("time", "s"), up, curves[0]), Panel(angle, up, curves[1])]
+    note = (
+        f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} µrad, "
+        f"RMS difference {1e6 * reduction.angle_rms:.3g} µrad; dotted: the dead band"
+    )
+    return _row(panels, (8.5, 3.4), note=note, key=2)
+
+
+def share_bars(budget: DynamicBudget) -> Figure:
+    """Errors of each source alone and of all together; shares with the interaction."""
+    names = [*budget.joints, "all together"]
+    rms = [*budget.alone_rms.mean(axis=0), budget.rms.mean()]
+    peak = [*budget.alone_peak.max(axis=0), budget.peak.max()]
+    parts = 100.0 * np.column_stack([budget.parts, budget.interaction])
+    known = parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if len(parts) > 1 else None
+    zero = Rule(0.0, "x")
+    sizes = [
+        Bars(peak, "peak", shift=-0.2, height=0.38),
+        Bars(rms, "RMS", COLOURS[0], shift=0.2, height=0.38),
+    ]
+    shares = Bars(parts.mean(axis=0), colour=COLOURS[0], error=known)
+    share = Axis("share of the mean square of the error", "%")
+    panels = [
+        Panel(Axis("error of the tool", "m"), Axis(rows=names), [*sizes, zero], legend="best"),
+        Panel(share, Axis(rows=[*budget.joints, "interaction"]), [shares, zero]),
+    ]
+    return _row(panels, (8.5, 1.8 + 0.45 * len(names)), note=budget.accuracy)

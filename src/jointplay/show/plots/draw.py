@@ -1,0 +1,306 @@
+"""Charts drawn by matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from jointplay.show.plots.chart import (
+    Area,
+    Axis,
+    Bars,
+    Chart,
+    Curve,
+    Dots,
+    Map,
+    Panel,
+    Rule,
+    Spans,
+    Words,
+)
+from jointplay.show.plots.style import (
+    Decades,
+    StyledFigure,
+    footnote,
+    listed,
+    logarithmic,
+    narrow,
+    new_figure,
+    style,
+)
+
+_MANY_POINTS = 20_000
+"""So many are an image, also in vector graphics."""
+_MOST_WRITTEN = 120
+"""Places of a map whose numbers can be read."""
+_MOST_NAMED = 9
+"""Columns or rows of a map that are named."""
+
+
+def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigure:
+    """A figure of a chart.
+
+    Args:
+        chart: what to draw.
+        look: a style of `style.STYLES`.
+        whole: whether it is as wide as on the screen, whatever its style.
+    """
+    with style(look):
+        figure = new_figure(*chart.size, look, whole)
+        share: dict[str, Any] = {"sharex": chart.same_x, "sharey": chart.same_y}
+        axes = figure.subplots(
+            len(chart.rows), len(chart.rows[0]), squeeze=False,
+            width_ratios=chart.wide, height_ratios=chart.high, **share,
+        )  # fmt: skip
+        for row, places in zip(chart.rows, axes, strict=True):
+            for panel, place in zip(row, places, strict=True):
+                if panel is None:
+                    place.set_axis_off()
+                else:
+                    draw_panel(panel, place)
+        if chart.same_x and len(chart.rows) > 1:
+            for place in axes[:-1].flat:
+                place.set_xlabel("")
+        if chart.same_y:
+            for place in axes[:, 1:].flat if chart.same_y is True else ():
+                place.set_ylabel("")
+        _scale_colours(figure, chart, axes)
+        if chart.title:
+            figure.suptitle(chart.title, color=chart.colour, fontsize=10)
+        if chart.key:
+            key(figure, axes, chart.key, chart.key_at)
+        if chart.note:
+            footnote(figure, chart.note)
+    return figure
+
+
+def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper center") -> None:
+    """A legend of all that is named in some axes, each name once, to be read row by row."""
+    named: dict[str, Any] = {}
+    for one in np.ravel(axes):
+        for handle, name in zip(*one.get_legend_handles_labels(), strict=True):
+            named.setdefault(name, handle)
+    if not named:
+        return
+    columns = min(len(named), columns)
+    # matplotlib fills columns; cases are read in rows.
+    names = [name for column in range(columns) for name in list(named)[column::columns]]
+    made = figure.legend([named[name] for name in names], names, loc=place, ncols=columns)
+    for line in made.get_lines():
+        line.set_linewidth(max(line.get_linewidth(), 2.0))
+        line.set_markersize(max(line.get_markersize(), 4.0))
+
+
+def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
+    """Draw into a pair of axes, in the style that they have.
+
+    Args:
+        panel: what to draw.
+        axes: where.
+        own: matplotlib's options for all that is data: ``color``, ``lw``, ``label`` ...
+    """
+    for mark in panel.marks:
+        framed = isinstance(mark, Curve) and mark.frame
+        _DRAWN[type(mark)](axes, mark, panel, {} if framed else own)
+    _set_axis(axes, "x", panel.x, panel)
+    _set_axis(axes, "y", panel.y, panel)
+    timeline = any(isinstance(mark, Spans) for mark in panel.marks)
+    if timeline:
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+    if panel.equal:
+        axes.set_aspect("equal", adjustable="box" if panel.equal == "box" else "datalim")
+    if panel.title:
+        look: Any = {"color": panel.colour, "loc": "left"} if panel.colour else {}
+        axes.set_title(panel.title, fontsize=9, **look)
+    if panel.columns or panel.legend:
+        _legend(axes, panel)
+
+
+def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
+    """Label, limits, scale and ticks of an axis."""
+    factor, _ = axis.shown
+    own = getattr(axes, f"{which}axis")
+    getattr(axes, f"set_{which}label")(axis.label)
+    if axis.rows is not None:
+        count = len(axis.rows)
+        at = list(range(count))
+        if any(isinstance(mark, Map) for mark in panel.marks) and count > _MOST_NAMED:
+            at = sorted({round(one) for one in np.linspace(0, count - 1, _MOST_NAMED)})
+        own.set_ticks(at, [axis.rows[k] for k in at])
+        if which == "y" and not any(isinstance(mark, Map) for mark in panel.marks):
+            axes.set_ylim(len(axis.rows) - 0.5, -0.5)
+        return
+    limits = [None if one is None else factor * one for one in (axis.low, axis.high)]
+    if limits != [None, None]:
+        getattr(axes, f"set_{which}lim")(*limits)
+    if axis.log and _positive(axes, which):
+        logarithmic(axes, which)
+    if axis.ticks is not None:
+        own.set_major_locator(MaxNLocator(axis.ticks, symmetric=axis.low == _minus(axis.high)))
+    if axis.whole:
+        own.set_major_locator(MaxNLocator(integer=True))
+
+
+def _positive(axes: Axes, which: str) -> bool:
+    """Whether anything that is drawn has a place on a logarithmic axis."""
+    return bool(np.isfinite(getattr(axes.dataLim, f"minpos{which}")))
+
+
+def _minus(value: float | None) -> float | None:
+    return None if value is None else -value
+
+
+def _legend(axes: Axes, panel: Panel) -> None:
+    """Above the axes, in fewer columns on a narrow figure; or where the panel says."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
+    if panel.legend:
+        beside = {"bbox_to_anchor": (1.02, 1.0), "loc": "upper left"}
+        place = beside if panel.legend == "beside" else {"loc": panel.legend}
+        axes.legend(title=panel.legend_title or None, fontsize=7, **place)
+        return
+    made = axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=2 if narrow(axes) and panel.columns > 3 else panel.columns,
+        borderaxespad=0.2,
+        handlelength=1.3,
+        columnspacing=1.2,
+    )
+    for line in made.get_lines():
+        line.set_linewidth(max(line.get_linewidth(), 1.6))
+
+
+def _name(mark: Any) -> dict[str, str]:
+    return {"label": listed(mark.name) if mark.name else "_"}
+
+
+def _curve(axes: Axes, mark: Curve, panel: Panel, own: Mapping[str, Any]) -> None:
+    across, up = panel.x.shown[0], panel.y.shown[0]
+    x, y = across * np.asarray(mark.x), up * np.asarray(mark.y)
+    look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
+    low = None if mark.low is None else up * np.asarray(mark.low)
+    high = None if mark.high is None else up * np.asarray(mark.high)
+    if mark.aside is not None or (low is not None and not mark.line):
+        bars = None if low is None else np.abs(np.array([low, high]) - y)
+        aside = None if mark.aside is None else across * mark.aside
+        look |= {"fmt": f"{mark.marker}{mark.line}", "ms": mark.size, "lw": mark.width or 0.8}
+        axes.errorbar(x, y, bars, aside, **look | dict(own))
+        return
+    look |= {"ls": mark.line or "none", "zorder": mark.order}
+    if mark.marker:
+        look |= {"marker": mark.marker, "ms": mark.size, "mew": 0.0}
+        if mark.hollow or mark.marker in "+x":
+            look |= {"mew": 1.0, "mfc": "none"}
+    if mark.width is not None:
+        look["lw"] = mark.width
+    if mark.steps:
+        look["drawstyle"] = "steps-mid"
+    if not mark.line and len(x) > _MANY_POINTS:
+        look["rasterized"] = True
+    (line,) = axes.plot(x, y, **look | dict(own))
+    if low is not None and high is not None:
+        known = np.isfinite(low) & np.isfinite(high)
+        if known.any():
+            axes.fill_between(x, low, high, where=known, color=line.get_color(), alpha=0.2, lw=0)
+
+
+def _bars(axes: Axes, mark: Bars, panel: Panel, own: Mapping[str, Any]) -> None:
+    factor = panel.x.shown[0]
+    values = factor * np.asarray(mark.values)
+    rows = np.arange(len(values)) if mark.rows is None else np.asarray(mark.rows)
+    error = None if mark.error is None else factor * mark.error
+    look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
+    left = factor * np.asarray(mark.left)
+    axes.barh(rows + mark.shift, values, mark.height, left=left, xerr=error, **look | dict(own))
+    if np.any(left):  # matplotlib keeps bars that begin where others end at the edge
+        low, high = axes.dataLim.intervalx
+        axes.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
+
+
+def _spans(axes: Axes, mark: Spans, panel: Panel, own: Mapping[str, Any]) -> None:
+    look: dict[str, Any] = {"facecolors": mark.colour, "linewidth": 0.0}
+    bars = panel.x.shown[0] * np.column_stack([mark.begin, mark.end - mark.begin])
+    axes.broken_barh(bars.tolist(), (mark.row - 0.4, 0.8), **look | dict(own))
+
+
+def _rule(axes: Axes, mark: Rule, panel: Panel, own: Mapping[str, Any]) -> None:
+    factor = (panel.x if mark.along == "x" else panel.y).shown[0]
+    look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
+    if mark.end is not None:
+        band = axes.axvspan if mark.along == "x" else axes.axhspan
+        band(factor * mark.at, factor * mark.end, lw=0.0, zorder=0.0, **look)
+        return
+    line = axes.axvline if mark.along == "x" else axes.axhline
+    line(factor * mark.at, lw=mark.width, ls=mark.line, **look)
+
+
+def _area(axes: Axes, mark: Area, panel: Panel, own: Mapping[str, Any]) -> None:
+    x, up = panel.x.shown[0] * mark.x, panel.y.shown[0]
+    look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, "lw": 0.0, **_name(mark)}
+    axes.fill_between(x, up * mark.low, up * mark.high, zorder=mark.order, **look | dict(own))
+
+
+def _dots(axes: Axes, mark: Dots, panel: Panel, own: Mapping[str, Any]) -> None:
+    look: dict[str, Any] = {"c": mark.scale.shown[0] * mark.values, "cmap": "viridis"}
+    look |= {"s": mark.size, "linewidths": 0} | dict(own)
+    axes.scatter(panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y, **look)
+
+
+def _map(axes: Axes, mark: Map, panel: Panel, own: Mapping[str, Any]) -> None:
+    axes.grid(visible=False)
+    scale = mark.scale or Axis()
+    values = scale.shown[0] * mark.values
+    if mark.x is not None and mark.y is not None:
+        norm: Any = LogNorm(values.min(), values.max()) if scale.log else None
+        x, y = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
+        look: dict[str, Any] = {"cmap": mark.palette, "norm": norm, "shading": "nearest"}
+        axes.pcolormesh(x, y, values, rasterized=True, **look)
+        return
+    aspect: Any = "auto" if mark.extent is None else "equal"
+    axes.imshow(values, cmap=mark.palette, origin="lower", aspect=aspect, extent=mark.extent)
+    if mark.written and values.size <= _MOST_WRITTEN:
+        middle = 0.5 * (np.nanmin(values) + np.nanmax(values))
+        look = {"ha": "center", "va": "center", "fontsize": 7}
+        for (row, column), value in np.ndenumerate(values):
+            if np.isfinite(value):
+                colour = "white" if value < middle else "black"
+                axes.text(column, row, f"{value:.3g}", color=colour, **look)
+
+
+def _words(axes: Axes, mark: Words, panel: Panel, own: Mapping[str, Any]) -> None:
+    place = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
+    axes.text(*place, mark.text, va="center", ha="center", color="0.4", fontsize=7)
+
+
+_DRAWN: dict[type, Any] = {
+    Curve: _curve,
+    Bars: _bars,
+    Spans: _spans,
+    Rule: _rule,
+    Area: _area,
+    Dots: _dots,
+    Map: _map,
+    Words: _words,
+}
+
+
+def _scale_colours(figure: Figure, chart: Chart, axes: Any) -> None:
+    """A bar that says which value a colour has, beside the panels that share it."""
+    scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
+    for panel, place in zip(chart.panels, [a for a in axes.flat if a.axison], strict=True):
+        for mark in panel.marks:
+            if isinstance(mark, Dots | Map) and mark.scale is not None:
+                image = [*place.collections, *place.images][-1]
+                scaled.setdefault(mark.scale, []).append((place, image))
+    for scale, drawn in scaled.items():
+        form = Decades() if scale.log else None
+        places = [place for place, _ in drawn]
+        figure.colorbar(drawn[-1][1], ax=places, label=scale.label, format=form)

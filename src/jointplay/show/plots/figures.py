@@ -1,0 +1,514 @@
+"""Figures of one or several cases, named by what they show; the paper's, as it numbers them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from jointplay.base import files
+from jointplay.model.mechanism import Mechanism
+from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, overlaid, unjudged
+from jointplay.show.plots.draw import draw
+from jointplay.show.plots.names import MARK, PAPER, is_paper_robot
+from jointplay.show.plots.palette import COLOURS, Cases, colours, reference
+from jointplay.simulation import analysis
+from jointplay.simulation.analysis.headline import reference as ideal_run
+from jointplay.simulation.analysis.spectra import TooShort
+from jointplay.simulation.result.result import AXES, Result
+
+_LEGEND_COLUMNS = 3
+_ORBITS = 3
+"""Columns of a legend, and of orbits, at most."""
+_STILL = 1e-6
+"""Motion along an axis relative to the largest, below which there is none."""
+
+
+def joint_of(cases: Cases) -> str | None:
+    """The clearance joint that the cases compare: the first one of the first case that has any."""
+    return next((result.joints[0] for result in cases.values() if result.joints), None)
+
+
+def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
+    """Label, result and colour of each case."""
+    for (label, result), colour in zip(cases.items(), colours(cases), strict=True):
+        yield label, result, colour
+
+
+def is_paper(cases: Cases) -> bool:
+    """Whether the cases are runs of the paper's robot, whose figures have the paper's numbers."""
+    return all(
+        is_paper_robot(analysis.inputs(result)["mechanism"]["urdf"]) for result in cases.values()
+    )
+
+
+def _fallen(cases: Cases) -> float:
+    """Until when nothing is judged, while journals fall into their bearings [s]."""
+    return max((result.judge_from for result in cases.values() if result.joints), default=0.0)
+
+
+def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str]:
+    """Panels over time in which what is not judged is shaded; its words."""
+    until = _fallen(cases)
+    if until <= 0.0:
+        return list(panels), ""
+    words = f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
+    return [panel.with_marks(unjudged(until)) for panel in panels], words
+
+
+def tool_panels(cases: Cases, of: str) -> list[Panel]:
+    """x, y, z of the tool over time, all cases in each."""
+    draw = "displacement" if of == "tool_position" else "velocity"
+    return [
+        overlaid(
+            result.plot.panel(draw, axis).styled(colour=colour, name=label)
+            for label, result, colour in coloured(cases)
+        )
+        for axis in moving_axes(cases)
+    ]
+
+
+def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> list[Panel]:
+    """What play does to the tool: differences from the ideal mechanism, one for each axis."""
+    drawn = [item for item in coloured(cases) if item[0] in ideals]
+    found = []
+    for axis in moving_axes(cases) if drawn else ():
+        panel = overlaid(
+            result.plot.panel("deviation", axis, ideals[label], of=of).styled(
+                colour=colour, name=label
+            )
+            for label, result, colour in drawn
+        )
+        found.append(replace(panel, y=replace(panel.y, name=f"{axis} - ideal")))
+    return found
+
+
+def ideals_of(cases: Cases) -> dict[str, Result]:
+    """The ideal mechanism among the cases, for each that it is the reference of."""
+    ideal = reference(cases)
+    return {
+        label: ideal
+        for label, result in cases.items()
+        if ideal is not None and analysis.has_play(result) and analysis.is_twin(result, ideal)
+    }
+
+
+def _tool_history(cases: Cases, of: str) -> Chart:
+    """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
+    axes = moving_axes(cases)
+    panels, grey = _with_start(tool_panels(cases, of), cases)
+    beside, _ = _with_start(difference_panels(cases, of, ideals_of(cases)), cases)
+    rows: list[list[Panel | None]] = [[panel] for panel in panels]
+    if beside:
+        beside[0] = replace(beside[0], title="difference from the ideal robot")
+        rows = [list(both) for both in zip(panels, beside, strict=True)]
+    still = [axis for axis in AXES if axis not in axes]
+    words = [f"The tool does not move along {' and '.join(still)}."] if still else []
+    return Chart(
+        rows,
+        (9.0 if beside else 6.0, 1.4 + 1.55 * len(axes)),
+        note=" ".join(filter(None, [*words, grey])),
+        key=_LEGEND_COLUMNS,
+        same_x=True,
+    )
+
+
+def moving_axes(cases: Cases) -> list[str]:
+    """World axes along which the tool moves in any of the cases; all, if it moves along none."""
+    paths = [result["tool_position"].values for result in cases.values()]
+    reach = np.max([np.nanmax(path, axis=0) - np.nanmin(path, axis=0) for path in paths], axis=0)
+    found = [axis for axis, one in zip(AXES, reach, strict=True) if one > _STILL * reach.max()]
+    return found or list(AXES)
+
+
+def is_straight(cases: Cases) -> bool:
+    """Whether the tool stays on a straight line along an axis: there is no path to see."""
+    return len(moving_axes(cases)) < 2
+
+
+def tool_displacement(cases: Cases) -> Chart:
+    """Displacement of the end effector over time (Figure 9)."""
+    return _tool_history(cases, "tool_position")
+
+
+def tool_velocity(cases: Cases) -> Chart:
+    """Velocity of the end effector over time (Figure 10)."""
+    return _tool_history(cases, "tool_velocity")
+
+
+def path_panel(cases: Cases) -> Panel:
+    """Paths of the end effector in `plane_of` the cases."""
+    return overlaid(
+        result.plot.panel("path", plane_of(cases)).styled(colour=colour, name=label)
+        for label, result, colour in coloured(cases)
+    )
+
+
+def tool_path(cases: Cases) -> Chart:
+    """Path of the end effector in `plane_of` the cases, a close-up where it differs (Figure 11)."""
+    pairs, panel = ideals_of(cases), path_panel(cases)
+    across = [AXES.index(axis) for axis in plane_of(cases)]
+    whole, note = panel, ""
+    look: dict[str, Any] = {"colour": "black", "line": "", "frame": True, "order": 4.0}
+    begins = [result for result in cases.values() if result.joints and result.judge_from > 0.0]
+    for result in begins:
+        at = result["tool_position"].values[np.searchsorted(result.time, result.judge_from)]
+        x, y = at[across]
+        whole = whole.with_marks(Curve([x], [y], marker="x", size=5.0, **look))
+    if begins:
+        late = max(result.judge_from for result in begins)
+        note = f"x: where the tool is when judging begins, {late:g} s after the start."
+    worst, spot = 0.0, np.zeros(2)
+    for label, ideal in pairs.items():
+        error = analysis.deviation(cases[label], ideal)
+        away = np.hypot(*error.values[:, across].T)
+        if away.max() > worst:
+            worst, k = float(away.max()), int(away.argmax())
+            spot = (cases[label]["tool_position"].values[k] - error.values[k])[across]
+    row: list[Panel | None] = [whole]
+    if worst > 0.0:
+        reach = 2.5 * worst
+        (left, low), (right, high) = spot - reach, spot + reach
+        title = f"where it differs most: {1e3 * worst:.2f} mm"
+        x_axis, y_axis = (
+            replace(axis, low=a, high=b, ticks=4)
+            for axis, a, b in ((panel.x, left, right), (panel.y, low, high))
+        )
+        row.append(replace(panel, x=x_axis, y=y_axis, title=title, equal="box"))
+        row[0] = whole.with_marks(
+            Curve([spot[0]], [spot[1]], marker="s", size=9.0, hollow=True, **look)
+        )
+    size = (9.0 if pairs else 5.0, 4.4)
+    return Chart([row], size, note=note, key=_LEGEND_COLUMNS)
+
+
+def joints_of(cases: Cases) -> list[str]:
+    """All joints that have clearance in any of the cases."""
+    return list(dict.fromkeys(name for result in cases.values() for name in result.joints))
+
+
+def force_joints(result: Result, cases: Cases) -> list[str]:
+    """Joints whose force the figures show: those with clearance in any case, or the first."""
+    if result.joints:
+        return result.joints
+    moving = [str(name) for name in result["moving_joint"].values]
+    return [name for name in joints_of(cases) if name in moving] or moving[:1]
+
+
+def orbit_panels(cases: Cases) -> list[tuple[Panel, Panel | None]]:
+    """The path of each journal's middle, joint by joint; and that of the nearer rim, if any."""
+    red = Curve(
+        [0.0], [0.0], colour=COLOURS[0], line="", marker="o", size=5.0, frame=True, order=4.0
+    )
+    found = []
+    for joint in joints_of(cases):
+        for label, result, colour in coloured(cases):
+            if joint not in result.joints:
+                continue
+            orbit = result.plot.panel("orbit", joint).styled(colour=colour)
+            if reference(cases) is not None:
+                orbit = replace(orbit, marks=[red, *orbit.marks])
+            rims = analysis.has_rims(result, joint)
+            both = [orbit, result.plot.panel("rims", joint)] if rims else [orbit]
+            named = [replace(one, title=f"{label}: {one.title}") for one in both]
+            found.append((named[0], named[1] if rims else None))
+    return found
+
+
+def journal_orbit(cases: Cases) -> Chart:
+    """Where the journal goes inside the clearance circle, joint by joint (Figure 12).
+
+    The centre of a cylinder's rim that is nearer to the bore, by mode, and below it the path of the
+    journal's middle; the middle alone of what has no rims.
+    """
+    shown = orbit_panels(cases)
+    columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
+    columns = max(1, min(columns, len(shown)))
+    rims = any(above is not None for _, above in shown)
+    rows: list[list[Panel | None]] = []
+    for first in range(0, len(shown), columns):
+        line = shown[first : first + columns]
+        blank = [None] * (columns - len(line))
+        if rims:
+            rows.append([*(above for _, above in line), *blank])
+        rows.append([*(middle for middle, _ in line), *blank])
+    note = ""
+    if rims:
+        ideal = "; the ideal joint's is the red point" if reference(cases) else ""
+        note = (
+            "Above: the centre of the journal's rim that is nearer to the bore, as far inside the "
+            "circle as its gap is wide, penetration as far outside, magnified; colours by the mode "
+            "of the joint (inside it, penetration is at an end wall). "
+            f"Below: the centre of the journal's middle{ideal}. A tilted journal touches the bore "
+            "by its rims, while its middle stays inside."
+        )
+    size = (4.3 * columns, 0.8 + 4.1 * len(rows))
+    return Chart(rows, size, note=note, key=_LEGEND_COLUMNS if rims else 0)
+
+
+def force_panels(cases: Cases, axis: str) -> list[Panel]:
+    """Force on the journal along a world axis over time, a panel a case and joint."""
+    return [
+        replace(
+            result.plot.panel("forces", axis, joint).styled(colour=colour, width=0.8),
+            title=f"{label}, {joint}",
+            colour=colour,
+        )
+        for label, result, colour in coloured(cases)
+        for joint in force_joints(result, cases)
+    ]
+
+
+def joint_force(cases: Cases, axis: str) -> Chart:
+    """Force on the journal along a world axis over time, a panel a case and joint (Figures 13-15).
+
+    With clearance the contact force, each record showing the force at the instant since the last
+    record at which its magnitude was largest; for the ideal robot the constraint force.
+    """
+    panels, grey = _with_start(force_panels(cases, axis), cases)
+    words = [grey]
+    if not all(result.joints for result in cases.values()):
+        words.append(
+            "With clearance the force of the contacts, the largest since the last record; that of "
+            "the ideal joint is a constraint force: nothing touches there."
+        )
+    return Chart(
+        [[panel] for panel in panels],
+        (7.0, 1.3 + 1.7 * len(panels)),
+        title=f"force on the journal along world {axis}",
+        note=" ".join(filter(None, words)),
+        same_x=True,
+        same_y="col",
+    )
+
+
+def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
+    """Lines from each joint to that of its parent, to the ends of loops on what it carries, then to
+    the tool, in world axes (n, 3) [m]; nothing of the base."""
+    model, data = mechanism.model, mechanism.data
+    pin.framesForwardKinematics(model, data, q)
+    at = [place.translation.copy() for place in data.oMi]
+    lines = [
+        np.array([at[model.parents[i]], at[i]]) for i in range(1, model.njoints) if model.parents[i]
+    ]
+    for name in mechanism.loops:
+        for i, placement in (mechanism.bearing_frame(name), mechanism.journal_frame(name)):
+            if i:
+                lines.append(np.array([at[i], data.oMi[i].act(placement.translation)]))
+    tool = model.frames[mechanism.tool_frame].parentJoint
+    return [*lines, np.array([at[tool], data.oMf[mechanism.tool_frame].translation])]
+
+
+def plane_of(cases: Cases) -> str:
+    """The paper's XOY plane, or where the tool hardly moves in it the plane in which it does."""
+    reach = np.ptp(np.concatenate([r["tool_position"].values for r in cases.values()]), axis=0)
+    if min(reach[:2]) >= 0.01 * reach.max() or reach[2] <= min(reach[:2]):
+        return "xy"
+    return "xz" if reach[0] >= reach[1] else "yz"
+
+
+def overview(cases: Cases) -> Chart:
+    """The robot from above, its tool's error (or the tilt), the journal's orbit, the force."""
+    shown = [item for item in coloured(cases) if item[1].joints]
+    ideals = ideals_of(cases)
+    if not ideals:  # the ideal mechanism is simulated, where it can be
+        alone = {label: ideal_run(result) for label, result in cases.items()}
+        ideals = {label: ideal for label, ideal in alone.items() if ideal is not None}
+    first = reference(cases) or next(iter(cases.values()))
+    mechanism, plane = first.simulation.mechanism, plane_of(cases)
+    across = [AXES.index(axis) for axis in plane]
+    look: dict[str, Any] = {"colour": "#999999", "opacity": 0.7, "width": 3.0, "marker": "o"}
+    bones = [
+        Curve(line[:, across[0]], line[:, across[1]], frame=True, size=5.0, **look)
+        for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2)
+        for line in _skeleton(mechanism, first["q"].values[moment])
+    ]
+    named = {label for label, *_ in shown}  # only these have errors and contacts
+    plan = overlaid(
+        result.plot.panel("path", plane).styled(
+            colour=colour, width=1.0, name=label if label in named else ""
+        )
+        for label, result, colour in coloured(cases)
+    )
+    plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
+    errors = [
+        result.plot.panel("deviation", "total", ideals[label]).styled(colour=colour)
+        for label, result, colour in reversed(list(coloured(cases)))
+        if label in ideals
+    ]
+    tilts = [result.plot.panel("tilt").styled(colour=colour) for _, result, colour in shown[::-1]]
+    error = overlaid(errors or tilts)
+    if errors:
+        error = replace(error, y=replace(error.y, name="tool error"))
+    label, result, colour = shown[-1]
+    joint = result.joints[0]
+    ring = analysis.rolls(result, joint)
+    what = "inner ring in the outer one" if ring else "journal centre in its bearing"
+    orbit = result.plot.panel("orbit").styled(colour=colour)
+    force = overlaid(
+        one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown[::-1]
+    )
+    force = replace(
+        force, y=replace(force.y, name="contact force"), title=f"contact force at {joint}"
+    )
+    rows = [[plan, error], [replace(orbit, title=f"{what}, {joint}, {label}"), force]]
+    return Chart(rows, (9.0, 6.2), key=_LEGEND_COLUMNS, wide=(1.0, 1.5))
+
+
+def bearings_of(cases: Cases) -> list[tuple[str, str, Result, str]]:
+    """Rolling bearings of all cases: joint, label, result, colour."""
+    return [
+        (joint, *item)
+        for joint in joints_of(cases)
+        for item in coloured(cases)
+        if joint in item[1].joints and analysis.rolls(item[1], joint)
+    ]
+
+
+def bearing_loads(cases: Cases) -> Chart:
+    """Largest element load and number of loaded elements over time, a row a rolling bearing."""
+    rows: list[list[Panel | None]] = []
+    for joint, label, result, colour in bearings_of(cases):
+        load = result.plot.panel("contacts", joint).styled(colour=colour)
+        load = replace(load, y=replace(load.y, low=0.0), title=f"{label}, {joint}", colour=colour)
+        rows.append([load, result.plot.panel("loaded", joint).styled(colour=colour, width=0.6)])
+    return Chart(rows, (9.0, 0.6 + 2.0 * len(rows)), same_x=True)
+
+
+CHARTS: dict[str, Callable[[Cases], Chart]] = {
+    "tool_displacement": tool_displacement,
+    "tool_velocity": tool_velocity,
+    "tool_path": tool_path,
+    "journal_orbit": journal_orbit,
+    **{f"force_{axis}": partial(joint_force, axis=axis) for axis in AXES},
+    "overview": overview,
+    "bearing_loads": bearing_loads,
+}
+FIGURES: dict[str, Callable[[Cases], Figure]] = {
+    name: lambda cases, describe=describe: draw(describe(cases))  # type: ignore[misc]
+    for name, describe in CHARTS.items()
+}
+"""The same, drawn."""
+NEEDS_CLEARANCE = ("journal_orbit", "overview")
+
+
+def _charts(cases: Cases) -> Iterator[tuple[str, Chart]]:
+    for name, describe in CHARTS.items():
+        if name in NEEDS_CLEARANCE and joint_of(cases) is None:
+            continue
+        if name == "tool_path" and is_straight(cases):
+            continue
+        if name != "bearing_loads" or bearings_of(cases):
+            yield name, describe(cases)
+
+
+def save(cases: Cases, folder: str | Path) -> list[Path]:
+    """Draw all figures into `folder`, each as PNG and PDF; the paper's under their numbers.
+
+    Orbits and overview are left out if no case has clearance, the path if it is a straight line.
+    Figures drawn earlier are replaced.
+
+    Returns:
+        The files written.
+
+    Raises:
+        JointplayError: another file has the name of one, or it cannot be written.
+    """
+    written = []
+    paper = is_paper(cases)
+    for shown, chart in _charts(cases):
+        name = PAPER.get(shown, shown) if paper else shown
+        figure = draw(chart)
+        for kind in ("png", "pdf"):
+            path = Path(folder) / f"{name}.{kind}"
+            written.append(files.picture(path, figure, mark=MARK))
+            figure.set_layout_engine("none")  # laid out by now; again costs a third more
+    return written
+
+
+def _states(cases: Cases) -> Iterator[Chart]:
+    """Timelines, contacts and energies of every case with clearance."""
+    for label, result, colour in coloured(cases):
+        panel = result.plot.panel
+        for joint in result.joints:
+            has_forms = bool(analysis.shares(result, joint, "form"))
+            names = ["modes", *(["forms"] if has_forms else []), "contacts", "gaps"]
+            shown = (
+                "loads and gaps of elements"
+                if analysis.rolls(result, joint)
+                else ("modes, forms, contacts, gaps")
+            )
+            yield Chart(
+                [[panel(name, joint)] for name in names],
+                (8.0, 8.0),
+                f"{label}, {joint}: {shown}",
+                colour,
+                high=(1, 2, 2, 2)[: len(names)],
+            )
+            yield Chart(
+                [[panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]],
+                (7.0, 4.0),
+                f"{label}, {joint}: contacts by duration and peak; tilt",
+                colour,
+            )
+        yield Chart([[panel("energy")]], (7.0, 4.2), f"{label}: energy balance", colour)
+
+
+def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
+    """Spectra of the tool's acceleration by axis; runs that are too short are named so."""
+    found = []
+    for axis in AXES:
+        panel = Panel(Axis("frequency", "Hz", log=True), Axis(axis, "(m/s^2)^2/Hz", log=True))
+        for label, result, colour in coloured(cases):
+            try:
+                one = result.plot.panel("spectrum", axis, start=start)
+                marks = one.styled(colour=colour, name=label).marks
+            except TooShort:
+                marks = [Curve([], [], f"{label}: too short for a spectrum", colour)]
+            panel = panel.with_marks(*marks)
+        found.append(panel)
+    return found
+
+
+def spectra(cases: Cases, start: float | None = None) -> Chart:
+    """Power spectral densities of the tool's acceleration."""
+    rows: list[list[Panel | None]] = [[panel] for panel in spectrum_panels(cases, start)]
+    title = "power spectral density of the tool's acceleration"
+    return Chart(rows, (7.0, 6.5), title, key=_LEGEND_COLUMNS, same_x=True)
+
+
+def save_pdf(
+    cases: Cases, path: str | Path, start: float | None = None, look: str = "paper"
+) -> Path:
+    """Draw every figure of the cases into one PDF, vector graphics, a figure a page.
+
+    Args:
+        cases: results by label.
+        path: the file; an existing one is refused.
+        start: records before this are left out of spectra [s]; None: before each run is judged.
+        look: style of the pages' type; pages keep the size they have on screen.
+
+    Raises:
+        JointplayError: the file exists or cannot be written.
+    """
+    path = files.check_new(path)
+    return files.write(path, pdf(cases, start, look))
+
+
+def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
+    """The file that `save_pdf` writes."""
+    drawn = io.BytesIO()
+    with PdfPages(drawn) as pages:
+        pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
+        charts = (chart for _, chart in _charts(cases))
+        for chart in (*charts, *_states(cases), spectra(cases, start)):
+            pages.savefig(draw(chart, look, whole=True))
+    return drawn.getvalue()

@@ -1,0 +1,567 @@
+"""`result.plot`: every quantity of one run as a chart of one panel, drawn where it is asked for."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import wraps
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.units import round_below
+from jointplay.physics.geometry import Form, Mode
+from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans, outline
+from jointplay.show.plots.names import MODE_TERMS, MODES
+from jointplay.show.plots.palette import (
+    AXIS_COLOURS,
+    COLOURS,
+    CONTACT_COLOURS,
+    MODE_COLOURS,
+    contact_look,
+)
+from jointplay.simulation import analysis
+from jointplay.simulation.result.result import AXES, Result
+from jointplay.simulation.result.variables import TERMS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COMPONENTS = (*AXES, "total")
+
+_TICKS = 5
+"""Intervals between the ticks of an orbit, at most."""
+
+_DRAWN_DEPTH = 0.15
+"""Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
+_RIM_EDGE = 1.5
+"""Where deeper ones are drawn, relative to the clearance."""
+
+_RIM_COLOURS = ("#E69F00", "#009E73", MODE_COLOURS[2])
+"""Of the modes; points need more contrast than bars."""
+_MARKERS = "o^sDvP*"
+
+ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
+"""Plots that have a meaning for every run."""
+NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
+"""Plots that have one only with clearance."""
+
+_HISTORIES = {
+    "q": ("position", {"rad": "rad", "m": "m"}),
+    "v": ("velocity", {"rad": "rad/s", "m": "m/s"}),
+    "drive": ("drive", {"rad": "N*m", "m": "N"}),
+}
+"""Names of the histories of coordinates, and their units by the coordinate's own."""
+
+_ENERGIES = {
+    "kinetic_energy": "kinetic",
+    "potential_energy": "potential",
+    **{term.variable: term.label for term in TERMS},
+    "payload_energy": "brought in by payloads",
+    "load_energy": "stored in loads",
+    "load_work": "work of loads",
+    "energy_residual": "error of the balance",
+}
+_ENERGY_COLOURS = [*(COLOURS[k] for k in (1, 5, 3, 0, 4, 2)), "#808080", "#0F7E86", "#7A5C2E"]
+_ENERGY_COLOURS += ["#B0408A", "#5A7D2B", "black"]
+
+TIME = Axis("time", "s")
+
+
+def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..., Figure]]:
+    """A method that describes a panel as one that draws it, its figure of this size [inches]."""
+
+    def made(describe: Callable[..., Panel]) -> Callable[..., Figure]:
+        named = inspect.signature(describe).parameters
+
+        @wraps(describe)
+        def drawing(
+            self: Plots, *args: Any, ax: Any = None, style: str = "screen", **options: Any
+        ) -> Figure:
+            given = {name: options.pop(name) for name in named if name in options}
+            return self._draw(describe(self, *args, **given), (width, height), ax, style, options)
+
+        return drawing
+
+    return made
+
+
+class Plots:
+    """Draws one result. Each method returns the figure and also takes these keywords.
+
+    Args:
+        ax: axes to draw into, which keep their own style; None makes a figure.
+        style: ``screen`` or ``paper`` (serif, 88 mm wide) for a figure made here.
+
+    Further keywords go to the drawn lines: ``color``, ``lw``, ``label``, ``alpha`` ...
+
+    Raises:
+        JointplayError: the plot has no meaning for this result; the message names those that have.
+        MissingName: no such joint, axis or style.
+    """
+
+    def __init__(self, result: Result) -> None:
+        """Draw `result`."""
+        self.result = result
+
+    def __repr__(self) -> str:
+        """The plots that this result has."""
+        return f"<plots of a result: {', '.join(self.available)}>"
+
+    @property
+    def available(self) -> tuple[str, ...]:
+        """Names of the plots that have a meaning for this result."""
+        names: tuple[str, ...] = ALWAYS
+        if self.result.joints:
+            names += NEED_CLEARANCE
+            if any(analysis.has_rims(self.result, joint) for joint in self.result.joints):
+                names += ("rims",)
+            if any(analysis.rolls(self.result, joint) for joint in self.result.joints):
+                names += ("loaded",)
+            names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
+        return names + (("deviation",) if analysis.has_play(self.result) else ())
+
+    def panel(self, name: str, *args: Any, **options: Any) -> Panel:
+        """What a plot shows, as data: for charts of several results, and pages."""
+        described: Panel = getattr(Plots, name).__wrapped__(self, *args, **options)
+        return described
+
+    def _draw(
+        self, panel: Panel, size: tuple[float, float], ax: Any, look: str, options: dict[str, Any]
+    ) -> Figure:
+        from jointplay.show.plots.draw import draw_panel  # pages need no matplotlib
+        from jointplay.show.plots.style import figure_of, literal, new_figure, style
+
+        if ax is not None:
+            draw_panel(panel, ax, **options)
+            literal(ax)
+            return figure_of(ax)
+        rows = panel.y.rows
+        if rows:
+            size = size[0], 0.9 + 0.24 * "\n".join(rows).count("\n") + 0.24
+        with style(look):
+            figure = new_figure(*size, look)
+            draw_panel(panel, figure.subplots(), **options)
+        return figure
+
+    @_drawn(4.8, 5.0)
+    def orbit(self, joint: str | None = None) -> Panel:
+        """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12).
+
+        Of a rolling bearing the inner ring's centre in the outer ring's frame [µm].
+        """
+        name = self._joint("orbit", joint)
+        ring = analysis.rolls(self.result, name)
+        x, y = self._plane(ring)
+        centre = self.result["journal_centre"].sel(joint=name).values
+        room = analysis.clearance_outline(self.result, name)
+        marks, title = [], ""
+        factor, unit = x.shown
+        if room is not None:
+            marks.append(outline(*room))
+            shape = "circle" if room.shape[1] > 5 else "rectangle"
+            size = f"{factor * room[0].max():{'.3g' if ring else 'g'}}"
+            title = f"{name}, clearance {shape}, ±{size} {unit}"
+        elif ring:
+            title = f"{name}, no play across"
+        time = self.result.time
+        first = int(np.searchsorted(time, self.result.judge_from))
+        look: dict[str, Any] = {"width": 0.5}
+        if first:  # what is not judged
+            fall = centre[: first + 1]
+            marks.append(
+                Curve(
+                    fall[:, 0],
+                    fall[:, 1],
+                    at=time[: first + 1],
+                    colour="#cccccc",
+                    frame=True,
+                    **look,
+                )
+            )
+        marks.append(Curve(centre[first:, 0], centre[first:, 1], at=time[first:], **look))
+        return Panel(x, y, marks, title, equal="box")
+
+    @staticmethod
+    def _plane(ring: bool, reach: float | None = None) -> tuple[Axis, Axis]:
+        """Axes across a bearing, of which rolling ones are shown much larger."""
+        frame = "outer ring's" if ring else "bearing"
+        low = None if reach is None else -reach
+        x, y = (
+            Axis(
+                f"{axis} in the {frame} frame",
+                "m",
+                "fine" if ring else "",
+                low=low,
+                high=reach,
+                ticks=_TICKS,
+            )
+            for axis in "xy"
+        )
+        return x, y
+
+    @_drawn(4.8, 5.2)
+    def rims(self, joint: str | None = None) -> Panel:
+        """Centre of the rim that is nearer to the bore, by the joint's mode (Fig. 12) [mm].
+
+        It is drawn as far inside the clearance circle as its gap to the bore is wide, and
+        penetration as far outside, magnified. Records that are not judged are left out.
+
+        Raises:
+            JointplayError: the journal is no cylinder.
+        """
+        name = self._joint("rims", joint)
+        if not analysis.has_rims(self.result, name):
+            raise JointplayError(
+                f"plot 'rims' is of cylindrical journals, and that of joint {name!r} is none; "
+                "plot its orbit"
+            )
+        judged = self.result.time >= self.result.judge_from
+        gaps = self.result["gap"].sel(joint=name).values[judged, :2]
+        nearer, each = gaps.argmin(axis=1), np.arange(len(gaps))
+        gap = gaps[each, nearer]
+        across = analysis.rim_centres(self.result, name)[:, judged, :2][nearer, each]
+        mode = self.result["mode"].sel(joint=name).values[judged]
+        room = analysis.clearance_outline(self.result, name)
+        assert room is not None  # a cylinder's is a circle
+        clearance = float(room.max())
+        deep = np.quantile(-gap[gap < 0.0], 0.99) if (gap < 0.0).any() else clearance
+        factor = max(1.0, round_below(_DRAWN_DEPTH * clearance / deep))
+        reach = clearance - np.where(gap < 0.0, factor * gap, gap)
+        reach = np.minimum(reach, _RIM_EDGE * clearance)
+        far = np.linalg.norm(across, axis=1)
+        drawn = across * np.divide(reach, far, out=np.ones_like(far), where=far > 0.0)[:, None]
+        marks = [outline(*room)]
+        for one in reversed(Mode):
+            label = f"{MODE_TERMS[one]} ({MODES[one]})"
+            x, y = drawn[mode == one].T
+            marks.append(Curve(x, y, label, _RIM_COLOURS[one], line="", marker="o", size=1.0))
+        axes = self._plane(False, 1.05 * _RIM_EDGE * clearance)
+        return Panel(*axes, marks, f"{name}, nearer rim, penetration × {factor:g}", equal="box")
+
+    @_drawn()
+    def contacts(self, joint: str | None = None) -> Panel:
+        """Largest normal force at each of the joint's contacts since the last record [N].
+
+        Of a rolling bearing the load of the most loaded element.
+        """
+        name = self._joint("contacts", joint)
+        ring = analysis.rolls(self.result, name)
+        axis = Axis("largest element load" if ring else "normal force", "N")
+        return self._of_contacts("normal_force_peak", name, axis)
+
+    @_drawn()
+    def loaded(self, joint: str | None = None) -> Panel:
+        """How many balls or rollers of a rolling bearing bear load, over time.
+
+        Args:
+            joint: one with a rolling bearing; None takes the first that has one.
+        """
+        name = joint or next(
+            (name for name in self.result.joints if analysis.rolls(self.result, name)), None
+        )
+        name = self._joint("loaded", name)
+        if not analysis.rolls(self.result, name):
+            raise JointplayError(
+                f"plot 'loaded' is of rolling bearings, and joint {name!r} has none"
+            )
+        values = self.result["loaded_elements"].sel(joint=name).values
+        marks = [Curve(self.result.time, values, steps=True)]
+        return Panel(TIME, Axis("loaded elements", low=0.0, whole=True), marks)
+
+    @_drawn()
+    def gaps(self, joint: str | None = None) -> Panel:
+        """Smallest gap at each of the joint's contacts since the last record; < 0 sunk in [mm]."""
+        name = self._joint("gaps", joint)
+        axis = Axis("gap", "m")
+        if analysis.rolls(self.result, name):
+            axis = Axis("least gap of elements", "m", "fine")
+        return self._of_contacts("gap_min", name, axis).with_marks(Rule(0.0))
+
+    @_drawn()
+    def modes(self, joint: str | None = None) -> Panel:
+        """Timeline of the joint's mode (Table 1), with the share of the time in each."""
+        name = self._joint("modes", joint)
+        shares = list(analysis.shares(self.result, name).values())
+        modes, words = list(Mode), list(MODES)
+        if analysis.rolls(self.result, name):
+            modes, words = [modes[0], modes[2]], ["no element\nloaded", "elements\nloaded"]
+        rows = [
+            f"{text}\n{100 * shares[int(mode)]:.1f} %"
+            for text, mode in zip(words, modes, strict=True)
+        ]
+        return self._timeline("mode", name, modes, rows, [MODE_COLOURS[mode] for mode in modes])
+
+    @_drawn()
+    def forms(self, joint: str | None = None) -> Panel:
+        """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
+        name = self._joint("forms", joint)
+        shares = analysis.shares(self.result, name, "form")
+        if not shares:
+            raise JointplayError(
+                f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
+            )
+        occurred = [form for form in Form if shares[form.name.lower()] > 0.0]
+        rows = []
+        for form in occurred:
+            words = form.name.lower().replace("_", " ")
+            words = f"{form.letter}: {words}" if form else words
+            rows.append(f"{words}, {100 * shares[form.name.lower()]:.1f} %")
+        return self._timeline("form", name, occurred, rows, [COLOURS[1]] * len(rows))
+
+    def _timeline(
+        self,
+        variable: str,
+        joint: str,
+        members: Sequence[int],
+        rows: list[str],
+        colours: Sequence[str],
+    ) -> Panel:
+        """A row for each member, filled while a variable equals it."""
+        time = self.result.time
+        values = self.result[variable].sel(joint=joint).values
+        marks = [
+            Spans(*spans(time, values == int(member)), row, rows[row].partition("\n")[0], colour)
+            for row, (member, colour) in enumerate(zip(members, colours, strict=True))
+        ]
+        x = Axis("time", "s", low=float(time[0]), high=float(time[-1]))
+        return Panel(x, Axis(rows=rows), marks)
+
+    @_drawn()
+    def tilt(self, joint: str | None = None) -> Panel:
+        """Angle between the axes of journal and bearing, or of both rings, over time [mrad]."""
+        values = self.result["tilt"].sel(joint=self._joint("tilt", joint)).values
+        return Panel(TIME, Axis("tilt", "rad"), [Curve(self.result.time, values)])
+
+    @_drawn(5.0, 3.6)
+    def impacts(self, joint: str | None = None, start: float | None = None) -> Panel:
+        """Peak normal force [N] of every contact over its duration [ms], by place.
+
+        Args:
+            joint: a clearance joint; None takes the first.
+            start: contacts before this are left out [s]; None: none is.
+        """
+        name = self._joint("impacts", joint)
+        marks = [
+            Curve(
+                place.duration,
+                place.peak,
+                f"{place.contact.replace('_', ' ')}, {len(place.peak)}",
+                contact_look(i)["colour"],
+                line="",
+                marker=_MARKERS[i % len(_MARKERS)],
+                size=3.5,
+                opacity=0.8,
+            )
+            for i, place in enumerate(
+                one for one in analysis.contacts(self.result, start) if one.joint == name
+            )
+        ]
+        ring = analysis.rolls(self.result, name)
+        log = any(len(mark.x) for mark in marks)
+        x = Axis(f"duration of the {'load' if ring else 'contact'}", "s", "fine", log=log)
+        y = Axis("peak element load" if ring else "peak normal force", "N", log=log)
+        return Panel(x, y, marks, columns=2)
+
+    @_drawn()
+    def displacement(self, axis: str | None = None) -> Panel:
+        """Tool position over time along world `axis` x, y, z (None: all) [m] (Figure 9)."""
+        values = self.result["tool_position"].values
+        return self._components(values, axis, Axis("displacement", "m", "large"))
+
+    @_drawn()
+    def velocity(self, axis: str | None = None) -> Panel:
+        """Tool velocity over time along world `axis` x, y, z, total (None: all) [m/s] (Fig. 10)."""
+        return self._components(self.result["tool_velocity"].values, axis, Axis("velocity", "m/s"))
+
+    @_drawn()
+    def deviation(
+        self, axis: str | None = None, ideal: Result | None = None, *, of: str = "tool_position"
+    ) -> Panel:
+        """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
+
+        Args:
+            axis: x, y, z, total, or None for x, y and z.
+            ideal: the ideal robot's run; None simulates it (`analysis.twin`).
+            of: one of `analysis.tool_error.TOOL_MOTIONS`.
+        """
+        if not analysis.has_play(self.result):
+            raise JointplayError(
+                "plot 'deviation' needs clearance or a gear with play, and this run has neither; "
+                f"it can plot {', '.join(self.available)}"
+            )
+        reference = analysis.twin(self.result) if ideal is None else ideal
+        error = analysis.deviation(self.result, reference, of)
+        unit = str(error.attrs["units"])
+        shown = Axis("deviation", unit, "fine" if unit.endswith("/s") else "")
+        return self._components(error.values, axis, shown, error["time"].values)
+
+    @_drawn(4.6, 4.4)
+    def path(self, plane: str = "xy") -> Panel:
+        """Tool path in the world plane `plane`, two of x, y, z [m] (Figure 11)."""
+        if len(plane) != 2 or plane[0] == plane[1] or not set(plane) <= set(AXES):
+            raise MissingName("plane", plane, ("xy", "xz", "yz"))
+        across, up = (self.result["tool_position"].sel(axis=a).values for a in plane)
+        x, y = (Axis(axis, "m", "large") for axis in plane)
+        return Panel(x, y, [Curve(across, up, at=self.result.time)], equal="data")
+
+    @_drawn()
+    def spectrum(
+        self,
+        axis: str | None = None,
+        ideal: Result | None = None,
+        *,
+        of: str = "acceleration",
+        start: float | None = None,
+    ) -> Panel:
+        """Power spectral density of the tool's vibration; see `analysis.spectrum`.
+
+        Args:
+            axis: x, y, z, total, or None for x, y and z.
+            ideal: ideal run whose motion is subtracted; needed for ``deviation``.
+            of: ``acceleration`` or ``deviation``.
+            start: records before this are left out [s]; None: before the run is judged.
+        """
+        names = _axes_of(axis)
+        density = analysis.spectrum(self.result, ideal, of, start)
+        frequency = density["frequency"].values[1:]
+        marks = [
+            Curve(frequency, values, **_look_of(name, axis))
+            for name in names
+            if (values := density.sel(axis=name).values[1:]).any()  # else it does not move this way
+        ]
+        unit = "(m/s^2)^2/Hz" if of == "acceleration" else "m^2/Hz"
+        y = Axis(f"PSD of {of}{f' {axis}' if axis else ''}", unit, log=True)
+        return Panel(Axis("frequency", "Hz", log=True), y, marks, columns=0 if axis else 3)
+
+    @_drawn()
+    def coordinates(self, names: Sequence[str] | str | None = None, *, of: str = "q") -> Panel:
+        """Generalised coordinates, their rates or their drives' efforts over time.
+
+        Args:
+            names: of coordinates, all of them with the same unit; None takes those of the joints
+                without clearance that turn, or if there are none those that slide.
+            of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
+        """
+        if of not in _HISTORIES:
+            raise MissingName("history of coordinates", of, tuple(_HISTORIES))
+        every = [str(name) for name in self.result["coordinate"].values]
+        unit = dict(zip(every, map(str, self.result["coordinate_unit"].values), strict=True))
+        if names is None:
+            plain = [name for name in every if "." not in name] or every
+            names = [name for name in plain if unit[name] == "rad"] or plain
+        names = [names] if isinstance(names, str) else list(names)
+        for name in names:
+            if name not in unit:
+                raise MissingName("coordinate", name, every)
+        if len({unit[name] for name in names}) != 1:
+            raise JointplayError(
+                f"coordinates {', '.join(names)} have different units, or there are none; draw "
+                "those in rad and those in m separately"
+            )
+        marks = [
+            Curve(self.result.time, self.result[of].sel(coordinate=name).values, name, colour)
+            for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False)
+        ]
+        word, units = _HISTORIES[of]
+        return Panel(TIME, Axis(word, units[unit[names[0]]], "large"), marks, columns=4)
+
+    @_drawn()
+    def forces(self, axis: str | None = None, joint: str | None = None) -> Panel:
+        """Force on the journal over time, world axes [N] (Figures 13-15).
+
+        With clearance the contact force, each record showing it at the instant since the last
+        record at which its magnitude was largest; for an ideal run the constraint force.
+
+        Args:
+            axis: x, y, z, total, or None for x, y and z.
+            joint: a clearance joint, or for an ideal run any moving joint; None takes the first.
+        """
+        if self.result.joints:
+            forces = self.result["joint_force_peak"].sel(joint=self._joint("forces", joint))
+        else:
+            moving = [str(name) for name in self.result["moving_joint"].values]
+            if joint is not None and joint not in moving:
+                raise MissingName("moving joint", joint, moving)
+            forces = self.result["reaction_force"].sel(moving_joint=joint or moving[0])
+        found = self._components(forces.values, axis, Axis("force", "N"))
+        return replace(found, y=Axis(f"F{axis}", "N")) if axis in AXES else found
+
+    @_drawn(6.0, 3.8)
+    def energy(self) -> Panel:
+        """Terms of the energy balance over time, and its error [J]."""
+        marks = []
+        for (name, text), colour in zip(_ENERGIES.items(), _ENERGY_COLOURS, strict=True):
+            if name not in self.result.dataset:
+                continue
+            values = self.result[name].values
+            values = values if values.ndim == 1 else values.sum(axis=1)
+            if name == "energy_residual" or np.any(values != values[0]):
+                marks.append(Curve(self.result.time, values, text, colour))
+        return Panel(TIME, Axis("energy", "J"), marks, columns=3)
+
+    def _joint(self, plot: str, joint: str | None) -> str:
+        """A joint with clearance, by default the first."""
+        joints = self.result.joints
+        if not joints:
+            raise JointplayError(
+                f"plot {plot!r} needs a clearance joint, and this run has none; it can plot "
+                f"{', '.join(self.available)}"
+            )
+        if joint is None:
+            return joints[0]
+        if joint not in joints:
+            raise MissingName("clearance joint", joint, joints)
+        return joint
+
+    def _components(
+        self, vectors: np.ndarray, axis: str | None, shown: Axis, time: np.ndarray | None = None
+    ) -> Panel:
+        """One component of vectors (n, 3) over time, or all three in the colours of the axes."""
+        time = self.result.time if time is None else time
+        marks = []
+        for name in _axes_of(axis):
+            total = name == "total"
+            values = np.linalg.norm(vectors, axis=1) if total else vectors[:, AXES.index(name)]
+            marks.append(Curve(time, values, **_look_of(name, axis)))
+        part = {None: "", "total": ", total"}.get(axis, f" {axis}")
+        y = replace(shown, name=f"{shown.name}{part}")
+        return Panel(TIME, y, marks, columns=0 if axis else 3)
+
+    def _of_contacts(self, variable: str, joint: str, axis: Axis) -> Panel:
+        """A history of each contact of a joint."""
+        places = self.result[variable].sel(joint=joint)
+        marks = [
+            Curve(
+                self.result.time,
+                places.sel(contact=contact).values,
+                contact.replace("_", " "),
+                width=0.7,
+                **contact_look(i),
+            )
+            for i, contact in enumerate(analysis.places(self.result, joint))
+        ]
+        # All elements of a rolling bearing are one place.
+        return Panel(TIME, axis, marks, columns=0 if analysis.rolls(self.result, joint) else 4)
+
+
+def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """When each stretch begins and ends in which records hold something, (n,) of `time`."""
+    edges = np.diff(np.concatenate([[False], holds, [False]]).astype(int))
+    following = np.append(time, time[-1])
+    return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
+
+
+def _axes_of(axis: str | None) -> tuple[str, ...]:
+    """Components that are drawn."""
+    if axis is not None and axis not in COMPONENTS:
+        raise MissingName("axis", axis, COMPONENTS)
+    return AXES if axis is None else (axis,)
+
+
+def _look_of(name: str, asked: str | None) -> dict[str, Any]:
+    """Colour of a component, and its name among several."""
+    return {"colour": AXIS_COLOURS[name], "name": name if asked is None else ""}

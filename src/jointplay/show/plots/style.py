@@ -1,0 +1,219 @@
+"""One look and one palette for every figure, and the panels they are drawn into."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib import font_manager
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation
+
+from jointplay.base import files
+from jointplay.base.errors import MissingName
+
+_SMALL_PRINT, _LETTERS_AN_INCH = 6.5, 20
+"""Size of footnotes [pt], and how many of their letters stand side by side."""
+
+_SCREEN = {
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 0.9,
+    "legend.frameon": False,
+    "savefig.dpi": 160,
+    "pdf.fonttype": 42,
+    "figure.constrained_layout.use": True,
+    "axes.formatter.useoffset": False,
+    "text.parse_math": False,  # names of joints and cases stand as they are, $ and all
+}
+
+STYLES: dict[str, dict[str, Any]] = {
+    "screen": _SCREEN,
+    "paper": _SCREEN
+    | {
+        "font.family": "serif",
+        "font.serif": ["STIXGeneral", "DejaVu Serif"],
+        "mathtext.fontset": "stix",
+        "font.size": 8,
+        "axes.titlesize": 8,
+        "legend.fontsize": 7,
+        "axes.linewidth": 0.6,
+        "lines.linewidth": 0.7,
+        "axes.unicode_minus": True,
+        "savefig.dpi": 600,
+    },
+}
+"""``screen``, and ``paper``: serif type, 88 mm wide, embedded TrueType fonts."""
+
+FALLBACKS = (
+    *("Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR", "Source Han Sans"),
+    *("PingFang SC", "Hiragino Sans", "Apple SD Gothic Neo", "WenQuanYi Micro Hei"),
+    *("Noto Sans Arabic", "Noto Sans Devanagari", "Arial Unicode MS"),
+)
+"""Typefaces that have letters which matplotlib's own has not: those that are installed are used."""
+
+SIZES = {"screen": 1.0, "paper": 0.58}
+"""Width of a figure relative to its width on screen: 6 inches become 88 mm."""
+
+
+@contextmanager
+def style(name: str = "screen") -> Iterator[None]:
+    """Use this package's look, leaving the user's own settings alone.
+
+    Raises:
+        MissingName: no such style.
+    """
+    if name not in STYLES:
+        raise MissingName("style", name, STYLES)
+    own = STYLES[name]
+    family = own.get("font.family", "sans-serif")
+    settings: Any = {**own, "font.family": [family, *_fallbacks()]}
+    with mpl.rc_context(settings):
+        yield
+
+
+@cache
+def _fallbacks() -> tuple[str, ...]:
+    """Those of `FALLBACKS` that are installed; matplotlib warns of others."""
+    installed = set(font_manager.get_font_names())
+    return tuple(name for name in FALLBACKS if name in installed)
+
+
+class StyledFigure(Figure):
+    """A figure that keeps its style whenever it is drawn, and shows itself once in a notebook.
+
+    matplotlib takes some settings (fonts of tick labels, font embedding, resolution) when a figure
+    is drawn, not when it is made.
+    """
+
+    def __init__(self, *args: Any, look: str = "screen", **options: Any) -> None:
+        """Make a figure in the style `look`."""
+        self._placed = False
+        super().__init__(*args, **options)
+        self.look = look
+
+    def draw(self, renderer: Any) -> None:
+        """Draw in the figure's style."""
+        with style(self.look):
+            super().draw(renderer)
+
+    def savefig(self, fname: Any, **options: Any) -> None:  # type: ignore[override]
+        """Write in the figure's style; options as `matplotlib.figure.Figure.savefig`.
+
+        A file is written whole or not at all; as matplotlib's, it replaces an older one.
+        """
+        if isinstance(fname, str | os.PathLike):
+            path, drawn = Path(fname), io.BytesIO()
+            kind = options.pop("format", None) or path.suffix[1:] or mpl.rcParams["savefig.format"]
+            self.savefig(drawn, format=kind, **options)
+            whole = path if path.suffix else path.with_name(f"{path.name}.{kind}")
+            files.write(whole, drawn.getvalue(), overwrite=True)
+            return
+        with style(self.look), self._laid_out(options):
+            super().savefig(fname, **options)
+
+    def get_layout_engine(self) -> Any:
+        """None once all has its place."""
+        return None if self._placed else super().get_layout_engine()
+
+    @contextmanager
+    def _laid_out(self, options: dict[str, Any]) -> Iterator[None]:
+        """All put in its place once, for the time of the block.
+
+        matplotlib itself draws a figure twice to lay it out.
+        """
+        engine = self.get_layout_engine()
+        if engine is not None and "bbox_inches" not in options:
+            engine.execute(self)
+            self._placed = True
+        try:
+            yield
+        finally:
+            self._placed = False
+            if engine is not None:
+                self.set_layout_engine(engine)
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        with style(self.look):
+            super().savefig(buffer, format="png", dpi=110)
+        return buffer.getvalue()
+
+
+class Decades(LogFormatterSciNotation):
+    """Labels of a logarithmic axis as plain text, 10⁻³: text here is not parsed for formulas."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Label of the tick at `x`."""
+        formula = super().__call__(x, pos)
+        raised = re.sub(r"\^\{(.*?)\}", lambda found: found[1].translate(_RAISED), formula)
+        return re.sub(r"\$|\\mathdefault|[{}]", "", raised).replace(r"\times", "·")
+
+
+_RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def logarithmic(panel: Axes, axes: str) -> None:
+    """Make axes logarithmic, ``x``, ``y`` or ``xy``."""
+    for name in axes:
+        getattr(panel, f"set_{name}scale")("log")
+        axis = getattr(panel, f"{name}axis")
+        axis.set_major_formatter(Decades())
+        axis.set_minor_formatter(Decades(minor_thresholds=(1.0, 0.4)))
+
+
+def literal(panel: Axes) -> None:
+    """Let the texts of axes, also of the user's own, stand as they are, $ and all."""
+    texts = [panel.title, panel.xaxis.label, panel.yaxis.label, *panel.texts]
+    made = panel.get_legend()
+    for text in texts + ([] if made is None else made.get_texts()):
+        text.set_parse_math(False)
+
+
+def listed(name: str) -> str:
+    """A user's name as a legend lists it: matplotlib leaves out those that begin with _."""
+    return f" {name}" if name.startswith("_") else name
+
+
+def new_figure(
+    width: float, height: float, look: str = "screen", whole: bool = False
+) -> StyledFigure:
+    """An empty figure, its size [inches] being that on screen; call it within `style`.
+
+    It is made smaller for a journal's column, unless it is to stay `whole`.
+    """
+    factor = 1.0 if whole else SIZES[look]
+    return StyledFigure(figsize=(width * factor, height * factor), look=look)
+
+
+def footnote(figure: Figure, text: str) -> None:
+    """Put small print below a figure, in as many lines as its width needs."""
+    across = int(_LETTERS_AN_INCH * figure.get_figwidth())
+    lines = [textwrap.fill(line, across) for line in text.splitlines()]
+    figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")
+
+
+def figure_of(panel: Axes) -> Figure:
+    """The figure that axes belong to."""
+    figure = panel.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def narrow(panel: Axes) -> bool:
+    """Whether the figure is as wide as a column of a journal, or less."""
+    return bool(figure_of(panel).get_figwidth() < 4.5)

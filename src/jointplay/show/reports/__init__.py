@@ -1,0 +1,195 @@
+"""The report: one HTML page that needs no network, and a PDF of its figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+
+from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.files import write as write_file
+from jointplay.base.processes import in_parallel
+from jointplay.show.player.pages import as_data, as_script
+from jointplay.show.plots.figures import is_paper
+from jointplay.show.plots.names import robot_of, title_of
+from jointplay.show.reports import html
+from jointplay.show.reports.cases import Case, Say, build, dark, follow_impacts, settled
+from jointplay.show.reports.cases import load as load
+from jointplay.show.reports.charts import MAX_RECORDS, Chart, Pack, all_charts
+from jointplay.show.reports.html import Html, joined, markup, targets
+from jointplay.show.reports.inputs import parameters
+from jointplay.show.reports.sections import (
+    accuracies,
+    assumed,
+    audits,
+    bearings,
+    certificates,
+    claim_rows,
+    glance,
+    modes,
+    ring_or_journal,
+    singles,
+    spectra,
+)
+from jointplay.show.reports.sections import claims as claims_section
+from jointplay.show.reports.sections import impacts as impacts_section
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.stored import versions
+
+IMPACTS = 5
+"""Impacts of each case that are followed step by step, unless told otherwise."""
+
+
+def report(
+    results: Mapping[str, Result],
+    path: str | Path,
+    *,
+    title: str | None = None,
+    claims: Path | None = None,
+    impacts: int = IMPACTS,
+    pdf: bool = True,
+    say: Say = lambda _: None,
+) -> list[Path]:
+    """Write a report on one or several results.
+
+    Args:
+        results: by label, in the order of the tables.
+        path: the page, ending in .html; the figures' PDF gets the same name with .pdf.
+        title: of the page; None takes that of the scenario, or names the robot.
+        claims: a claims table that `jointplay scara` wrote.
+        impacts: how many of the largest impacts of each case to follow step by step, which repeats
+            its run; 0 repeats none.
+        pdf: write the PDF too.
+        say: told what is being done.
+
+    Returns:
+        The files written.
+
+    Raises:
+        JointplayError: no results, a result without records, a file that exists or cannot be
+            written, or a claims table that is none.
+    """
+    require_a("results", results, "Mapping")
+    if not results:
+        raise JointplayError("a report needs at least one result")
+    if impacts < 0:
+        raise JointplayError(f"impacts must be a whole number >= 0, got {impacts}")
+    for label, result in results.items():
+        if len(result.time) < 2:
+            raise JointplayError(
+                f"result {label!r} has {len(result.time)} record; there is nothing to show"
+            )
+    written = targets(path, pdf)
+    claim_rows(claims)
+    cases = build(results, say)
+    with in_parallel(partial(_figures, cases)) if pdf else nullcontext() as figures:
+        if pdf:
+            say("drawing the figures for the PDF")
+        follow_impacts(cases, impacts, say)
+        say("writing the page")
+        contents = [page(cases, title or title_of(results), claims).encode()]
+        if figures is not None:
+            contents.append(figures())
+    for target, made in zip(written, contents, strict=True):  # at the end: none without the other
+        write_file(target, made)
+    return written
+
+
+def _figures(cases: Sequence[Case]) -> bytes:
+    """The PDF's content: figures of the cases, and of the ideal run that none of them is."""
+    from jointplay.show.plots.figures import pdf
+
+    shown = {case.label: case.result for case in cases}
+    ideal = next((case.ideal for case in cases if case.ideal is not None), None)
+    if ideal is not None and all(ideal is not result for result in shown.values()):
+        shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
+    return pdf(shown, settled(cases))
+
+
+def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
+    """The page's source."""
+    start = settled(cases)
+    pack = Pack()
+    drawn = all_charts(cases, pack, start)
+    by_name = {chart["id"]: chart for chart in drawn}
+
+    def chart(*names: str) -> Html:
+        return joined(_place(by_name[name]) for name in names if name in by_name)
+
+    thinned = [case.label for case in cases if len(case.result.time) > MAX_RECORDS]
+    hint = (
+        "Drag across a chart in time to zoom; all charts in time follow, and the paths and orbits "
+        "show that time only. Double-click, or “whole run” above, to go back. Where an impact was "
+        "followed step by step, each step is a point."
+    )
+    if start:
+        hint += (
+            f" Charts begin at {start:g} s, from which on the tables judge the runs; “whole run” "
+            "shows also how the journals settle before."
+        )
+    if thinned:
+        hint += (
+            f" Of {', '.join(thinned)} the smallest and the largest record of each of "
+            f"{MAX_RECORDS // 2} intervals are shown."
+        )
+    sections = {
+        "At a glance": glance(cases, start),
+        "Parameters": parameters(cases),
+        "Assumptions": assumed(cases, start),
+        "Audit": audits(cases) + certificates(cases),
+        "Motion of the tool": markup('<p class="screen">{}</p>', hint)
+        + chart(
+            *("tool_displacement", "tool_displacement_error"),
+            *("tool_velocity", "tool_velocity_error", "tool_path"),
+        ),
+        "Accuracy": accuracies(cases, start),
+        ring_or_journal(cases): chart("journal_orbit", "modes", "loaded")
+        + modes(cases, start)
+        + bearings(cases, start),
+        "Forces": chart("force_x", "force_y", "force_z"),
+        "Impacts": impacts_section(cases, start)
+        + chart("impacts")
+        + singles(cases)
+        + chart("contacts", "gaps"),
+        "Spectrum": chart("spectrum") + spectra(cases, start),
+    }
+    if claims is not None or is_paper({case.label: case.result for case in cases}):
+        sections["Claims"] = claims_section(cases, claims)
+    end = max(case.duration for case in cases)
+    data = json.dumps(
+        {"charts": drawn, "layout": pack.layout, "start": start, "end": end},
+        separators=(",", ":"),
+        allow_nan=False,
+    )
+    resource = files("jointplay.show.reports") / "page"
+    scripts = [
+        as_script((resource / name).read_text(encoding="utf-8"))
+        for name in ("plotly-basic.min.js", "report.js")
+    ]
+    robots = dict.fromkeys(robot_of(case.result) for case in cases)
+    names = joined(
+        [Html("{}").format(", ".join(robots)), *(dark(case) for case in cases)], Html(" &ensp; ")
+    )
+    charts = {
+        "block": pack.block(),
+        "data": as_data(data),
+        "scripts": scripts,
+        "judged": f"{start:g}" if start else "",
+    }
+    return html.page(title, names, versions(), sections, **charts)
+
+
+def _place(chart: Chart) -> Html:
+    shown = dict.fromkeys(panel["title"] or panel["y"]["label"] for panel in chart["panels"])
+    names = dict.fromkeys(trace["name"] for panel in chart["panels"] for trace in panel["traces"])
+    return markup(
+        '<h3>{}</h3><div class="chart" id="chart-{}" role="img" aria-label="{}"></div>',
+        chart["title"],
+        chart["id"],
+        f"{chart['title']}: {', '.join(shown)} of {', '.join(filter(None, names))}".removesuffix(
+            " of "
+        ),
+    )

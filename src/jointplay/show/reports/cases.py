@@ -1,0 +1,249 @@
+"""What a report is about: results with their ideal references and their impacts step by step."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jointplay.base.errors import JointplayError
+from jointplay.show.plots.figures import coloured
+from jointplay.show.plots.names import case_names
+from jointplay.show.reports.html import Html, markup
+from jointplay.simulation import analysis
+from jointplay.simulation.analysis.replay import (
+    Impact,
+    Replay,
+    follow,
+    largest_impacts,
+    replay,
+    window,
+)
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.variables import contact_names
+
+Say = Callable[[str], None]
+
+
+@dataclass
+class Case:
+    """One result of a report."""
+
+    label: str
+    result: Result
+    colour: str
+    ideal: Result | None = None
+    """What its tool is measured against; itself for an ideal run."""
+    error: xr.DataArray | None = None
+    """The tool's deviation from `ideal` (time, axis) [m]; None for an ideal run."""
+    turn: xr.DataArray | None = None
+    """The same of its orientation [rad]."""
+    replay: Replay | None = None
+    impacts: list[Impact] = field(default_factory=list)
+    """The largest ones, step by step, one for each window of the replay."""
+    notes: list[str] = field(default_factory=list)
+    """What the reader must know of how this case was evaluated."""
+
+    @property
+    def joints(self) -> list[str]:
+        """Clearance joints."""
+        return self.result.joints
+
+    @property
+    def duration(self) -> float:
+        """Time of the last record [s]."""
+        return float(self.result.time[-1])
+
+    def detailed(self) -> Result:
+        """The records, and instead of them every step where the run was replayed.
+
+        There held peaks and smallest gaps are those of the single step.
+        """
+        if self.replay is None or not self.replay.windows:
+            return self.result
+        kept = np.ones(len(self.result.time), bool)
+        parts = []
+        held = {"joint_force": "joint_force_peak", "normal_force": "normal_force_peak"}
+        held["gap"] = "gap_min"
+        for part in self.replay.windows:
+            time = part["time"].values
+            kept &= (self.result.time < time[0]) | (self.result.time > time[-1])
+            parts.append(part.assign({peak: part[name] for name, peak in held.items()}))
+        parts.append(self.result.dataset.isel(time=kept))
+        merged = xr.concat(parts[::-1], "time", data_vars="minimal", combine_attrs="override")
+        merged = merged.sortby("time")
+        _, first = np.unique(merged["time"].values, return_index=True)
+        return Result(merged.isel(time=first))
+
+
+def load(
+    paths: Sequence[Path], labels: Sequence[str] | None = None, trust: Collection[str] = ()
+) -> dict[str, Result]:
+    """Read results by label, by default `case_names`, or the files' names without suffix,
+    or where these are the same, their folders'.
+
+    A folder stands for the NetCDF files in it, the ideal mechanism's first. Laws of the user's own
+    are taken from the modules of `trust` only; see `Result.load`.
+
+    Raises:
+        JointplayError: a file that is missing, damaged or no result; a folder without any; labels
+            that do not fit.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(path.glob("*.nc"))
+            if not inside:
+                raise JointplayError(f"the folder {str(path)!r} holds no results (*.nc)")
+            files += sorted(inside, key=_place_in_folder)
+        else:
+            files.append(path)
+    if labels and len(labels) != len(files):
+        raise JointplayError(f"{len(labels)} labels for {len(files)} results; give one for each")
+    results = [Result.load(file, trust) for file in files]
+    for file, result in zip(files, results, strict=True):
+        if not len(result.time):
+            raise JointplayError(f"{str(file)!r} holds no records")
+    names = list(labels or case_names(results) or [file.stem for file in files])
+    if not labels and len(set(names)) < len(names):  # such as "result" in folders of their own
+        names = [file.resolve().parent.name for file in files]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise JointplayError(f"two results are called {twice!r}; name them with --label")
+    return dict(zip(names, results, strict=True))
+
+
+def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
+    """The ideal mechanism stands first; numbers in names count as such."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", file.stem)
+    return file.stem != "ideal", [(float(p), "") if p[:1].isdigit() else (0.0, p) for p in parts]
+
+
+def build(results: Mapping[str, Result], say: Say) -> list[Case]:
+    """Find or simulate the ideal references."""
+    cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
+    for case in cases:
+        if not analysis.has_play(case.result):
+            case.ideal = case.result
+    _refer(cases, say)
+    return cases
+
+
+def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
+    """Repeat the runs, and keep the largest impacts of each step by step."""
+    for case in cases:
+        if case.joints and number:
+            _follow(case, number, say)
+
+
+def _refer(cases: Iterable[Case], say: Say) -> None:
+    cases = list(cases)
+    given = [case for case in cases if not analysis.has_play(case.result)]
+    made: dict[str, Result] = {}
+    for case in cases:
+        if not analysis.has_play(case.result) or len(case.result.time) < 2:
+            continue
+        twin = next(
+            (
+                other
+                for other in given
+                if analysis.is_twin(case.result, other.result) and len(other.result.time) > 1
+            ),
+            None,
+        )
+        try:
+            if twin is not None:
+                case.ideal = twin.result
+                case.notes.append(f"Tool errors are measured against {twin.label!r}.")
+            else:
+                key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
+                if key not in made:
+                    say(f"simulating the ideal mechanism that {case.label!r} is measured against")
+                    made[key] = analysis.twin(case.result)
+                case.ideal = made[key]
+                case.notes.append(
+                    "Tool errors are measured against the ideal mechanism, simulated for this "
+                    "report because no ideal run with the same inputs was given."
+                )
+            case.error = analysis.deviation(case.result, case.ideal)
+            case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
+            if not _follows(case.result):
+                case.notes.append(
+                    "No drive follows a reference: the ideal mechanism moves freely, so the "
+                    "tool's difference from it is not a position error."
+                )
+            if float(case.error["time"][-1]) < case.duration:
+                case.notes.append(
+                    f"The reference ends at {float(case.error['time'][-1]):g} s; tool errors are "
+                    "those up to there."
+                )
+        except JointplayError as error:
+            case.ideal = case.error = case.turn = None
+            case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
+
+
+def _follows(result: Result) -> bool:
+    """Whether any drive follows a reference motion."""
+    simulation = result.simulation
+    drives = simulation.drive
+    each = drives.values() if isinstance(drives, Mapping) else [drives]
+    return simulation.motion is not None and any(drive.follows for drive in each)
+
+
+def _follow(case: Case, number: int, say: Say) -> None:
+    chosen = largest_impacts(case.result, number)
+    if not chosen:
+        case.notes.append("No single steps: there is no contact in the records.")
+        return
+    step = case.result.audit.step
+    say(f"repeating {case.label!r}, for its {len(chosen)} largest impacts step by step")
+    try:
+        mechanism = case.result.simulation.mechanism
+        if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
+            raise JointplayError("its contacts do not match its inputs")
+        repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
+    except JointplayError as error:
+        case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
+        say(f"{case.label!r} cannot be repeated: {error}")
+        return
+    if not repetition.faithful:
+        versions = case.result.dataset.attrs.get("versions", "unknown")
+        case.notes.append(
+            "No single steps: repeated here, the run does not match the stored one bit for bit "
+            f"(made with {versions}), and impacts magnify any difference."
+        )
+        return
+    case.replay = repetition
+    case.impacts = [
+        follow(part, place.joint, place.contact)
+        for part, (place, _) in zip(repetition.windows, chosen, strict=True)
+    ]
+
+
+# How cases are named, and from when on they are judged.
+
+
+def dark(case: Case) -> Html:
+    """The case's name with a swatch of its colour."""
+    return markup('<span class="case" style="--c:{}">{}</span>', case.colour, case.label)
+
+
+def settled(cases: Sequence[Case]) -> float:
+    """From when on statistics are taken [s]: not while journals fall into their bearings."""
+    latest = max(case.result.judge_from for case in cases)
+    return latest if min(case.duration for case in cases) > latest else 0.0
+
+
+def since(start: float) -> str:
+    """What a caption says of the time that is judged."""
+    return f"; from {start:g} s on" if start else ""
+
+
+def place_of(case: Case, joint: str, contact: str) -> Html:
+    """The case and one of a joint's contacts."""
+    return markup("{}, {}, {}", dark(case), joint, contact.replace("_", " "))

@@ -1,0 +1,311 @@
+"""Charts in pages: their descriptions as plain data, which `page/report.js` draws with plotly."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from jointplay.show.plots import figures
+from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans
+from jointplay.show.plots.names import PAPER
+from jointplay.show.reports.cases import Case
+from jointplay.simulation import analysis
+from jointplay.simulation.result.result import AXES, Result
+
+# Time histories packed for the page: small, unpacked by `page/report.js`.
+
+
+MAX_RECORDS = 40_000
+"""More records than this are reduced to the smallest and the largest of each of a series of
+intervals, so that no peak is lost."""
+
+EXACT = 23
+"""Bits of a float32's mantissa."""
+
+
+class Pack:
+    """Arrays in one compressed block; each is known by its number.
+
+    Values are float32 or uint32, differences of consecutive bit patterns, bytes of equal weight
+    together: smooth histories shrink to a fraction.
+    """
+
+    def __init__(self) -> None:
+        """An empty block."""
+        self.chunks: list[bytes] = []
+        self.layout: list[tuple[str, int]] = []
+
+    def add(self, values: np.ndarray, bits: int = EXACT) -> int:
+        """Store a one-dimensional array, unsigned integers as uint32, others as float32.
+
+        Args:
+            values: what to store.
+            bits: of the mantissa that are kept, by rounding; the relative error is 2^-(bits + 1).
+        """
+        whole = values.dtype.kind == "u"
+        packed = np.ascontiguousarray(values, "<u4" if whole else "<f4")
+        pattern = packed.view("<u4")
+        if not whole and bits < EXACT:
+            spare = EXACT - bits
+            rounded = (pattern + np.uint32(1 << (spare - 1))) & ~np.uint32((1 << spare) - 1)
+            pattern = np.where(np.isfinite(packed), rounded, pattern).astype("<u4")
+        steps = np.diff(pattern, prepend=np.zeros(1, "<u4"))
+        self.chunks.append(steps.view(np.uint8).reshape(-1, 4).T.tobytes())
+        self.layout.append(("u" if whole else "f", len(values)))
+        return len(self.layout) - 1
+
+    def block(self) -> str:
+        """The compressed block in base64."""
+        return base64.b64encode(gzip.compress(b"".join(self.chunks), 6, mtime=0)).decode()
+
+
+class Thinning:
+    """How the records of one case are reduced to about `MAX_RECORDS`.
+
+    Args:
+        sparse: which points are records of which there may be too many; the others, recorded step
+            by step, are all kept.
+    """
+
+    def __init__(self, sparse: np.ndarray) -> None:
+        """Divide the records into intervals."""
+        records = np.flatnonzero(sparse)
+        self.size = max(1, -(-2 * len(records) // MAX_RECORDS))
+        """Records in an interval; one: nothing is left out."""
+        self._step_by_step = np.flatnonzero(~sparse)
+        self._intervals = np.split(records, range(self.size, len(records), self.size))
+        self.thins = self.size > 2
+        """Whether anything is left out."""
+
+    def kept(self, *series: np.ndarray) -> np.ndarray:
+        """Indices that stay: of each interval those of the smallest and the largest of each series.
+
+        The line through them passes through every value of an interval within that interval, so
+        that it is nowhere farther from the records than an interval is long.
+        """
+        if not self.thins:
+            return np.arange(len(series[0]))
+        indices = [self._step_by_step]
+        for interval in self._intervals:
+            for values in series:
+                inside = values[interval]
+                indices.append(interval[[int(inside.argmin()), int(inside.argmax())]])
+        return np.unique(np.concatenate(indices))
+
+
+_FINE, _COARSE = 18, 13
+"""Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
+
+Chart = dict[str, Any]
+_DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
+"""What plotly calls them."""
+
+
+class Times:
+    """Points of time of one case: whole numbers of its steps, each series of them packed once."""
+
+    def __init__(self, case: Case, result: Result) -> None:
+        """Take the records, and every step where the run was replayed."""
+        self.time = result.time
+        self.step = case.result.audit.step
+        self.thinning = Thinning(np.isin(self.time, case.result.time))
+
+    def has(self, time: np.ndarray) -> bool:
+        """Whether these are its own, or the first of them."""
+        return len(time) > 1 and np.array_equal(self.time[: len(time)], time)
+
+    def steps(self, time: np.ndarray) -> np.ndarray:
+        """Times as whole numbers of steps."""
+        return np.rint(time / self.step).astype(np.uint32)
+
+
+class Drawing:
+    """Charts in terms of a page; their series go into a `Pack`.
+
+    Args:
+        pack: receives the series.
+        times: of all cases.
+    """
+
+    def __init__(self, pack: Pack, times: Sequence[Times]) -> None:
+        """Nothing is drawn yet."""
+        self._pack, self._times = pack, times
+        self._packed: dict[bytes, int] = {}
+
+    def chart(self, name: str, title: str, panels: Sequence[Panel], *, same: bool = False) -> Chart:
+        """A chart: panels over time or frequency below each other, others side by side.
+
+        Args:
+            name: by which the page knows it.
+            title: above it.
+            panels: of which it consists.
+            same: whether their y axes are the same.
+        """
+        across = panels[0].x.name if panels else ""
+        return {
+            "id": name,
+            "title": title,
+            "stacked": across in ("time", "frequency"),
+            "time": across == "time",
+            "same": same,
+            "panels": [self._panel(panel) for panel in panels],
+        }
+
+    def _panel(self, panel: Panel) -> Chart:
+        marks = (self._mark(mark, panel) for mark in panel.marks)
+        return {
+            "x": _axis(panel.x),
+            "y": _axis(panel.y),
+            "title": panel.title,
+            "equal": bool(panel.equal),
+            "traces": [mark for mark in marks if mark is not None],
+        }
+
+    def _mark(self, mark: Any, panel: Panel) -> dict[str, Any] | None:
+        look = {"name": getattr(mark, "name", ""), "color": getattr(mark, "colour", "")}
+        if isinstance(mark, Spans):
+            owner = self._times[0]
+            for one in self._times:
+                owner = one if np.isin(mark.begin, one.time).all() else owner
+            ends = (self._pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
+            return {
+                **dict(zip(("from", "to"), ends, strict=True)),
+                "dt": owner.step,
+                "row": mark.row,
+                **look,
+            }
+        if not isinstance(mark, Curve):
+            return None  # lines across are the page's own
+        x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
+        look |= {"dash": _DASHES.get(mark.line, ""), "frame": mark.frame}
+        bits = EXACT if panel.y.size == "large" else _COARSE if panel.y.unit in ("N", "") else _FINE
+        time = np.asarray(mark.x if panel.x.unit == "s" and mark.at is None else mark.at)
+        timed = next((one for one in self._times if time.ndim and one.has(time)), None)
+        if timed is None:
+            return {"x": self._pack.add(x), "y": self._pack.add(y, bits), **look}
+        curve, ended = mark.at is not None, np.full(len(timed.time) - len(y), np.nan)
+        x, y = np.append(x, ended), np.append(y, ended)  # such as where its reference ended
+        kept = timed.thinning.kept(x, y) if curve else timed.thinning.kept(y)
+        found = {"t": self._time(timed, kept), "dt": timed.step, "y": self._pack.add(y[kept], bits)}
+        return {**found, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
+
+    def _time(self, owner: Times, kept: np.ndarray) -> int:
+        steps = owner.steps(owner.time[kept])
+        key = steps.tobytes()
+        if key not in self._packed:
+            self._packed[key] = self._pack.add(steps)
+        return self._packed[key]
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    rows = None if axis.rows is None else list(axis.rows)
+    return {"label": axis.label, "unit": axis.shown[1], "log": axis.log, "rows": rows}
+
+
+def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
+    """All charts of a report; their series go into `pack`."""
+    results = {case.label: case.detailed() for case in cases}
+    recorded = {case.label: case.result for case in cases}
+    ideals = {
+        case.label: case.ideal
+        for case in cases
+        if case.error is not None and case.ideal is not None
+    }
+    times = [Times(case, results[case.label]) for case in cases]
+    draw = Drawing(pack, times).chart
+    paper = figures.is_paper(recorded)
+    rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
+    kinds = tuple(sorted(rolls))
+    charts = []
+    axes = figures.moving_axes(results)
+    along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
+    for of, name, word in (
+        ("tool_position", "tool_displacement", "Displacement"),
+        ("tool_velocity", "tool_velocity", "Velocity"),
+    ):
+        title = f"{word} of the tool{along}"
+        charts.append(draw(name, title, figures.tool_panels(results, of)))
+        less = figures.difference_panels(results, of, ideals)
+        charts.append(draw(f"{name}_error", f"{title}, less the ideal mechanism's", less))
+    if not figures.is_straight(results):
+        plane = figures.plane_of(recorded)
+        where = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
+        panels = [figures.path_panel(results)]
+        charts.append(draw("tool_path", f"Path of the tool in {where}", panels))
+    centre = {
+        (True,): "Inner ring's centre in the outer ring",
+        (False, True): "Centre in the bearing",
+    }.get(kinds, "Journal centre in its bearing")
+    orbits = [panel for panel, _ in figures.orbit_panels(results)]
+    charts.append(draw("journal_orbit", f"{centre}, with its clearance", orbits))
+    on = {(True,): "inner ring", (False, True): "journal or inner ring"}.get(kinds, "journal")
+    for axis in AXES:
+        title = f"Force on the {on} along world {axis}"
+        forces = figures.force_panels(results, axis)
+        charts.append(draw(f"force_{axis}", title, forces, same=True))
+    modes = [  # shares are those of records, not of steps: the table has them
+        replace(panel, y=Axis(rows=[mark.name for mark in panel.marks if isinstance(mark, Spans)]))
+        for panel, ring in _of_joints(results, "modes")
+        if not ring
+    ]
+    charts.append(draw("modes", f"Contact mode{' (Table 1)' if paper else ''}", modes))
+    loaded = [panel for panel, ring in _of_joints(results, "loaded", rolling=True) if ring]
+    charts.append(draw("loaded", "Balls or rollers that bear load", loaded))
+    for name, title in (
+        ("contacts", "Normal force of each contact"),
+        ("gaps", "Gap of each contact"),
+    ):
+        panels = [panel for panel, _ in _of_joints(results, name)]
+        charts.append(draw(name, title, panels, same=True))
+    met = [panel for panel, _ in _of_joints(recorded, "impacts", start=start)]
+    met = [
+        replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in found])
+        for panel in met
+        if (found := [mark for mark in _curves(panel) if len(mark.x)])
+    ]
+    charts.append(draw("impacts", "Contacts by duration and peak force", met))
+    density = [
+        replace(panel, marks=found)
+        for panel in figures.spectrum_panels(recorded, start)
+        if (found := [mark for mark in _curves(panel) if len(mark.x)])
+    ]
+    title = "Power spectral density of the tool's acceleration"
+    charts.append(draw("spectrum", title, density))
+    for chart in charts:
+        number = PAPER.get(chart["id"].removesuffix("_error"), "") if paper else ""
+        if number:
+            title = chart["title"]
+            chart["title"] = f"Figure {int(number[3:])}: {title[0].lower()}{title[1:]}"
+    return [chart for chart in charts if chart["panels"]]
+
+
+def _curves(panel: Panel) -> list[Curve]:
+    return [mark for mark in panel.marks if isinstance(mark, Curve)]
+
+
+def _of_joints(
+    results: Mapping[str, Result], name: str, rolling: bool = False, **options: Any
+) -> list[tuple[Panel, bool]]:
+    """A plot of each joint with clearance, and whether it has a rolling bearing.
+
+    Args:
+        results: by label.
+        name: of the plot.
+        rolling: whether it is of rolling bearings alone.
+        options: of the plot.
+    """
+    found = []
+    for label, result in results.items():
+        for joint in result.joints:
+            ring = analysis.rolls(result, joint)
+            if ring or not rolling:
+                panel = result.plot.panel(name, joint, **options)
+                title = f"{label}, {joint}"
+                marks = [mark for mark in panel.marks if not isinstance(mark, Rule)]
+                found.append((replace(panel, title=title, marks=marks), ring))
+    return found

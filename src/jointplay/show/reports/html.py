@@ -1,0 +1,202 @@
+"""Pieces of HTML: templates that escape what they are given, numbers as an engineer writes them.
+
+Names come from files of others. `Html` is text that is HTML already; the only ways to it are
+`markup`, `joined` and the templates, which escape everything else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup as Html
+from markupsafe import escape
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import check_new
+from jointplay.base.tables import Column, Table
+from jointplay.base.units import typeset
+from jointplay.show.player.pages import as_script, policy
+
+_MINUS = "\N{MINUS SIGN}"
+
+Cell = str | float | int | None
+
+Quantity = tuple[Cell, str] | tuple[Cell, str, bool]
+"""A value in SI, its unit, and whether it is as small as a clearance."""
+
+
+@cache
+def _templates() -> Environment:
+    made = Environment(
+        loader=PackageLoader("jointplay.show.reports", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["cell"] = text
+    made.filters["anchor"] = lambda name: name.lower().replace(" ", "-")
+    return made
+
+
+def render(template: str, **values: object) -> Html:
+    """A template of the folder `page`, filled in; text in `values` is escaped, `Html` is not."""
+    return Html(_templates().get_template(template).render(**values))
+
+
+def page(title: str, cases: object, made: Mapping[str, str], sections: object, **more: Any) -> Html:
+    """A report: its title, the cases, with which versions it was made, and sections by name.
+
+    `more` is what interactive charts need: their series, layout and scripts.
+    """
+    look = (files("jointplay.show.reports") / "page" / "report.css").read_text(encoding="utf-8")
+    scripts = more.get("scripts", [])
+    return render(
+        "page.html",
+        policy=policy(scripts),
+        title=title,
+        look=as_script(look),
+        cases=cases,
+        made=", ".join(f"{name} {version}" for name, version in made.items()),
+        sections=sections,
+        **{"block": "", "data": "", "judged": "", "scripts": scripts} | more,
+    )
+
+
+def targets(path: str | Path, pdf: bool) -> list[Path]:
+    """The files of a report, checked before any work is done: the page, and the PDF beside it.
+
+    Raises:
+        JointplayError: no name for a page, or a file that exists or cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".html":
+        raise JointplayError(f"the report is a page: {str(path)!r} must end in .html")
+    return [check_new(one) for one in ([path, path.with_suffix(".pdf")] if pdf else [path])]
+
+
+def markup(pattern: str, *values: object) -> Html:
+    """`pattern`, which is HTML, with `values` escaped in the place of each ``{}``."""
+    return Html(pattern).format(*map(cell_or_text, values))
+
+
+def joined(parts: Iterable[Html], between: str = "") -> Html:
+    """Parts of a page one after another; what is not `Html` is escaped."""
+    return Html(between).join(parts)
+
+
+def cell_or_text(value: object) -> object:
+    """Numbers as `number` writes them; all else as it is."""
+    return text(value) if value is None or isinstance(value, (bool, int, float)) else value
+
+
+def text(value: object) -> Html:
+    """A cell's HTML: text escaped, numbers by `number`, None as a dash."""
+    if value is None:
+        return Html("&ndash;")
+    if isinstance(value, bool):
+        return Html("yes") if value else Html("no")
+    if isinstance(value, (int, float)):
+        return number(value)
+    return escape(value)
+
+
+def number(value: float, digits: int = 3) -> Html:
+    """`value` with `digits` significant digits; powers of ten only where zeros would mislead."""
+    if isinstance(value, int):
+        return escape(str(value).replace("-", _MINUS))
+    if math.isnan(value):
+        return Html("&ndash;")
+    if math.isinf(value):
+        return Html("&infin;") if value > 0 else Html(_MINUS + "&infin;")
+    if value == 0.0:
+        return Html("0")
+    rounded = float(f"{value:.{digits - 1}e}")
+    exponent = math.floor(math.log10(abs(rounded)))
+    if -4 <= exponent < 6:
+        shown = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
+        return escape(shown.replace("-", _MINUS))
+    mantissa = f"{rounded / 10.0**exponent:.{digits - 1}f}".replace("-", _MINUS)
+    return Html("{}&middot;10<sup>{}</sup>").format(mantissa, str(exponent).replace("-", _MINUS))
+
+
+def table(
+    made: Table, caption: str = "", name: str = "", *, across: bool = False, left: int | None = None
+) -> Html:
+    """A table; what is no number may be `Html`.
+
+    Args:
+        made: names, units and values of its columns.
+        caption: above it.
+        name: by which style sheets and scripts know it.
+        across: whether its columns are shown as rows, below what the first one has; those without
+            any value are left out.
+        left: how many columns are flush left; None: those that come first and have no numbers.
+    """
+    columns = [(_title(one), [_scaled(value, one) for value in one.values]) for one in made.columns]
+    if across:
+        (first, heads), *others = columns
+        head = [first, *heads]
+        rows = [[title, *values] for title, values in others if any(v is not None for v in values)]
+        texts = 1
+    else:
+        head = [title for title, _ in columns]
+        rows = [list(row) for row in zip(*(values for _, values in columns), strict=True)]
+        texts = [*(any(map(_is_number, values)) for _, values in columns), True].index(True)
+    left = texts if left is None else left
+    return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
+
+
+def by_case(
+    head: str, cases: Sequence[Html], figures: Sequence[Mapping[str, Quantity]], **options: Any
+) -> Html:
+    """A table with a row for each figure and a column for each case; `options` as of `table`."""
+    longest = sorted(figures, key=len, reverse=True)  # gives the order
+    names = {name: one for figure in longest for name, one in figure.items()}
+    columns = [
+        Column(
+            name,
+            [figure[name][0] if name in figure else None for figure in figures],
+            unit,
+            fine=any(fine),
+        )
+        for name, (_, unit, *fine) in names.items()
+    ]
+    return table(Table([Column(head, cases), *columns]), across=True, **options)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _title(column: Column) -> str:
+    unit = typeset(column.shown[1])
+    return f"{column.head} [{unit}]" if unit else column.head
+
+
+def _scaled(value: Any, column: Column) -> Any:
+    factor = column.shown[0]
+    return factor * value if factor != 1.0 and _is_number(value) else value
+
+
+def paragraph(content: str) -> Html:
+    """A paragraph."""
+    return markup("<p>{}</p>", content)
+
+
+def bullets(items: Sequence[str]) -> Html:
+    """A list of points; nothing for none."""
+    if not items:
+        return Html("")
+    return markup("<ul>{}</ul>", joined(markup("<li>{}</li>", item) for item in items))
+
+
+def details(summary: str, content: str) -> Html:
+    """Something to unfold."""
+    return markup("<details><summary>{}</summary>{}</details>", summary, content)

@@ -1,0 +1,256 @@
+"""Every input of the runs, motions and robots in full."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.tables import Head, Table
+from jointplay.base.units import displayed, readable, typeset
+from jointplay.model.free_base import FREE
+from jointplay.model.gear import Gearing
+from jointplay.model.urdf import parse
+from jointplay.physics.joints import RollingBearing
+from jointplay.show.reports.cases import Case, dark
+from jointplay.show.reports.html import (
+    Cell,
+    Html,
+    Quantity,
+    by_case,
+    details,
+    joined,
+    markup,
+    table,
+)
+from jointplay.simulation import analysis
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+
+# The text of users' own laws, as results bring it: it is shown, and never run.
+
+
+def own_laws(cases: Sequence[Case]) -> Html:
+    """Each law once, and where it is used."""
+    users: dict[tuple[str, str], list[str]] = {}
+    for case in cases:
+        for joint, fields in analysis.clearance_inputs(case.result).items():
+            for law in fields.values():
+                if isinstance(law, dict) and law.get("source"):
+                    user = f"{case.label}, {joint}" if len(cases) > 1 else joint
+                    known = users.setdefault((str(law["function"]), str(law["source"])), [])
+                    known += [] if user in known else [user]
+    return joined(
+        details(f"Law {name} ({'; '.join(where)})", markup("<pre>{}</pre>", text))
+        for (name, text), where in users.items()
+    )
+
+
+_JOINT_FIELDS: dict[str, Head] = {
+    "clearance": ("clearance across x, each side", "m"),
+    "clearance_y": ("clearance across y, each side", "m"),
+    "length": ("length of the slider", "m"),
+    "width": ("width", "m"),
+    "height": ("height of the slider, along y", "m"),
+    "corner_radius": ("rounding of the corners", "m"),
+    "radial_clearance": ("radial clearance C_r", "m"),
+    "axial_clearance": ("axial clearance C_a, each side", "m"),
+    "bearing_radius": ("bearing radius R_i", "m"),
+    "bearing_length": ("bearing length L_i", "m"),
+    "journal_radius": ("journal radius R_j", "m"),
+    "journal_length": ("journal length L_j", "m"),
+    "restitution": ("restitution c_e", ""),
+    "stiffness": ("stiffness k", "N/m^1.5"),
+    "axial_stiffness": ("stiffness k, axial", "N/m^1.5"),
+    "bore": ("bore", "m"),
+    "outside_diameter": ("outside diameter", "m"),
+    "element_diameter": ("diameter of elements", "m"),
+    "pitch_diameter": ("pitch diameter", "m"),
+    "roller_length": ("length of rollers", "m"),
+    "spacing": ("distance of the rows", "m"),
+    "shaft_interference": ("interference of the shaft", "m", True),
+    "housing_interference": ("interference of the housing", "m", True),
+    "temperature_difference": ("inner ring warmer by", "K"),
+    "damping_time": ("damping over stiffness", "s"),
+    "cage_angle": ("azimuth of the first element", "rad"),
+    "contact_angle": ("contact angle", "rad"),
+    "preload": ("preload", "N"),
+    "dynamic_rating": ("basic dynamic load rating C", "N"),
+    "static_rating": ("basic static load rating C0", "N"),
+    "drag_torque": ("friction torque without load", "N*m"),
+    "rolling_friction": ("friction over load and half the bore", ""),
+    "inner_groove": ("radius of the inner groove over D", ""),
+    "outer_groove": ("radius of the outer groove over D", ""),
+}
+
+
+def parameters(cases: Sequence[Case]) -> Html:
+    """Every input, a column for each case, then motion and robot in full."""
+    columns = [_parameters(case.result) for case in cases]
+    named: list[dict[str, Quantity]] = [
+        {_symbol(name): (one, "") for name, one in column.items()} for column in columns
+    ]
+    overview = by_case("parameter", [*map(dark, cases)], named, left=1 + len(cases))
+    return joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
+
+
+def _symbol(name: str) -> Html:
+    """C_r as a symbol with an index, units with exponents."""
+    shown = markup("{}", name)
+    for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
+        shown = shown.replace(symbol, markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
+    for unit, power in (("m^1.5", "1.5"), ("s^2", "2")):
+        shown = shown.replace(unit, markup("{}<sup>{}</sup>", unit[0], power))
+    return shown
+
+
+def _parameters(result: Result) -> dict[str, Cell]:
+    inputs = analysis.inputs(result)
+    robot = inputs["mechanism"]
+    known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
+    cells: dict[str, Cell] = {
+        "robot (URDF)": robot.get("urdf"),
+        "tool (frame)": robot.get("tool"),
+        "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
+    }
+    if robot.get("base") == FREE:
+        cells["base"] = "free: nothing holds it"
+    if robot.get("allow_unphysical"):
+        cells["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
+    if robot.get("fix"):
+        cells["held joints"] = ", ".join(robot["fix"])
+    if robot.get("loops"):
+        cells["closed loops"] = "; ".join(
+            f"{name}: {loop.get('bearing_link')} - {loop.get('journal_link')}"
+            for name, loop in robot["loops"].items()
+        )
+    for name, gear in robot.get("gears", {}).items():
+        notes = Gearing.from_description(gear).notes
+        given = {key: value for key, value in gear.items() if value is not None}
+        cells[f"gear of {name}"] = "; ".join(filter(None, (_plain(given), notes)))
+    motion, drives = inputs["motion"], inputs["drive"]
+    cells["motion"] = "none"
+    if motion is not None:
+        cells["motion"] = Motion.from_description(motion).summary
+    shared = isinstance(drives.get("kind"), str)
+    for name, drive in ({"all joints": drives} if shared else drives).items():
+        cells[f"drive of {name}"] = _drive(drive)
+    if inputs.get("joint_friction") is not None:
+        cells["joint friction"] = _plain(inputs["joint_friction"])
+    cells["time step"] = readable(float(inputs["step"]), "s")
+    cells["integrator"] = inputs["integrator"]
+    cells["simulated [s]"] = float(result.time[-1])
+    cells["steps between records"] = int(inputs["record_every"])
+    for name, value in inputs.items():
+        if name not in known | {"joint_friction"} and value not in (None, [], {}):
+            cells[name.replace("_", " ")] = _plain(value)
+    derived, estimates, unknown = _derived(result)
+    for joint, fields in analysis.clearance_inputs(result).items():
+        stiffness: Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
+        if joint in derived:
+            stiffness = markup("{} (eq. 11)", derived[joint])
+        not_given = {"stiffness": stiffness, "axial_stiffness": "as radial"}
+        for name, value in fields.items():
+            label, unit, *fine = _JOINT_FIELDS.get(name, (name.replace("_", " "), ""))
+            scale, shown = displayed(unit, any(fine))
+            label = f"{joint}: {label}{f' [{typeset(shown)}]' if unit else ''}"
+            if value is None:
+                cells[label] = not_given.get(name)
+            elif isinstance(value, bool):
+                cells[label] = "yes" if value else None
+            elif isinstance(value, (int, float)):
+                cells[label] = float(value) * scale
+            else:
+                cells[label] = _law(value) if isinstance(value, dict) else value
+        for name, text in estimates.get(joint, {}).items():
+            label = _JOINT_FIELDS.get(name, (name.replace("_", " "), ""))[0]
+            cells[f"{joint}: {label} (estimated)"] = text
+    versions = json.loads(result.dataset.attrs.get("versions", "{}"))
+    cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
+    return cells
+
+
+def _drive(fields: dict[str, Any]) -> str:
+    """A drive in one line; long tables are counted, not shown."""
+    short = {
+        name: f"{len(value)} values" if isinstance(value, list) and len(value) > 6 else value
+        for name, value in fields.items()
+    }
+    units = {"bandwidth": "bandwidth [rad/s]"}
+    return ", ".join(f"{units.get(name, name)} {_plain(value)}" for name, value in short.items())
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name.replace('_', ' ')} {_plain(v)}" for name, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_plain(v) for v in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _law(fields: dict[str, Any]) -> str:
+    """A law or a material in one line: its name first."""
+    rest = {key: value for key, value in fields.items() if value is not None and key != "source"}
+    name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
+    if set(rest) == {"young", "poisson"}:
+        return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
+    return " ".join(part for part in (name, _plain(rest) and f"({_plain(rest)})") if part)
+
+
+def _derived(result: Result) -> tuple[dict[str, float], dict[str, dict[str, str]], str]:
+    """Stiffness of each joint, what is estimated of rolling bearings; or why neither is known."""
+    try:
+        joints = result.simulation.mechanism.clearance
+        stiffness = {n: joint.contact_properties(0).stiffness for n, joint in joints.items()}
+    except JointplayError as error:
+        return {}, {}, str(error)
+    bearings = {n: joint for n, joint in joints.items() if isinstance(joint, RollingBearing)}
+    return stiffness, {n: bearing.estimates for n, bearing in bearings.items()}, ""
+
+
+def _grouped(cases: Sequence[Case], key: Callable[[dict[str, Any]], str]) -> dict[str, list[Case]]:
+    """Cases whose inputs have the same text, by it."""
+    groups: dict[str, list[Case]] = {}
+    for case in cases:
+        groups.setdefault(key(analysis.inputs(case.result)), []).append(case)
+    return groups
+
+
+def _motions(cases: Sequence[Case]) -> Html:
+    """The waypoints of each motion, to unfold."""
+    parts = []
+    groups = _grouped(cases, lambda inputs: json.dumps(inputs["motion"], sort_keys=True))
+    for text, those in groups.items():
+        if text == "null":
+            continue
+        motion = Motion.from_description(json.loads(text))
+        rows = np.column_stack(motion.waypoints).tolist()[:500]
+        of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
+        units = _units(those[0].result)
+        heads = [f"{name} [{units.get(name, 'rad or m')}]" for name in ("time", *motion.joints)]
+        made = Table.of([(head, "") for head in heads], rows)
+        parts.append(details(f"Waypoints{of}", table(made, left=0)))
+    return joined(parts)
+
+
+def _units(result: Result) -> dict[str, str]:
+    """Units of the joints' positions, whether or not the mechanism's laws can be imported."""
+    robot = analysis.inputs(result)["mechanism"]
+    joints = parse(robot["urdf_text"], Path(robot["urdf"]), robot["allow_unphysical"]).joints
+    units = {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
+    return {"time": "s", **units}
+
+
+def _robots(cases: Sequence[Case]) -> Html:
+    """The text of each URDF, to unfold."""
+    groups = _grouped(cases, lambda inputs: inputs["mechanism"].get("urdf_text", ""))
+    parts = []
+    for source, those in groups.items():
+        of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
+        if source:
+            parts.append(details(f"Robot (URDF){of}", markup("<pre>{}</pre>", source)))
+    return joined(parts)

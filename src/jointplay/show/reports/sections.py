@@ -1,0 +1,736 @@
+"""The sections of a report in words and tables."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+import math
+import tomllib
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import read_text
+from jointplay.base.tables import Head, Table
+from jointplay.base.units import readable
+from jointplay.model.gear import Gear
+from jointplay.physics.geometry import Form
+from jointplay.physics.joints import JOINT_KINDS
+from jointplay.show.plots.figures import is_paper
+from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
+from jointplay.show.reports.cases import Case, dark, place_of, since
+from jointplay.show.reports.html import (
+    Cell,
+    Html,
+    Quantity,
+    bullets,
+    by_case,
+    joined,
+    markup,
+    paragraph,
+    table,
+)
+from jointplay.simulation import analysis
+from jointplay.simulation.analysis.claims import measure
+from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
+from jointplay.simulation.result.result import AXES
+from jointplay.simulation.result.settings import START_UP
+
+# What the paper claims, and what these runs say of it.
+
+
+CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"]
+"""Header of the claims table that `jointplay scara` writes."""
+
+
+_MEASURES = {
+    "deviation_mm": "tool deviation about its mean, RMS [mm]",
+    "speed_mm_s": "velocity deviation, RMS [mm/s]",
+    "path_mm": "distance from the ideal path in the XOY plane, RMS [mm]",
+    "free": f"{MODES[0]} [share of time]",
+    "continuous": f"{MODES[1]} [share of time]",
+    "penetration": f"{MODES[2]} [share of time]",
+    "fx": "largest |Fx| [N]",
+    "fy": "largest |Fy| [N]",
+    "fz": "largest |Fz| [N]",
+    "busy": "force above 20 % of its peak [share of time]",
+    "crossings": "turning points of the tool's deviation [1/s]",
+    "swing_mm": "mean excursion between them [mm]",
+}
+
+
+def claim_rows(source: Path | None) -> list[list[str]]:
+    """Rows of a claims table, its header first; nothing for no file.
+
+    Raises:
+        JointplayError: it cannot be read, or is no such table.
+    """
+    if source is None:
+        return []
+    try:
+        lines = list(csv.reader(io.StringIO(read_text(source, "claims"), newline=""), strict=True))
+    except csv.Error as error:
+        raise JointplayError(f"cannot read the claims {str(source)!r}: {error}") from None
+    if not lines or lines[0] != CLAIM_COLUMNS or any(len(line) != 5 for line in lines):
+        raise JointplayError(
+            f"{str(source)!r} is not a claims table of jointplay scara; its header must be "
+            f"{','.join(CLAIM_COLUMNS)}"
+        )
+    return lines
+
+
+def claims(cases: Sequence[Case], source: Path | None) -> Html:
+    """Verdicts of an ensemble, if there are any, and the measures of the runs themselves."""
+    parts = []
+    lines = claim_rows(source)
+    if source is not None and lines:
+        verdicts = {"yes": "good", "no": "bad"}
+        rows = [
+            [a, b, c, markup('<span class="{}">{}</span>', verdicts.get(d, "open"), d), e]
+            for a, b, c, d, e in lines[1:]
+        ]
+        caption = f"Ensembles of perturbed runs ({source.name})"
+        parts.append(table(Table.of_texts([lines[0], *rows]), caption))
+    names: list[Html] = []
+    found: list[dict[str, Quantity]] = []
+    for case in cases:
+        if case.error is None or case.ideal is None or len(case.joints) != 1:
+            continue
+        same = np.array_equal(case.result.time, case.ideal.time)
+        if same and case.duration > 2.0 * START_UP:
+            values = measure(case.result, case.ideal)
+            names.append(dark(case))
+            found.append({label: (float(values[key]), "") for key, label in _MEASURES.items()})
+    if found:
+        caption = "What the claims are about, in these single runs"
+        parts.append(by_case("measure", names, found, caption=caption))
+        parts.append(
+            paragraph(
+                "No claim is decided on single runs: impacts magnify small differences. Ensembles "
+                "are judged by the command jointplay scara."
+            )
+        )
+    return joined(parts) or paragraph(
+        "There are no claims to judge: no claims table was given, and no run with clearance is "
+        f"longer than {2.0 * START_UP:g} s."
+    )
+
+
+# Modes, forms and impacts in joints with clearance.
+
+
+def ring_or_journal(cases: Sequence[Case]) -> str:
+    """What is seen in its bearing: journals, inner rings, or both."""
+    kinds = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
+    return {(True,): "Inner rings", (False, True): "Journals and inner rings"}.get(
+        tuple(sorted(kinds)), "Journal"
+    )
+
+
+def modes(cases: Sequence[Case], start: float) -> Html:
+    """Shares of the time in each mode and form."""
+    every = [(case, joint) for case in cases for joint in case.joints]
+    if not every:
+        return paragraph("No case has clearance.")
+    pairs = [(case, joint) for case, joint in every if not analysis.rolls(case.result, joint)]
+    if not pairs:
+        return Html("")
+    names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
+    mode_shares: list[dict[str, Quantity]] = []
+    form_shares: list[dict[str, Quantity]] = []
+    every_form = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
+    occurred = [
+        form for form in Form if any(one and one[form.name.lower()] > 0.0 for one in every_form)
+    ]
+    for (case, joint), forms in zip(pairs, every_form, strict=True):
+        shares = analysis.shares(case.result, joint, "mode", start).values()
+        mode_shares.append({name: (one, "1") for name, one in zip(MODES, shares, strict=True)})
+        form_shares.append({})
+        for one in occurred:
+            words = one.name.lower()
+            name = f"{one.letter}: {words.replace('_', ' ')}" if one else "no contact"
+            form_shares[-1][name] = forms[words] if forms else None, "1"
+    paper = is_paper({case.label: case.result for case in cases})
+    mode, form = ("mode (Table 1)", "form (Figure 2)") if paper else ("mode", "form")
+    explained = (
+        f"{name} (in the paper: {term}): {meaning}"
+        for name, term, meaning in zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
+    )
+    of = "Share of the records in each"
+    parts = [
+        by_case(mode, names, mode_shares, caption=f"{of} mode{since(start)}"),
+        paragraph("; ".join(explained) + "."),
+    ]
+    if occurred:
+        parts.append(by_case(form, names, form_shares, caption=f"{of} form{since(start)}"))
+    return joined(parts)
+
+
+def impacts(cases: Sequence[Case], start: float) -> Html:
+    """Statistics of contacts by joint and place."""
+    rows: list[list[Cell]] = []
+    for case in cases:
+        for place in analysis.contacts(case.result, start):
+            onsets = impulse = shortest = None
+            if case.replay is not None:
+                one = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
+                onsets, impulse = int(one["onsets"]), float(one["impulse"])
+                steps = float(one["shortest_steps"])
+                shortest = int(steps) if math.isfinite(steps) else None
+            rows.append(
+                [
+                    place_of(case, place.joint, place.contact),
+                    onsets,
+                    None if onsets is None else onsets / case.duration,
+                    impulse,
+                    shortest,
+                    place.share,
+                    *(_percentile(place.duration, percent) for percent in (50, 95)),
+                    *(_percentile(place.peak, percent) for percent in (50, 95, 100)),
+                ]
+            )
+    if not rows:
+        return paragraph("No case has clearance.")
+    heads: list[Head] = [
+        *(("case, place", ""), ("contacts begun", ""), ("rate", "1/s")),
+        *(("normal impulse", "N*s"), ("shortest", "steps"), ("time in contact", "1")),
+        *(("duration, median", "s", True), ("duration, 95 %", "s", True)),
+        *((f"peak force, {word}", "N") for word in ("median", "95 %", "largest")),
+    ]
+    intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
+    spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
+    note = (
+        "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
+        "whole run. Durations come from records, known to about one record interval "
+        f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
+        "forces are held between records and exact."
+    )
+    return table(Table.of(heads, rows)) + paragraph(note)
+
+
+def bearings(cases: Sequence[Case], start: float) -> Html:
+    """Loads, life and friction of rolling bearings; nothing without any."""
+    rows: list[list[Cell]] = []
+    swings = False
+    for case in cases:
+        late = case.result.time >= start
+        if not any(analysis.rolls(case.result, joint) for joint in case.joints) or late.sum() < 2:
+            continue
+        for joint, bearing in analysis.rolling_bearings(case.result).items():
+            life = analysis.bearing_life(case.result, joint, start)
+            loaded = case.result["loaded_elements"].sel(joint=joint).values[late]
+            swings = swings or life.oscillates
+            rows.append(
+                [
+                    markup("{}, {}", dark(case), joint),
+                    bearing.designation or bearing.kind.replace("-", " "),
+                    *(life.largest_load, life.rated_load),
+                    *(int(loaded.min()), float(loaded.mean()), life.most_loaded, life.elements),
+                    *(life.turned, life.lasting, life.mean_torque, life.friction_power),
+                ]
+            )
+    if not rows:
+        return Html("")
+    note = (
+        "Loads are those of single balls or rollers; at C0 that of the most loaded one under the "
+        "basic static load rating. L10: basic reference rating life (ISO/TS 16281, a factor "
+        "a_ISO of 1) of repeating this motion, with the damage of each instant's loads summed by "
+        "Palmgren and Miner; the inner ring counts as the one that turns against the load."
+    )
+    if swings:
+        note += (
+            " Rings that swing by less than the distance of two elements: L10 is not meant for "
+            "them, other damage (false brinelling) may come first."
+        )
+    heading = Html("<h3>Rolling bearings</h3>")
+    heads: tuple[Head, ...] = (
+        *(("case, joint", ""), ("bearing", "")),
+        *(("largest element load", "N"), ("the same, at C0", "N")),
+        *(("elements loaded, least", ""), ("mean", ""), ("most", ""), ("of", "")),
+        *(("turned", "rev"), ("life L10", "")),
+        *(("friction torque, mean", "N*m"), ("friction power, mean", "W", True)),
+    )
+    return joined([heading, table(Table.of(heads, rows), name="bearings"), paragraph(note)])
+
+
+def _percentile(values: np.ndarray, percent: float) -> float | None:
+    """None of no values."""
+    return float(np.percentile(values, percent)) if len(values) else None
+
+
+def singles(cases: Sequence[Case]) -> Html:
+    """The largest impacts, step by step, each with a button that zooms into it."""
+    rows: list[list[Cell]] = []
+    for case in cases:
+        windows = case.replay.windows if case.replay is not None else ()
+        for impact, window in zip(case.impacts, windows, strict=True):
+            time = window["time"].values
+            force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
+            zoom = f"{float(time[0])!r},{float(time[-1])!r}"
+            rows.append(
+                [
+                    place_of(case, impact.joint, impact.contact),
+                    f"{float(time[int(force.values.argmax())]):.5f}",
+                    impact.peak_force,
+                    impact.penetration,
+                    impact.steps if impact.complete else f"> {impact.steps}",
+                    impact.approach_speed,
+                    impact.separation_speed,
+                    markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
+                ]
+            )
+    if not rows:
+        return paragraph("No impact was followed step by step.")
+    heads: tuple[Head, ...] = (
+        *(("case, place", ""), ("time [s]", ""), ("peak normal force", "N")),
+        *(("penetration", "m", True), ("steps in contact", "")),
+        *(("approach speed", "m/s", True), ("separation speed", "m/s", True), ("", "")),
+    )
+    return table(Table.of(heads, rows), name="single-impacts", left=1)
+
+
+# The runs' judgement of themselves, and their numerical errors.
+
+
+def audits(cases: Sequence[Case]) -> Html:
+    """Audits of the runs."""
+    given = [_judged(case) for case in cases]
+    warnings = [
+        markup('{} <strong class="warn">Warning:</strong> {}.', dark(case), warning)
+        for case in cases
+        for warning in case.result.audit.warnings
+    ]
+    return joined(
+        [
+            by_case("of the run", [*map(dark, cases)], given, name="audit-table"),
+            bullets(warnings) or paragraph("No run has warnings."),
+        ]
+    )
+
+
+def _judged(case: Case) -> dict[str, Quantity]:
+    """Audit figures of a run by name; None where a figure does not apply."""
+    audit, result = case.result.audit, case.result
+    limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
+    needed = readable(float(f"{limit:.3g}"), "s") if math.isfinite(limit) else None
+    contact: dict[str, Quantity] = {
+        "contacts begun": (audit.impacts, ""),
+        "shortest contact": (audit.shortest_contact_steps or None, "steps"),
+        "contacts under 10 steps": (audit.under_resolved, ""),
+        "normal impulse": (audit.normal_impulse, "N*s"),
+        "largest penetration": (audit.largest_penetration, "m", True),
+        "the same, of the clearance": (audit.penetration_over_clearance, "1"),
+        "step that friction needs": (needed, ""),
+    }
+    drift = audit.loop_drift if "loop_drift" in result.dataset else None
+    return {
+        "ended": (result.message, ""),
+        "energy residual": (audit.energy_residual, "J"),
+        "energy exchanged": (audit.energy_exchanged, "J"),
+        "residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+        **(contact if case.joints else {}),
+        "step": (readable(audit.step, "s"), ""),
+        "error by the step": (audit.step_error, "m", True),
+        "drift of ideal loops": (drift, "m", True),
+        "computed in": (None if wall is None else float(wall), "s"),
+    }
+
+
+def certificates(cases: Sequence[Case]) -> Html:
+    """Headline figures with their numerical errors; nothing if no run was certified."""
+    known = [(case, case.result.certificate) for case in cases]
+    given = [(case, certificate) for case, certificate in known if certificate is not None]
+    if not given:
+        return Html("")
+    names = dict.fromkeys(figure.name for _, one in given for figure in one.headline)
+    found: list[dict[str, Quantity]] = [
+        {name: (_certified(known[name]) if name in known else None, "") for name in names}
+        for known in ({figure.name: figure for figure in one.figures} for _, one in given)
+    ]
+    points: list[str] = []
+    for case, one in given:
+        others = [figure for figure in one.marked if figure not in one.headline]
+        if others:
+            text = ", ".join(figure.name for figure in others)
+            points.append(markup("{} of the claims' measures above 5 %: {}.", dark(case), text))
+    points += [markup("{} {}.", dark(case), one.note) for case, one in given if one.note]
+    points += [
+        markup("{} further runs: {}.", dark(case), "; ".join(one.runs))
+        for case, one in given
+        if one.runs
+    ]
+    note = (
+        "Figures of the runs with their numerical errors, found by repeating the runs with steps "
+        "chosen by their error: estimated from two further runs, certified by three. Those with "
+        "errors above 5 % are marked."
+    )
+    labels = [dark(case) for case, _ in given]
+    made = by_case("figure", labels, found, name="certificates")
+    heading = Html("<h3>Numerical errors</h3>")
+    return joined([heading, paragraph(note), made, bullets(points)])
+
+
+def _certified(figure: CertifiedFigure) -> Cell:
+    shown = str(figure)
+    return markup('<strong class="warn">{} (!)</strong>', shown) if figure.marked else shown
+
+
+# Errors of the tool over the run and at its stops, and its vibration.
+
+
+def stops(case: Case) -> tuple[list[analysis.Stop], str]:
+    """Stops of the reference motion, as far as the run came; or why nobody knows them."""
+    assert case.error is not None
+    try:
+        motion = case.result.simulation.motion
+    except JointplayError as error:  # the run cannot be built again
+        return [], str(error)
+    if motion is None:
+        return [], ""
+    return analysis.stops(motion, float(case.error["time"][-1])), ""
+
+
+def accuracies(cases: Sequence[Case], start: float) -> Html:
+    """Tool error per axis over the run, and at the stops of the reference motion."""
+    rows: list[list[Cell]] = []
+    at_stops: list[list[Cell]] = []
+    unknown: list[Html] = []
+    for case in cases:
+        if case.error is None:
+            continue
+        accuracy = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
+        for k, axis in enumerate(analysis.COMPONENTS):
+            row: list[Cell] = [dark(case), axis, float(accuracy.mean[k])]
+            for how, values in (("RMS", accuracy.rms), ("peak", accuracy.peak)):
+                name = f"{how} tool error" if axis == "total" else ""
+                row.append(_glance_cell(case, start, float(values[k]), name))
+            rows.append(row)
+        reached, reason = stops(case)
+        if reason:
+            unknown.append(paragraph(f"{case.label}: its stops are not known: {reason}"))
+        for stop in reached:
+            at_stops.append(_at_stop(case, stop, "arrival", stop.start))
+            if stop.kind == "dwell":
+                label, *cells = _at_stop(case, stop, "end of dwell", stop.end)
+                at_stops.append([label, *(markup("<strong>{}</strong>", one) for one in cells)])
+    if not rows:
+        return paragraph("No case has a tool error: none has play, or none has a reference.")
+    caption = (
+        "Tool position less the ideal mechanism's at the same time, world axes; total: the distance"
+        f"{since(start)}"
+    )
+    heads = (("case", ""), ("axis", ""), ("mean", "m"), ("RMS", "m"), ("peak", "m"))
+    parts = [table(Table.of(heads, rows), caption, left=2), *unknown]
+    if at_stops:
+        caption = (
+            "Tool error at the waypoints of the reference motion. The tool picks and places "
+            "while the reference dwells: the end of a dwell (bold) is what matters to the "
+            "process"
+        )
+        axes = ((f"{axis} [mm]", "") for axis in analysis.COMPONENTS)
+        at = (("case", ""), ("reference", ""), ("moment", ""), ("time [s]", ""), *axes)
+        parts.append(table(Table.of(at, at_stops), caption, "stops", left=3))
+    return joined(parts)
+
+
+def _at_stop(case: Case, stop: analysis.Stop, what: str, moment: float) -> list[Cell]:
+    """The tool's error at a moment of a stop [mm]."""
+    assert case.error is not None
+    error = map(float, 1e3 * analysis.error_at(case.error, moment))
+    return [dark(case), stop.kind, what, f"{moment:.4g}", *error]
+
+
+def spectra(cases: Sequence[Case], start: float) -> Html:
+    """How the spectra were made, and what they sum up to."""
+    rows: list[list[Cell]] = []
+    missing: list[str] = []
+    for case in cases:
+        try:
+            density = analysis.spectrum(case.result, start=start)
+        except JointplayError as error:
+            missing.append(f"{case.label}: no spectrum, {error}.")
+            continue
+        frequency, values = density["frequency"].values, density.values
+        width = float(frequency[1] - frequency[0])
+        rms = np.sqrt(values[1:].sum(axis=0) * width)
+        above = frequency >= 20.0
+        strongest = [
+            float(frequency[above][values[above, k].argmax()]) if above.any() else None
+            for k in range(len(AXES))
+        ]
+        made = density.attrs
+        how = (made["sampling_frequency_hz"], made["window_s"], made["windows"])
+        rows.append([dark(case), *map(float, rms), *strongest, *how])
+    heads: tuple[Head, ...] = (
+        ("case", ""),
+        *((f"RMS {axis}", "m/s^2") for axis in analysis.COMPONENTS),
+        *((f"strongest above 20 Hz, {axis}", "Hz") for axis in AXES),
+        *(("sampled at", "Hz"), ("window", "s"), ("windows", "")),
+    )
+    note = (
+        "Power spectral density of the tool's acceleration, world axes, by Welch's method: "
+        "one-sided, Hann windows that overlap by half, each less its mean. The acceleration is the "
+        "mean one of each record interval (difference of recorded velocities), which lowers the "
+        "density towards the Nyquist frequency, by 59 % there."
+    )
+    parts = [table(Table.of(heads, rows))] if rows else []
+    return joined([*parts, paragraph(note), bullets(missing)])
+
+
+def glance(cases: Sequence[Case], start: float) -> Html:
+    """The figures that matter most, a column for each case, with their numerical errors."""
+    found = [_glanced(case, start) for case in cases]
+    caption = f"Figures from {start:g} s on, the penetration's of the whole run" if start else ""
+    made = by_case("", [*map(dark, cases)], found, caption=caption, name="glance")
+    beside = markup('<div class="first">{}{}</div>', made, _robot(cases))
+    return beside + bullets(_what_errors_mean(cases, start))
+
+
+def _robot(cases: Sequence[Case]) -> Html:
+    """A picture of the mechanism with its play marked; nothing if it cannot be built or drawn."""
+    from jointplay.show.picture import picture
+
+    shown = next((case for case in cases if case.joints), cases[0])
+    try:
+        mechanism = shown.result.simulation.mechanism
+        labels = {name: _play_of(cases, name) for name in shown.joints}
+        figure = picture(mechanism, shown.result["q"].values[0], labels=labels)
+    except JointplayError:  # such as a law of the user's own that may not be imported
+        return Html("")
+    drawn = io.BytesIO()
+    figure.set_size_inches(6.0, 4.1)  # letters that can be read in half a page
+    figure.savefig(drawn, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
+    words = f"{robot_of(shown.result)} at the start of the run"
+    words += f"; play in {', '.join(shown.joints)}" if shown.joints else "; no joint has play"
+    return markup(
+        '<figure><img alt="{}" src="data:image/png;base64,{}"><figcaption>{}</figcaption></figure>',
+        words,
+        base64.b64encode(drawn.getvalue()).decode(),
+        words,
+    )
+
+
+def _play_of(cases: Sequence[Case], joint: str) -> str:
+    """What the picture says of a joint: its play in each case."""
+    words = dict.fromkeys(
+        case.result.simulation.mechanism.clearance[joint].play_words
+        for case in cases
+        if joint in case.joints
+    )
+    return f"{joint}\nplay {next(iter(words))}" if len(words) == 1 else f"{joint}: play"
+
+
+def _glanced(case: Case, start: float) -> dict[str, Quantity]:
+    """The figures of a case by name; None where one does not apply."""
+    audit = case.result.audit
+    rms = peak = turn = turned = at_stops = number = force = penetration = None
+    strongest = ""
+    if case.error is not None and float(case.error["time"][-1]) >= start:
+        accuracy = analysis.accuracy(case.error, start)
+        rms, peak = accuracy.rms[3], accuracy.peak[3]
+        ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
+        errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
+        at_stops = max(errors, default=None)
+    if case.turn is not None and float(case.turn["time"][-1]) >= start:
+        rotation = analysis.accuracy(case.turn, start)
+        turned, turn = rotation.rms[3], rotation.peak[3]
+    if case.joints:
+        late = case.result.time >= start
+        peaks = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max(axis=0)
+        force, strongest = float(peaks.max()), case.joints[int(peaks.argmax())]
+        penetration = audit.largest_penetration
+        number = audit.impacts if audit.judged_impacts is None else audit.judged_impacts
+    noise: dict[str, Quantity] = {}
+    if case.joints and start == case.result.judge_from:
+        with suppress(JointplayError):  # too few records
+            found = analysis.rattle(case.result, case.ideal)
+            noise["energy lost per impact"] = found.energy, "J", True
+            for band in found.bands:
+                noise[f"tool acceleration, {band.range}, RMS"] = band.rms, "m/s^2"
+    at = f", {strongest}" if len(case.joints) > 1 else ""
+
+    def known(value: float | None, name: str) -> Cell:
+        return _glance_cell(case, start, value, name)
+
+    return {
+        "ended": (case.result.status.name.lower().replace("_", " "), ""),
+        "tool error, peak": (known(peak, "peak tool error"), "m"),
+        "tool error, RMS": (known(rms, "RMS tool error"), "m"),
+        "turn of the tool, peak": (known(turn, "peak tool turn"), "rad"),
+        "turn of the tool, RMS": (known(turned, "RMS tool turn"), "rad"),
+        "tool error at stops, largest": (at_stops, "m"),
+        "force at the joint, peak": (known(force, f"peak joint force{at}"), "N"),
+        "impacts": (known(number, "impacts"), ""),
+        **noise,
+        "penetration, largest": (penetration, "m", True),
+        "energy residual, of what is exchanged": (audit.relative_energy_residual, "1"),
+        "warnings": (len(audit.warnings), ""),
+    }
+
+
+def _error_of(case: Case, start: float, name: str) -> CertifiedFigure | None:
+    """A certified or estimated figure over the time that the report judges."""
+    certificate = case.result.certificate
+    if certificate is None or start != case.result.judge_from:
+        return None
+    return next((figure for figure in certificate.figures if figure.name == name), None)
+
+
+def _glance_cell(case: Case, start: float, value: float | None, name: str) -> Cell:
+    """A value with its numerical error, marked where `CertifiedFigure.marked`."""
+    figure = None if value is None else _error_of(case, start, name)
+    if value is None or figure is None:
+        return value
+    if not figure.marked:
+        return figure.number
+    return markup('{}<br><strong class="warn">uncertain</strong>', figure.number)
+
+
+def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
+    """What ± and its absence stand for, and what to do about large errors."""
+    known = [case for case in cases if case.result.certificate is not None]
+    points: list[Html | str] = []
+    if known:
+        points.append(
+            "±: numerical error, within which 9 of 10 figures are of what the model says. It does "
+            "not say how well the model fits the machine."
+        )
+    unsure: list[Html | str] = []
+    for case in known:
+        certificate = case.result.certificate
+        assert certificate is not None
+        shown = ("peak joint force", "peak tool", "RMS tool", "impacts")
+        found = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
+        if start == case.result.judge_from and found and case.joints:
+            note = f" ({certificate.note})" if certificate.note else ""
+            unsure.append(markup("{}: {}{}", dark(case), ", ".join(found), note))
+    if unsure:
+        points.append(
+            markup(
+                '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the '
+                "value (of a count, 1). Do not compare designs by smaller differences. A smaller "
+                "tolerance or step (integration.tolerance, integration.step) helps "
+                "where the step is the cause; where the motion itself magnifies small differences, "
+                "only means over perturbed runs can be compared (jointplay sweep, repeats).{}",
+                f"{100.0 * MARKED:g}",
+                bullets(unsure),
+            )
+        )
+    unknown = [case for case in cases if case.result.certificate is None and case.joints]
+    if unknown:
+        points.append(
+            markup(
+                "{} numerical errors are not known; jointplay run --certify finds them.",
+                joined((dark(case) for case in unknown), ", "),
+            )
+        )
+    return points
+
+
+# What every reader of a report must know, from `assumptions.toml`, and which of it holds when.
+#
+# The same texts stand in docs/assumptions.md, written there by `python docs/site/assumptions.py`.
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """A sentence or two."""
+
+    when: str
+    """In which runs it is made: a key of `conditions`."""
+    text: str
+
+
+@cache
+def all_assumptions() -> tuple[Assumption, ...]:
+    """All of them, in the order in which reports have them."""
+    text = (files("jointplay.show.reports") / "assumptions.toml").read_text(encoding="utf-8")
+    return tuple(Assumption(**one) for one in tomllib.loads(text)["assumption"])
+
+
+def assumptions_of(cases: Sequence[Case]) -> list[str]:
+    """Texts of those that are made in these runs."""
+    holds = conditions(cases)
+    return [one.text for one in all_assumptions() if holds[one.when]]
+
+
+def conditions(cases: Sequence[Case]) -> dict[str, bool]:
+    """Whether each thing that assumptions are about occurs in these runs."""
+    inputs = [analysis.inputs(case.result) for case in cases]
+    moving = [given for case, given in zip(cases, inputs, strict=True) if case.joints]
+    bearings = [
+        joint for case in cases for joint in analysis.clearance_inputs(case.result).values()
+    ]
+    kinds = {joint["kind"] for joint in bearings}
+    return {
+        "always": True,
+        "clearance": bool(moving),
+        "sliding": bool(kinds & analysis.SLIDING_KINDS),
+        "rolling": bool(kinds & analysis.ROLLING_KINDS),
+        "dry": any(
+            not joint.get("lubricant")
+            for joint in bearings
+            if joint["kind"] in analysis.SLIDING_KINDS
+        ),
+        "oil": any(joint.get("lubricant") for joint in bearings),
+        "worn": any(joint.get("worn") for joint in bearings),
+        "wearing": any(joint.get("wear_rate") for joint in bearings),
+        **{kind: kind in kinds for kind in JOINT_KINDS},
+        "loops": any(given["mechanism"].get("loops") for given in inputs),
+        "gears": any(given["mechanism"].get("gears") for given in inputs),
+        "refined gears": any(
+            gear.get("kind", Gear.kind) != Gear.kind
+            for given in inputs
+            for gear in (given["mechanism"].get("gears") or {}).values()
+        ),
+        "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
+        "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
+        "payloads": any(given.get("payloads") for given in inputs),
+        "loads": any(given.get("loads") for given in inputs),
+        "cut": any(given.get("limits") == "cut" for given in inputs),
+        "derived stiffness": any(
+            joint.get("stiffness", 0.0) is None
+            for given in moving
+            for joint in given["mechanism"]["clearance"].values()
+            if not joint.get("ideal")
+        ),
+        "centred": any(
+            given.get("seed") is None and given.get("start") != "rest" for given in moving
+        ),
+        "rest": any(given.get("start") == "rest" for given in moving),
+        "seeded": any(given.get("seed") is not None for given in moving),
+        "balanced": any(not any(given["mechanism"].get("gravity", (1,))) for given in inputs),
+        "unphysical": any(given["mechanism"].get("allow_unphysical") for given in inputs),
+    }
+
+
+def assumed(cases: Sequence[Case], start: float) -> Html:
+    """What is assumed in these runs and in their evaluation."""
+    points = assumptions_of(cases)
+    if start:
+        points.append(
+            f"Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "
+            f"from {start:g} s on; penetration and audit are those of whole runs."
+        )
+    points += [
+        markup("{}: {}.", dark(case), case.result.audit.headline_with(case.result.certificate))
+        for case in cases
+        if case.joints
+    ]
+    for case in cases:
+        points += [markup("{} {}", dark(case), note) for note in case.notes]
+    return bullets(points)
+
+
+def page_section() -> str:
+    """The table that docs/assumptions.md has of them."""
+    rows = [f"| {one.when} | {one.text} |" for one in all_assumptions()]
+    return "\n".join(["| runs with | assumed |", "| --- | --- |", *rows]) + "\n"

@@ -1,0 +1,279 @@
+"""The report of a sweep: one HTML page without scripts or network, and a PDF of its figures."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.files import write as write_file
+from jointplay.base.tables import Table
+from jointplay.show.plots import sweep as draw
+from jointplay.show.plots.style import style
+from jointplay.show.reports import html
+from jointplay.show.reports.cases import Say
+from jointplay.show.reports.html import (
+    Cell,
+    Html,
+    Quantity,
+    by_case,
+    details,
+    joined,
+    markup,
+    paragraph,
+    table,
+    targets,
+)
+from jointplay.simulation.analysis.uncertainty import estimate
+from jointplay.study import open_sweep
+from jointplay.study.journal import DONE, FAILED
+from jointplay.study.plan import REPEAT, SAMPLE
+from jointplay.study.table import columns_of, coordinate_text, label, measured, scale, uncertainty
+
+MOST_ROWS = 400
+"""Points of the grid, and failed cases, that the tables show."""
+
+PRECISION = 0.05
+"""Relative half width of a confidence interval that the page calls enough."""
+
+Drawn = tuple[str, Figure]
+"""Title and figure."""
+
+
+def write(
+    store: str | Path,
+    path: str | Path,
+    *,
+    title: str | None = None,
+    pdf: bool = True,
+    say: Say = lambda _: None,
+) -> list[Path]:
+    """Write a report on a sweep.
+
+    Returns:
+        The files written.
+
+    Raises:
+        JointplayError: no such sweep, none of its cases was run, or a file that exists or cannot
+            be written.
+    """
+    store = Path(store)
+    dataset = open_sweep(store)
+    if not (dataset["state"].values != 0).any():
+        raise JointplayError(f"no case of the sweep {str(store)!r} was run yet")
+    written = targets(path, pdf)
+    say("drawing the figures")
+    lines, maps, samples = list(_lines(dataset)), list(_maps(dataset)), list(_samples(dataset))
+    say("writing the page")
+    contents = [page(dataset, title or f"Sweep {store.name}", lines, maps, samples).encode()]
+    figures = [*lines, *maps, *samples]
+    if pdf and figures:
+        contents.append(_pdf(figures))
+    for target, made in zip(written, contents, strict=False):
+        write_file(target, made)
+    return written[: len(contents)]
+
+
+def page(
+    dataset: xr.Dataset, title: str, lines: list[Drawn], maps: list[Drawn], samples: list[Drawn]
+) -> str:
+    """The page's source."""
+    sections = {"At a glance": _glance(dataset), "Cases": _cases(dataset)}
+    note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
+    if lines:
+        sections["Lines"] = paragraph(note) + joined(map(_picture, lines))
+    if maps:
+        sections["Heat maps"] = joined(map(_picture, maps))
+    if samples:
+        sections["Distributions"] = joined(map(_picture, samples)) + _words(dataset)
+    sections["Failed cases"] = _failed(dataset)
+    sections["What was run"] = _inputs(dataset)
+    sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
+    cases = f"{sizes} = {dataset['state'].size} cases"
+    return html.page(title, cases, dataset.attrs["versions"], sections)
+
+
+def _glance(dataset: xr.Dataset) -> Html:
+    state = dataset["state"].values
+    cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
+    figures: dict[str, Quantity] = {
+        "cases": (int(state.size), ""),
+        "done": (int((state == DONE).sum()), ""),
+        "failed": (int((state == FAILED).sum()), ""),
+        "not run": (int((state == 0).sum()), ""),
+        "processor time": (cost, "s"),
+    }
+    if "warnings" in dataset:
+        figures["runs with warnings"] = int((dataset["warnings"].values > 0).sum()), ""
+    return by_case("", [Html("")], [figures])
+
+
+def _over(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
+    """Dimensions of the grid, and those that are averaged over."""
+    dims, repeated = list(dataset.attrs["sizes"]), (SAMPLE, REPEAT)
+    return [d for d in dims if d not in repeated], [d for d in dims if d in repeated]
+
+
+def _cases(dataset: xr.Dataset) -> Html:
+    """Means with half the width of their confidence intervals, at each point of the grid."""
+    dims, over = _over(dataset)
+    columns = columns_of(dataset)
+    head = [label(dataset, d) for d in dims]
+    head += [f"{name.replace('_', ' ')}{f' [{unit}]' if unit else ''}" for name, unit, _ in columns]
+    tables = {
+        name: factor * measured(dataset, name).transpose(*dims, *over).values
+        for name, _, factor in columns
+    }
+    shape = tuple(dataset.sizes[d] for d in dims)
+    rows: list[list[Cell]] = []
+    for index in list(np.ndindex(*shape))[:MOST_ROWS]:
+        row: list[Cell] = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
+        for name, _, _ in columns:
+            mean = estimate(np.atleast_1d(tables[name][index]).ravel())
+            row.append(_with_error(mean.value, mean.low, mean.high) if over else mean.value)
+        rows.append(row)
+    caption = ""
+    if over:
+        runs = int(np.prod([dataset.sizes[d] for d in over]))
+        caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
+    made = table(_table(head, rows), caption, left=len(dims))
+    left = int(np.prod(shape)) - len(rows) if shape else 0
+    return made + (paragraph(f"{left} more points are in the store.") if left > 0 else Html(""))
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> Table:
+    """Rows whose heads have their units."""
+    return Table.of([(one, "") for one in head], rows)
+
+
+def _with_error(value: float, low: float, high: float) -> Cell:
+    if not np.isfinite(value):
+        return None
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return f"{value:.4g}"
+    return f"{value:.4g}\u00a0±\u00a0{0.5 * (high - low):.2g}"
+
+
+def _varied(dataset: xr.Dataset) -> list[str]:
+    """Dimensions of the grid with more than one value, the longest first."""
+    dims = [d for d in _over(dataset)[0] if dataset.sizes[d] > 1]
+    return sorted(dims, key=lambda d: -dataset.sizes[d])
+
+
+def _known(dataset: xr.Dataset) -> list[str]:
+    """Measures of the table that have values."""
+    names = [name for name, _, _ in columns_of(dataset)]
+    return [n for n in names if np.isfinite(dataset[n].values).any()]
+
+
+def _lines(dataset: xr.Dataset) -> Iterator[Drawn]:
+    """Each measure over each dimension, with lines for another that has few values."""
+    dims = _varied(dataset)
+    for x in dims[:2]:
+        others = [d for d in dims if d != x and dataset.sizes[d] <= draw.MOST_LINES]
+        hue = others[0] if others else None
+        for name in _known(dataset):
+            text = f"{name.replace('_', ' ')} over {x}"
+            yield text, draw.draw(dataset, x, name, hue)
+
+
+def _maps(dataset: xr.Dataset) -> Iterator[Drawn]:
+    """Each measure over the two longest dimensions."""
+    dims = _varied(dataset)
+    if len(dims) > 1:
+        for name in _known(dataset):
+            text = f"{name.replace('_', ' ')} over {dims[0]} and {dims[1]}"
+            yield text, draw.draw(dataset, dims[0], dims[1], z=name)
+
+
+def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
+    """Each measure over what was sampled, and how its mean settled."""
+    if not _over(dataset)[1] or _varied(dataset):  # a grid besides: the convergence of which point?
+        return
+    for name in _known(dataset):
+        for x in dataset.attrs["sampled"]:
+            yield f"{name.replace('_', ' ')} over {x}", draw.draw(dataset, x, name)
+        text = f"{name.replace('_', ' ')}: how it settles with the number of runs"
+        yield text, draw.draw_convergence(dataset, name, PRECISION)
+
+
+def _words(dataset: xr.Dataset) -> Html:
+    """What the samples say, and Sobol indices where the design gives them."""
+    said = [uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
+    return joined([markup("<pre>{}</pre>", text) for text in said])
+
+
+def _picture(drawn: Drawn) -> Html:
+    title, figure = drawn
+    content = io.BytesIO()
+    with style("screen"):
+        figure.savefig(content, format="svg", metadata={"Date": None})
+    data = base64.b64encode(content.getvalue()).decode()
+    return markup(
+        '<figure class="plot"><figcaption>{}</figcaption><img alt="{}" src="data:image/svg+xml;'
+        'base64,{}"></figure>',
+        title,
+        title,
+        data,
+    )
+
+
+def _pdf(figures: list[Drawn]) -> bytes:
+    content = io.BytesIO()
+    with style("screen"), PdfPages(content) as pages:
+        for title, figure in figures:
+            figure.suptitle(title, fontsize=9)
+            pages.savefig(figure)
+    return content.getvalue()
+
+
+def _failed(dataset: xr.Dataset) -> Html:
+    places = np.argwhere(dataset["state"].values == FAILED)
+    if not len(places):
+        return paragraph("None.")
+    dims = list(dataset.attrs["sizes"])
+    drawn = list(dataset.attrs["sampled"])
+    errors = dataset["error"].values
+    rows: list[list[Cell]] = []
+    for place in places[:MOST_ROWS]:
+        at = dict(zip(dims, map(int, place), strict=True))
+        row: list[Cell] = [coordinate_text(dataset, d, k) for d, k in at.items()]
+        for name in drawn:
+            factor = scale(dataset, name)[0]
+            row.append(f"{factor * float(dataset[name].values[at[SAMPLE]]):.4g}")
+        rows.append([*row, str(errors[tuple(place)])])
+    head = [*(label(dataset, d) for d in (*dims, *drawn)), "error"]
+    caption = f"{len(places)} of {errors.size} cases"
+    made = table(_table(head, rows), caption, left=len(head))
+    left = len(places) - len(rows)
+    return made + (paragraph(f"{left} more are in the store.") if left > 0 else Html(""))
+
+
+def _inputs(dataset: xr.Dataset) -> Html:
+    """Keys of the scenario and of the sweep."""
+    identity: dict[str, Any] = dict(dataset.attrs["identity"])
+    sweep = {k: v for k, v in identity.items() if k.startswith("sweep.")}
+    base = {k: v for k, v in identity.items() if k not in sweep}
+    keys, scenario = (
+        table(_table(["key", "value"], [[k, _plain(v)] for k, v in those.items()]), left=2)
+        for those in (sweep, base)
+    )
+    return keys + details("The scenario that is changed", scenario)
+
+
+def _plain(text: str) -> str:
+    """A value as scenario files write it."""
+    try:
+        value = json.loads(text)
+    except ValueError:
+        return text
+    return value if isinstance(value, str) else text

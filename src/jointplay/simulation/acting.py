@@ -1,0 +1,534 @@
+"""From the loads of a simulation to what the kernels know; what is sampled between steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.model.loop import closing_rows
+from jointplay.model.mechanism import Mechanism, frame_index, signs_between
+from jointplay.model.payload import Payload, velocity_after_pick
+from jointplay.model.urdf import MOST_LETTERS
+from jointplay.physics.kernel.sites import LoadSite
+from jointplay.physics.kernel.workspace import Workspace
+from jointplay.simulation.loads.base import Load, Site, compiled_law
+from jointplay.simulation.loads.controller import Controller, held, hold
+from jointplay.simulation.loads.friction import LEVEL, RATE, TIME, LoadedFriction
+from jointplay.simulation.loop import TimeLoop
+from jointplay.simulation.result.variables import Phase
+
+LARGEST_STEP_TURN = 1.0
+"""Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
+
+FINE_STEP_TURN = 0.2
+"""The same that is advised: the period is then right to 0.2 % [rad]."""
+
+
+def check(loads: Mapping[str, Load]) -> None:
+    """Refuse what is no load."""
+    if not isinstance(loads, Mapping):
+        raise JointplayError(f"loads must be given by name, as {{'spring': ...}}, got {loads!r}")
+    for name, load in loads.items():
+        if not isinstance(name, str) or not name or not name.isprintable():
+            raise JointplayError(f"the name of a load must be readable text, got {name!r}")
+        if len(name) > MOST_LETTERS:
+            raise JointplayError(
+                f"the name of a load has {len(name)} letters; at most {MOST_LETTERS} are possible"
+            )
+        if not isinstance(load, Load):
+            raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
+
+
+def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> LoadSite:
+    """What the kernels must know of a load.
+
+    Args:
+        load: what acts.
+        mechanism: on what.
+        bounds: largest efforts of actuators by joint, to which they are cut [N m or N].
+    """
+    site = load.site(mechanism)
+    law, numbers = int(compiled_law(load).address), load.numbers(mechanism)
+    if site.frames is None:
+        largest = tuple(bounds.get(name, math.inf) for name in load.driven())
+        cut = largest if any(math.isfinite(one) for one in largest) else ()
+        return LoadSite(law, numbers, load.stores, load.implicit(), site.inputs, site.outputs, cut)
+    (i, _), (j, _) = site.frames
+    return LoadSite(
+        law,
+        numbers,
+        load.stores,
+        load.implicit(),
+        carriers=site.frames,
+        signs=signs_between(mechanism.model, i, j),
+    )
+
+
+def highest_frequency(
+    loads: Mapping[str, Load], mechanism: Mechanism, q: np.ndarray
+) -> tuple[float, str]:
+    """The fastest swing of the mechanism on the loads' springs, all together.
+
+    Returns:
+        Its frequency [rad/s], 0 without springs, and the name of the stiffest.
+    """
+    model, data = mechanism.model, mechanism.model.createData()
+    inverse = pin.computeMinverse(model, data, q)
+    inverse = np.triu(inverse) + np.triu(inverse, 1).T
+    rows, names = [], []
+    for name, load in loads.items():
+        if load.steepest() > 0.0:
+            names.append(name)
+            rows.append(np.sqrt(load.steepest()) * _direction(load.site(mechanism), model, data, q))
+    if not rows:
+        return 0.0, ""
+    springs = np.array(rows)
+    squares = springs @ inverse @ springs.T
+    frequency = float(np.sqrt(max(np.linalg.eigvalsh(squares)[-1], 0.0)))
+    return frequency, names[int(np.argmax(np.diag(squares)))]
+
+
+def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: np.ndarray) -> None:
+    """Refuse a step too large for the loads' springs, all together.
+
+    Raises:
+        JointplayError: naming the stiffest one.
+    """
+    frequency, stiffest = highest_frequency(loads, mechanism, q)
+    if frequency * step > LARGEST_STEP_TURN:
+        raise JointplayError(
+            f"step {step:g} s is too large for the load {stiffest!r}: the mechanism would swing on "
+            f"its springs at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
+            f"{FINE_STEP_TURN / frequency:.2g} s",
+            where=("step",),
+        )
+
+
+def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
+    """Rate at which a spring's length or angle changes per generalised velocity, shape (nv,)."""
+    row = np.zeros(model.nv)
+    if site.frames is None:
+        row[list(site.outputs)] = 1.0
+        return row
+    (i, first), (j, second) = site.frames
+    pin.computeJointJacobians(model, data, q)
+    start = (data.oMi[i] * first).translation
+    end = (data.oMi[j] * second).translation
+    along = end - start
+    size = float(np.linalg.norm(along))
+    along = along / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
+    columns = data.J.reshape(6, model.nv) * signs_between(model, i, j)
+    return along @ (columns[:3] + np.cross(columns[3:], end, axisa=0, axisc=0))
+
+
+def _steps_in(period: float, step: float, whose: str) -> int:
+    """Steps in a sampling period [s].
+
+    Raises:
+        JointplayError: it is no multiple of the step.
+    """
+    steps = round(period / step)
+    if steps < 1 or abs(period / step - steps) > 1e-6 * steps:
+        raise JointplayError(
+            f"the period {period:g} s of {whose} must be a multiple of the step {step:g} s"
+        )
+    return steps
+
+
+class Sampling:
+    """The sampled controllers of a run, and when they are due.
+
+    Args:
+        loads: all loads, by name.
+        sites: what the kernels know of them.
+        workspace: of the run.
+
+    Raises:
+        JointplayError: a period that is no multiple of the step.
+    """
+
+    def __init__(
+        self,
+        loads: Mapping[str, Load],
+        sites: Sequence[LoadSite],
+        workspace: Workspace,
+        step: float,
+    ) -> None:
+        """Make the samplers."""
+        self._workspace = workspace
+        self._asked = -1
+        """Step at which they were asked last."""
+        self._members = []
+        for (name, load), site in zip(loads.items(), sites, strict=True):
+            if not isinstance(load, Controller) or load.period is None:
+                continue
+            steps = _steps_in(load.period, step, f"the controller {name!r}")
+            self._members.append((load, site, steps, load.sampler()))
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._members)
+
+    def steps_until_next(self, step: int) -> int | None:
+        """Steps from `step` until a sample is due after it; None if none ever is."""
+        return min((every - step % every for _, _, every, _ in self._members), default=None)
+
+    def memory(self) -> dict[str, Any]:
+        """Last step, and state of each controller that has one, by its `memory`: for a checkpoint.
+
+        Raises:
+            JointplayError: a controller that has a state and does not say it.
+        """
+        states = [load.remember(sampler) for load, _, _, sampler in self._members]
+        return {"asked": self._asked, "states": states}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Let the controllers go on with these states."""
+        self._asked = int(memory["asked"])
+        for (_, _, _, sampler), state in zip(self._members, memory["states"], strict=True):
+            if state is not None:
+                cast(Any, sampler).recall(state)
+
+    def is_due(self, step: int) -> bool:
+        """Whether a sample is due at `step`."""
+        return any(step % every == 0 for _, _, every, _ in self._members)
+
+    def sample(self, q: np.ndarray, v: np.ndarray, jumps: bool) -> None:
+        """Call those controllers that are due at the present step.
+
+        Once at an instant, for what they integrate: if the loop begins again there, their torques
+        are held from it on.
+
+        Args:
+            q, v: the state now.
+            jumps: whether the torques before count for half of the present instant.
+        """
+        w = self._workspace
+        for load, site, every, sampler in self._members:
+            if w.steps % every == 0:
+                inputs = list(site.inputs)
+                if self._asked == w.steps:
+                    torques = held(site.numbers)
+                else:
+                    torques = load.torques(sampler, w.time, q[inputs].copy(), v[inputs].copy())
+                hold(site.numbers, w.time, torques, jumps)
+        self._asked = w.steps
+
+
+class Events:
+    """Picks and releases in the order of the steps at which they happen.
+
+    Args:
+        mechanism: the mechanism.
+        model: the run's own, whose inertias change.
+        payloads: what is picked up and released.
+        step: time step [s].
+        record_every: steps between records.
+
+    Attributes:
+        phases: the stretches so far in which the bodies keep their inertias.
+
+    Raises:
+        MissingName: a payload at a frame that does not exist.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        model: pin.Model,
+        payloads: Sequence[Payload],
+        step: float,
+        record_every: int,
+    ) -> None:
+        """Sort what will happen."""
+        self._mechanism, self._model, self._every = mechanism, model, record_every
+        self.phases = [Phase(0, mechanism.model.copy())]
+        planned: list[tuple[int, Payload, bool]] = []
+        for payload in payloads:
+            if not model.existFrame(payload.frame):
+                names = [frame.name for frame in model.frames if frame.name != "universe"]
+                raise MissingName("frame for a payload", payload.frame, names)
+            times = [(payload.pick, True)]
+            times += [] if payload.release is None else [(payload.release, False)]
+            planned += [(round(time / step), payload, picked) for time, picked in times]
+        self._planned = sorted(planned, key=lambda event: event[0], reverse=True)
+
+    @property
+    def next_step(self) -> int | None:
+        """Step before which something happens; None if nothing will."""
+        return self._planned[-1][0] if self._planned else None
+
+    def apply_due_events(self, w: Workspace) -> None:
+        """Pick and release what is due in the state of a workspace."""
+        while self._planned and self._planned[-1][0] <= w.steps:
+            _, payload, picked = self._planned.pop()
+            self._exchange(w, payload, picked)
+
+    def memory(self) -> list[tuple[int, float]]:
+        """Row and energy of each phase so far, for a checkpoint."""
+        return [(phase.row, phase.energy) for phase in self.phases]
+
+    def recall(self, memory: Sequence[Sequence[float]]) -> None:
+        """Let what happened before a checkpoint have happened."""
+        for row, energy in list(memory)[len(self.phases) :]:
+            _, payload, picked = self._planned.pop()
+            bodies = self._change(payload, picked)
+            self.phases.append(Phase(int(row), bodies, float(energy)))
+
+    def _change(self, payload: Payload, picked: bool) -> pin.Model:
+        """Change the inertias of the run's model; returns the bodies that then are."""
+        bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
+        frame = bodies.frames[frame_index(bodies, payload.frame)]
+        body = frame.placement.act(payload.body)
+        for model in (self._model, bodies):
+            held = model.inertias[frame.parentJoint]
+            model.inertias[frame.parentJoint] = held + body if picked else held - body
+        return bodies
+
+    def _exchange(self, w: Workspace, payload: Payload, picked: bool) -> None:
+        last, driven, speed = self.phases[-1], self._model.copy(), w.v.copy()
+        bodies = self._change(payload, picked)
+        brought = last.energy
+        if w.steps > 0:
+            if picked:
+                ideal = set(self._mechanism.loops) - set(self._mechanism.clearance)
+                rows = closing_rows(self._mechanism, w.q, ideal)
+                w.v[:] = velocity_after_pick(driven, self._model, w.q, speed, rows)
+            before, now = last.model.copy(), bodies.copy()
+            base = self._mechanism.base_joint
+            for one in (before, now):  # the chart of a free base is that of the run
+                one.jointPlacements[base] = self._model.jointPlacements[base]
+            brought += _energy(now, w.q, w.v) - _energy(before, w.q, speed)
+        row = -(-w.steps // self._every)
+        self.phases.append(Phase(row, bodies, brought))
+
+
+def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
+    """Kinetic and potential energy [J]."""
+    data = model.createData()
+    kinetic = pin.computeKineticEnergy(model, data, q, v)
+    return float(kinetic + pin.computePotentialEnergy(model, data, q))
+
+
+# Forces that joints transmit, for friction that grows with them: means over short intervals.
+
+
+REACTION_S = 2e-4
+"""Interval over which a transmitted force is a mean [s]."""
+
+
+class ReactionLoads:
+    """The loads of a run that follow the force that their joint transmits.
+
+    Args:
+        loads: all loads, by name.
+        sites: what the kernels know of them.
+        mechanism: where they act.
+        workspace: of the run.
+        step: time step [s].
+    """
+
+    def __init__(
+        self,
+        loads: Mapping[str, Load],
+        sites: Sequence[LoadSite],
+        mechanism: Mechanism,
+        workspace: Workspace,
+        step: float,
+    ) -> None:
+        """Find the joints and their axes."""
+        self._workspace = workspace
+        self.every = max(round(REACTION_S / step), 1)
+        self._members = []
+        self._pushers: list[tuple[int, Site]] = []
+        for index, (load, site) in enumerate(zip(loads.values(), sites, strict=True)):
+            if isinstance(load, LoadedFriction):
+                self._members.append((load, site.numbers, *_axis(mechanism, load.joint)))
+            elif site.carriers is not None:
+                self._pushers.append((index, load.site(mechanism)))
+        self._data: pin.Data | None = None
+        self._none = pin.StdVec_Force()
+        self._none.extend([pin.Force.Zero()] * mechanism.model.njoints)
+        self._before: tuple[float, np.ndarray, np.ndarray] | None = None
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._members)
+
+    def steps_until_next(self, step: int) -> int | None:
+        """Steps from `step` until they are found again; None if never."""
+        return self.every - step % self.every if self._members else None
+
+    def is_due(self, step: int) -> bool:
+        """Whether they are found at `step`."""
+        return bool(self._members) and step % self.every == 0
+
+    def memory(self) -> list[Any] | None:
+        """Time and state of the last look, for a checkpoint."""
+        if self._before is None:
+            return None
+        time, q, v = self._before
+        return [time, q.tolist(), v.tolist()]
+
+    def recall(self, memory: Sequence[Any] | None) -> None:
+        """Go on from that look."""
+        if memory is not None:
+            time, q, v = memory
+            self._before = float(time), np.array(q, float), np.array(v, float)
+
+    def begin(self, model: pin.Model, v: np.ndarray, acceleration: np.ndarray) -> None:
+        """Take the forces of the first instant, which no friction has changed yet."""
+        w = self._workspace
+        for (_, numbers, *_rest), level in zip(
+            self._members, self._friction(model, w.q, v, acceleration), strict=True
+        ):
+            numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
+        self._before = (w.time, w.q.copy(), v.copy())
+
+    def update(self, model: pin.Model, v: np.ndarray) -> None:
+        """Take the mean forces since the last time, and draw them on along a line."""
+        w = self._workspace
+        assert self._before is not None
+        time, q, speed = self._before
+        span = w.time - time
+        if span <= 0.0:
+            return
+        middle = 0.5 * (w.q + q), (w.q - q) / span, (v - speed) / span
+        for (_, numbers, *_rest), level in zip(
+            self._members, self._friction(model, *middle), strict=True
+        ):
+            now = time + 0.5 * span
+            apart = now - numbers[TIME]
+            rate = (level - numbers[LEVEL]) / apart if apart > 0.0 else 0.0
+            numbers[TIME], numbers[LEVEL], numbers[RATE] = now, level, rate
+        self._before = (w.time, w.q.copy(), v.copy())
+
+    def _friction(
+        self, model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> list[float]:
+        if self._data is None:
+            self._data = model.createData()
+        data = self._data
+        pin.rnea(model, data, q, v, a, self._external(model, data, q))
+        return [
+            load.friction(data.f[joint].linear, axis, slides)
+            for load, _, joint, axis, slides in self._members
+        ]
+
+    def _external(self, model: pin.Model, data: pin.Data, q: np.ndarray) -> pin.StdVec_Force:
+        """Wrenches of loads between frames, on the bodies and in their joints' frames."""
+        if not self._pushers:
+            return self._none
+        forces = pin.StdVec_Force()
+        forces.extend([pin.Force.Zero()] * model.njoints)
+        pin.forwardKinematics(model, data, q)
+        for index, site in self._pushers:
+            assert site.frames is not None
+            (i, first), (j, second) = site.frames
+            wrench = self._workspace.loads["wrench"][index]
+            turn = (data.oMi[i] * first).rotation
+            at = (data.oMi[j] * second).translation
+            acting = pin.SE3(np.eye(3), at).act(pin.Force(turn @ wrench[:3], turn @ wrench[3:]))
+            forces[j] = forces[j] + data.oMi[j].actInv(acting)
+            forces[i] = forces[i] - data.oMi[i].actInv(acting)
+        return forces
+
+
+def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
+    """Pinocchio joint, its axis in its own frame, and whether it slides."""
+    model = mechanism.model
+    index = int(model.getJointId(name))
+    slides = mechanism.description.joints[name].slides
+    if name in mechanism.clearance:
+        return index, np.array([0.0, 0.0, 1.0]), slides
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    local = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
+    column = local.reshape(6, model.nv)[:, model.joints[index].idx_v]
+    return index, column[:3] if slides else column[3:], slides
+
+
+class LoadSchedule:
+    """The loads of a run that are updated from its state, and when.
+
+    Args:
+        loads: all loads, by name.
+        sites: what the kernels know of them.
+        mechanism: where they act.
+        model: the run's own, payloads in hand.
+        workspace: of the run.
+        step: time step [s].
+
+    Raises:
+        JointplayError: a controller's period that is no multiple of the step.
+    """
+
+    def __init__(
+        self,
+        loads: Mapping[str, Load],
+        sites: Sequence[LoadSite],
+        mechanism: Mechanism,
+        model: pin.Model,
+        workspace: Workspace,
+        step: float,
+    ) -> None:
+        """Find them."""
+        self._workspace, self._model = workspace, model
+        self._sampling = Sampling(loads, sites, workspace, step)
+        self._reactions = ReactionLoads(loads, sites, mechanism, workspace, step)
+        self._servos = []
+        """Steps in a period of each servo that has one: it samples at a state, in compiled code."""
+        for period in map(float, workspace.servos["period"]):
+            if period > 0.0:
+                self._servos.append(_steps_in(period, step, "a servo"))
+
+    def steps_until_next(self, step: int) -> int | None:
+        """Steps from `step` until one of them looks again; None if none ever does."""
+        waits = [self._sampling.steps_until_next(step), self._reactions.steps_until_next(step)]
+        waits += [every - step % every for every in self._servos]
+        return min((due for due in waits if due is not None), default=None)
+
+    def is_due(self, step: int) -> bool:
+        """Whether one of them looks at `step`."""
+        return self._sampling.is_due(step) or self._reactions.is_due(step)
+
+    def start(self, loop: TimeLoop) -> None:
+        """Let a loop begin, once more when the forces that joints transmit are known."""
+        w = self._workspace
+        self._sampling.sample(w.q, w.v, jumps=False)
+        loop.begin()
+        if self._reactions:
+            self._reactions.begin(self._model, w.v, w.acceleration)
+            loop.begin()
+
+    def look(self, loop: TimeLoop, last: bool) -> None:
+        """Let those look at the state whose time it is; no controller samples the last one."""
+        w = self._workspace
+        if self._reactions.is_due(w.steps):
+            self._reactions.update(self._model, loop.velocity())
+        if last or not self._sampling.is_due(w.steps):
+            return
+        if loop.method.single_rate:
+            loop.synchronize()
+            self._sampling.sample(w.q, w.v, jumps=False)
+            loop.begin()
+        else:
+            self._sampling.sample(w.q, loop.velocity(), jumps=True)
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint holds; the numbers of the loads are the workspace's.
+
+        Raises:
+            JointplayError: a controller that cannot say its state.
+        """
+        return {"sampling": self._sampling.memory(), "reactions": self._reactions.memory()}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as those that had this memory."""
+        self._sampling.recall(memory["sampling"])
+        self._reactions.recall(memory["reactions"])

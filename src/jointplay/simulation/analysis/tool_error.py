@@ -1,0 +1,305 @@
+"""Error of the tool: its difference from the ideal mechanism's, at all times and at stops.
+
+Pure functions of results. They work on records, so their resolution in time is the record
+interval; `replay` goes down to single steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from jointplay.base.errors import JointplayError, MissingName, require_finite
+from jointplay.model.mechanism import frame_index
+from jointplay.model.tree import BodyMotion, Tree
+from jointplay.simulation.analysis.twins import has_play, is_twin
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import AXES, Result
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
+"""Histories of the tool that are measured against those of the ideal mechanism."""
+
+COMPONENTS = (*AXES, "total")
+"""Columns of accuracies and spectra: x, y, z, and all three together."""
+
+
+def deviation(
+    result: Result, ideal: Result, of: str = "tool_position", relative_to: str | None = None
+) -> xr.DataArray:
+    """Difference of the tool's motion from the ideal robot's at the same time.
+
+    Where the two were not recorded at the same times, the ideal motion is interpolated: by cubics
+    through its recorded positions and velocities, by cubic splines through its orientations and
+    angular velocities.
+
+    Args:
+        result: the run.
+        ideal: the ideal robot's run of the same work; see `is_twin`, `twin`.
+        of: ``tool_position`` [m], ``tool_velocity`` [m/s], ``tool_orientation`` (the rotation
+            vector that turns the ideal tool into the tool, world axes [rad]) or
+            ``tool_angular_velocity`` [rad/s].
+        relative_to: link or frame, whose motion does not count then: the tool's motion is that
+            which is seen from it, in its axes, in each of the two runs. None: the world.
+
+    Returns:
+        (time, axis), for the time that both runs cover.
+
+    Raises:
+        JointplayError: `ideal` is not the result's twin.
+        MissingName: no such link or frame.
+    """
+    if not is_twin(result, ideal):
+        reason = (
+            f"has clearance in {', '.join(ideal.joints)}"
+            if ideal.joints
+            else "has gears with play"
+            if has_play(ideal)
+            else "moves another robot, or otherwise"
+        )
+        raise JointplayError(
+            f"the reference {reason}; take an ideal run of the same robot, motion, drive and "
+            "gravity, such as analysis.twin(result)"
+        )
+    if relative_to is None:
+        return difference(result, ideal, of)
+    error = difference(seen_from(result, relative_to), seen_from(ideal, relative_to), of)
+    error.attrs["long_name"] = f"{of.replace('_', ' ')} - reference, axes of {relative_to}"
+    return error
+
+
+def seen_from(result: Result, body: str) -> Result:
+    """The same run with the tool's motion as it is seen from a body, in that body's axes.
+
+    Args:
+        result: with `q` and `v`.
+        body: link or frame.
+
+    Raises:
+        MissingName: no such link or frame.
+    """
+    mechanism = result.simulation.mechanism
+    at = frame_index(mechanism.model, body, "body")
+    motions = []
+    for index in (at, mechanism.tool_frame):
+        frame = mechanism.model.frames[index]
+        motion = BodyMotion.of(len(result.time), 0)
+        q, v = (np.ascontiguousarray(one, float) for one in (result.q, result.v))
+        carrier = int(frame.parentJoint), frame.placement
+        Tree(mechanism.model).move(motion, 0, len(q), q, v, carrier, [])
+        motions.append(motion)
+    own, tool = motions
+    if not len(result.time):
+        return result
+    turn = rotations(own.orientation).inv()
+    arm = tool.tool[:, :3] - own.tool[:, :3]
+    speed = tool.tool[:, 3:] - own.tool[:, 3:] - np.cross(own.spin, arm)
+    orientation = (turn * rotations(tool.orientation)).as_quat()[:, [3, 0, 1, 2]]
+    values = (turn.apply(arm), turn.apply(speed), orientation, turn.apply(tool.spin - own.spin))
+    dataset = result.dataset
+    for name, found in zip(TOOL_MOTIONS, values, strict=True):
+        if name in dataset:
+            dataset = dataset.assign({name: dataset[name].copy(data=found)})
+    return Result(dataset, result.trust)
+
+
+def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
+    """The same between any two runs; see `deviation`."""
+    if of not in TOOL_MOTIONS:
+        raise MissingName("tool motion", of, TOOL_MOTIONS)
+    found = Reference(ideal).difference(result.dataset, of)
+    found.attrs["judge_from"] = result.judge_from
+    return found
+
+
+class Reference:
+    """The motion of a tool from which another's is told, at any time that its run covers.
+
+    Args:
+        run: of it; what is between its records is interpolated, see `deviation`.
+
+    Attributes:
+        until: the last time that it covers [s].
+    """
+
+    def __init__(self, run: Result) -> None:
+        """Nothing is interpolated yet."""
+        self._run = run
+        last = float(run.time[-1])
+        # Times that are multiples of another step differ in their last bits.
+        self._rounding = 1e-9 * max(last, 1e-3)
+        self.until = last + self._rounding
+        self._between: dict[str, Callable[[np.ndarray], Any]] = {}
+
+    def difference(self, dataset: xr.Dataset, of: str) -> xr.DataArray:
+        """Of the histories of another run, or of a part of it; see `deviation`.
+
+        Raises:
+            JointplayError: the reference has a single record.
+        """
+        ours = dataset[of].sel(time=dataset["time"].values <= self.until)
+        time, run = ours["time"].values, self._run
+        reference: Any
+        if len(run.time) >= len(time) and np.allclose(
+            run.time[: len(time)], time, 0.0, self._rounding
+        ):
+            kept = run[of].values[: len(time)]
+            reference = rotations(kept) if of == "tool_orientation" else kept
+        elif len(run.time) < 2:
+            raise JointplayError(f"the reference has {len(run.time)} record; it needs at least 2")
+        else:
+            if of not in self._between:
+                self._between[of] = _between(run, of)
+            reference = self._between[of](time)
+        found: xr.DataArray
+        if of == "tool_orientation":
+            turns = (rotations(ours.values) * reference.inv()).as_rotvec()
+            along = {"time": time, "axis": dataset["axis"].values}
+            found = xr.DataArray(turns, along, ("time", "axis"), of)
+        else:
+            found = ours - reference
+        found.attrs = {
+            "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
+            "long_name": f"{of.replace('_', ' ')} - reference, world axes",
+        }
+        return found
+
+
+def rotations(quaternions: np.ndarray) -> Rotation:
+    """Orientations that are recorded with the scalar first, (n, 4).
+
+    Raises:
+        JointplayError: they are none.
+    """
+    from scipy.spatial.transform import Rotation  # takes long to import
+
+    size = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(size < 0.5)
+    if wrong.size:
+        raise JointplayError(
+            f"record {wrong[0] + 1} has no orientation of the tool: its quaternion has the length "
+            f"{size[wrong[0]]:g}; the run went wrong, or its records have changed since"
+        )
+    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]])
+
+
+def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
+    """The ideal tool's motion at any time that its run covers."""
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline  # takes long to import
+    from scipy.spatial.transform import RotationSpline
+
+    if of == "tool_orientation":
+        return RotationSpline(ideal.time, rotations(ideal[of].values))  # type: ignore[no-any-return]
+    if of == "tool_angular_velocity":
+        return CubicSpline(ideal.time, ideal[of].values)  # type: ignore[no-any-return]
+    path = CubicHermiteSpline(
+        ideal.time, ideal["tool_position"].values, ideal["tool_velocity"].values
+    )
+    return path if of == "tool_position" else path.derivative()  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Tool error over a run along x, y, z and in all [m], arrays of shape (4,).
+
+    The total's mean, RMS and peak are those of the distance from the ideal tool.
+    """
+
+    mean: np.ndarray
+    rms: np.ndarray
+    peak: np.ndarray
+    """Largest magnitude."""
+
+
+def _with_total(vectors: np.ndarray) -> np.ndarray:
+    return np.column_stack([vectors, np.linalg.norm(vectors, axis=1)])
+
+
+def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
+    """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
+
+    None: from when on the run is judged, `Result.judge_from`.
+
+    Raises:
+        JointplayError: nothing was recorded from `start` on.
+    """
+    begin = error.attrs.get("judge_from", 0.0) if start is None else start
+    start = require_finite("start", begin, "s")
+    kept = error.sel(time=error["time"] >= start).values
+    if not len(kept):
+        raise JointplayError(
+            f"no records from {start:g} s on; the run ends at {float(error['time'][-1]):g} s"
+        )
+    values = _with_total(kept)
+    return Accuracy(
+        values.mean(axis=0), np.sqrt((values**2).mean(axis=0)), np.abs(values).max(axis=0)
+    )
+
+
+@dataclass(frozen=True)
+class Stop:
+    """An instant, or an interval, at which the reference motion reaches a waypoint."""
+
+    start: float
+    """Arrival [s]."""
+    end: float
+    """Departure [s]; later than the arrival if the reference dwells."""
+    at_rest: bool
+    """Whether the reference stands still there."""
+
+    @property
+    def kind(self) -> str:
+        """``dwell``, ``stop`` (rest without a pause) or ``pass``."""
+        return "dwell" if self.end > self.start else "stop" if self.at_rest else "pass"
+
+
+_OSCILLATION = 3e-3
+"""Speed at a waypoint at which the reference rests, at most, relative to that of the way there or
+on; 2e-3 was found at lines of ten points, the coarsest."""
+
+
+def stops(motion: Motion, end: float) -> list[Stop]:
+    """Waypoints of the reference motion up to the time `end` [s], pauses joined into dwells.
+
+    A tool picks and places while the reference dwells: what its error is at the end of a dwell is
+    what the process gets.
+    """
+    end = require_finite("end", end, "s")
+    times, positions = motion.waypoints
+    speed = np.abs(motion(times)[1]).max(axis=1)
+    between = np.linspace(times[:-1], times[1:], 7, axis=1)
+    fastest = np.abs(motion(between.ravel())[1]).max(axis=1).reshape(between.shape).max(axis=1)
+    limit = 1e-9 * np.abs(motion(np.linspace(times[0], times[-1], 1001))[1]).max()
+    # A spline through the points of a line oscillates a little at the line's ends.
+    beside = _OSCILLATION * np.maximum(np.append(fastest, 0.0), np.insert(fastest, 0, 0.0))
+    around = np.maximum(beside[:-1], beside[1:])
+    # Of the waypoints as given: the curve's own values differ by rounding.
+    same = (np.abs(np.diff(positions, axis=0)) <= 1e-12).all(axis=1)
+    still = same & (fastest <= np.maximum(limit, around))
+    rest = speed <= np.maximum(limit, beside)
+    waypoints: list[Stop] = []
+    for index, time in enumerate(times):
+        if waypoints and still[index - 1]:
+            waypoints[-1] = Stop(waypoints[-1].start, float(time), True)
+        else:
+            waypoints.append(Stop(float(time), float(time), bool(rest[index])))
+    if end > times[-1]:
+        waypoints[-1] = Stop(waypoints[-1].start, end, True)
+    tolerance = 1e-9 * max(end, 1.0)
+    return [
+        Stop(stop.start, min(stop.end, end), stop.at_rest)
+        for stop in waypoints
+        if stop.start <= end + tolerance
+    ]
+
+
+def error_at(error: xr.DataArray, time: float) -> np.ndarray:
+    """Tool error along x, y, z and in all at the record nearest to `time` [s]: (4,) [m]."""
+    time = require_finite("time", time, "s")
+    return _with_total(error.sel(time=[time], method="nearest").values)[0]

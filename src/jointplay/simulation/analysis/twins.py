@@ -1,0 +1,278 @@
+"""The ideal mechanism that does the same work as a result's, and the inputs that tell it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.base.errors import MissingName
+from jointplay.model.flexible import HINGE
+from jointplay.model.free_base import BASE, FREE
+from jointplay.physics.joints import (
+    JOINT_KINDS,
+    VIRTUAL_LINK,
+    RollingBearing,
+    SlidingClearance,
+    class_of,
+)
+from jointplay.physics.kernel.integrators import DEFAULT, integrator
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.stored import stored_coordinates
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
+
+COMPARED = ("tool_position", "tool_velocity", "tool_orientation")
+"""What a tool's error needs of the ideal mechanism's run."""
+
+SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
+"""Kinds of joint whose surfaces slide on each other."""
+
+ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
+"""Kinds of joint with rolling elements."""
+
+_MAY_DIFFER = (
+    *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
+    *("record_every", "seed", "settle", "judge_from"),
+)
+"""Inputs in which a run and the ideal run that it is measured against may differ."""
+
+
+def inputs(result: Result) -> dict[str, Any]:
+    """The run's inputs as plain data, as `Simulation.describe` wrote them."""
+    description: dict[str, Any] = json.loads(result.dataset.attrs["simulation"])
+    return description
+
+
+def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
+    """The stored inputs of the joints that have clearance, by name."""
+    given = inputs(result)["mechanism"]["clearance"]
+    return {name: given[name] for name in result.joints if name in given}
+
+
+def hinges(result: Result) -> set[str]:
+    """Joints of a result that are hinges of flexible links.
+
+    Nothing is built unless a joint has the name of one.
+    """
+    if not any(HINGE in name for name in result.joints):
+        return set()
+    return {name for its in result.simulation.mechanism.hinges.values() for name in its}
+
+
+def at_joint(result: Result, joint: str) -> str:
+    """What the names of a joint's figures end with: nothing where there is only one."""
+    soft = hinges(result)
+    return "" if len(set(result.joints) - soft) == 1 else f", {joint}"
+
+
+def rolls(result: Result, joint: str) -> bool:
+    """Whether a joint with clearance has rolling elements: by the inputs, nothing is built."""
+    return clearance_inputs(result).get(joint, {}).get("kind") in ROLLING_KINDS
+
+
+def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
+    """Closed line within which the journal's centre can move untilted, bearing x and y [m].
+
+    Returns:
+        (2, n): the clearance circle, that of a rolling bearing in operation, or for a slider the
+        rectangle of its clearances; None if the inputs tell neither, or without play.
+    """
+    given = clearance_inputs(result).get(joint, {})
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)
+    circle = np.array([np.cos(angle), np.sin(angle)])
+    if rolls(result, joint):
+        room = result.simulation.mechanism.clearance[joint].radial_room
+        return room * circle if room > 0.0 else None
+    if given.get("radial_clearance") is not None:
+        return float(given["radial_clearance"]) * circle
+    if given.get("clearance") is not None:
+        x = float(given["clearance"])
+        y = 0.0 if given.get("planar") else float(given.get("clearance_y") or x)
+        return np.array([[x, x, -x, -x, x], [y, -y, -y, y, y]])
+    return None
+
+
+def has_rims(result: Result, joint: str) -> bool:
+    """Whether the journal of `joint` is a cylinder that can tilt, whose rims touch the bore."""
+    places = {"radial_A", "radial_B"}.intersection(result["contact"].values)
+    return len(places) == 2 and bool(
+        np.isfinite(result["gap"].sel(joint=joint, contact=sorted(places)).values).any()
+    )
+
+
+def rim_centres(result: Result, joint: str) -> np.ndarray:
+    """Centres of the journal's two rims, ends A and B, in the bearing frame [m].
+
+    A tilted journal touches the bore by its rims: Figure 12 of the paper, in which penetration
+    lies outside the clearance circle, can be read for these, not for the middle.
+
+    Returns:
+        (2, n, 3), end A first, by records; of a joint that `has_rims`.
+    """
+    import pinocchio as pin
+
+    from jointplay.model.tree import BodyMotion, Tree
+
+    mechanism = result.simulation.mechanism
+    q = np.ascontiguousarray(result["q"].values)
+    motion = BodyMotion.of(len(q), 1)
+    ground = (0, pin.SE3.Identity())
+    pair = (mechanism.bearing_frame(joint), mechanism.journal_frame(joint))
+    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), ground, [pair])
+    pose = motion.poses[0]
+    half = mechanism.clearance[joint].dimensions[3] * pose[:, [5, 8, 11]]
+    return np.stack([pose[:, :3] + half, pose[:, :3] - half])
+
+
+def places(result: Result, joint: str) -> list[str]:
+    """Names of the contacts of `joint`; other joints' contacts hold no numbers there.
+
+    Raises:
+        MissingName: no such joint with clearance.
+    """
+    if joint not in result.joints:
+        raise MissingName("clearance joint", joint, result.joints)
+    gaps = result["gap"].sel(joint=joint)
+    if not gaps.sizes["time"]:
+        return [str(name) for name in gaps["contact"].values]
+    has = ~np.isnan(gaps.values[0])
+    return [str(name) for name in gaps["contact"].values[has]]
+
+
+def task(result: Result) -> dict[str, Any]:
+    """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads, start.
+
+    How it did start, that is. None: without play nothing gives way at the start, and it is the same
+    at rest and centred.
+    """
+    given = inputs(result)
+    given["state"] = _state(given)
+    if given["start"] is None and has_play(result):
+        given["start"] = "centred"  # nothing was to be found
+    robot = {
+        key: value
+        for key, value in given["mechanism"].items()
+        if key not in ("clearance", "gears", "urdf")  # the text counts, not the file's name
+    }
+    return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
+        "mechanism": robot
+    }
+
+
+def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
+    """What is given of the state at the start, as the ideal mechanism has it.
+
+    What only play has is left out: journals aside of their bearings, carriages, and motors turned
+    against their joints. The coordinate that a joint has without clearance too is the joint's.
+    """
+    mechanism = given["mechanism"]
+    known = stored_coordinates(mechanism)
+    state: dict[str, list[float | None]] = {}
+    for name, at in given["state"].items():
+        coordinate = known.get(name)
+        free_base = given["mechanism"].get("base") == FREE
+        if coordinate is not None and not (free_base and coordinate.joint == BASE):
+            joint, part = coordinate.joint, coordinate.part
+            kind = class_of(mechanism["clearance"][joint]) if part in VIRTUAL_LINK else None
+            if kind is None or joint in (mechanism.get("loops") or {}):
+                continue
+            if part not in kind.ideal_freedoms:
+                continue
+            name = name if kind.compound() else joint
+        before = state.get(name, [None, None])
+        state[name] = [old if new is None else new for old, new in zip(before, at, strict=True)]
+    return state
+
+
+def has_play(result: Result) -> bool:
+    """Whether a joint has clearance, or a gear play."""
+    return bool(result.joints or inputs(result)["mechanism"].get("gears"))
+
+
+def is_twin(result: Result, ideal: Result) -> bool:
+    """Whether `ideal` has no play and is otherwise the same mechanism doing the same work."""
+    if has_play(ideal):
+        return False
+    ours, its = task(result), task(ideal)
+    return ours | ({"start": None} if its["start"] is None else {}) == its
+
+
+def twin(result: Result, progress: bool = False) -> Result:
+    """Run the `ideal_simulation` of a result, with a bar on standard error for `progress`.
+
+    Raises:
+        JointplayError: the result's simulation cannot be built again, or its ideal mechanism
+            cannot be simulated.
+    """
+    simulation = ideal_simulation(result)
+    # With loops, a step that resolves impacts is far smaller than motion without them asks for.
+    check_step = not simulation.mechanism.loops
+    return simulation.run(progress, check_step=check_step, estimate=False)
+
+
+def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
+    """A run of which only the tool's motion is kept, and that of all bodies if the base is free.
+
+    Neither the forces in its joints are found, nor how far it is off because of its step.
+
+    Raises:
+        JointplayError: it cannot be simulated.
+    """
+    from jointplay.simulation.run import Run  # takes long to import
+
+    run = Run(simulation, progress)
+    status = run.run_to_end(progress)
+    wanted = list(COMPARED)
+    wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []  # seen from the base
+    return run.result(status, reactions=False, only=wanted)
+
+
+def _start(simulation: Simulation) -> str:
+    """How a run begins: at rest only where an equilibrium is found."""
+    if simulation.start is None and simulation.starts_at_rest:
+        from jointplay.simulation.run import Run  # takes long to import
+
+        simulation = Run(simulation).simulation
+    return "rest" if simulation.starts_at_rest else "centred"
+
+
+def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, float | None]]:
+    """What `simulation` gives of the state at the start, as its ideal mechanism has it."""
+    return {name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()}
+
+
+def ideal_simulation(source: Simulation | Result) -> Simulation:
+    """The ideal mechanism doing the same work: what a tool's error is measured against.
+
+    By the run's own method, whose error both then share; where there are closed loops not by a
+    method of first order, which leaves them: in a turn of the slider-crank by 0.2 um, the
+    multi-rate method by 1e-4 um.
+
+    It begins as the run does: where drives give way and loads bend, both at rest or neither.
+
+    Args:
+        source: the run with play; of a result, for as long as it lasted.
+    """
+    changes: dict[str, Any] = {}
+    if isinstance(source, Result):
+        simulation = source.simulation
+        changes["duration"] = float(source.time[-1]) or simulation.step
+        changes["start"] = source.audit.start
+    else:
+        simulation = source
+        changes["start"] = _start(simulation)
+    if simulation.mechanism.loops and integrator(simulation.integrator).order == 1:
+        changes["integrator"] = DEFAULT
+    return dataclasses.replace(
+        simulation,
+        mechanism=simulation.mechanism.ideal(),
+        seed=None,
+        settle=None,
+        judge_from=None,
+        state=state_without_play(simulation),
+        **changes,
+    )

@@ -1,0 +1,61 @@
+"""What acts on a mechanism besides contact: drives, joint friction, and loads of any kind."""
+
+from __future__ import annotations
+
+from jointplay.base.schema import Family, register
+from jointplay.simulation.loads.base import WORLD, Load
+from jointplay.simulation.loads.controller import Controller
+from jointplay.simulation.loads.drive import (
+    ComputedTorque,
+    Drive,
+    Free,
+    JointFriction,
+    Prescribed,
+    Servo,
+    Torque,
+)
+from jointplay.simulation.loads.friction import LoadedFriction
+from jointplay.simulation.loads.spring import CurveSpring, Spring, Stop, TorsionSpring
+from jointplay.simulation.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
+
+LOADS: dict[str, type[Load]] = {
+    load.kind: load
+    for load in (
+        Spring,
+        CurveSpring,
+        Wrench,
+        WrenchOverTime,
+        WrenchFunction,
+        TorsionSpring,
+        Stop,
+        Controller,
+        LoadedFriction,
+    )
+}
+"""Kinds of load by the word that selects them."""
+
+
+register(Load, Family("kind", "load", LOADS, bare=False))
+
+
+__all__ = [
+    "LOADS",
+    "WORLD",
+    "ComputedTorque",
+    "Controller",
+    "CurveSpring",
+    "Drive",
+    "Free",
+    "JointFriction",
+    "Load",
+    "LoadedFriction",
+    "Prescribed",
+    "Servo",
+    "Spring",
+    "Stop",
+    "Torque",
+    "TorsionSpring",
+    "Wrench",
+    "WrenchFunction",
+    "WrenchOverTime",
+]

@@ -1,0 +1,364 @@
+"""How joints are driven: the forces F(t) of eq. 22.
+
+A joint that has a motor gear is driven at the motor, any other at its own coordinate (yaw, with
+clearance). A drive acts on joints of the URDF; joints that close loops follow.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName, require_increasing
+from jointplay.base.schema import (
+    Described,
+    Family,
+    check_fields,
+    choice,
+    one_of,
+    quantity,
+    register,
+)
+from jointplay.physics import kernel
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+    from jointplay.simulation.motion.reference import Motion
+
+FASTEST = 1e9
+"""Largest bandwidth of a drive [rad/s]: no step follows it."""
+
+MOST_DAMPED = 1e9
+"""Largest damping ratio: beyond it a joint creeps, and far beyond it numbers end."""
+
+PRESCRIBED_ARMATURE = 1e9
+"""Armature of a joint with prescribed motion, relative to the inertia that it carries."""
+
+ENCODERS = ("link", "motor")
+
+
+@dataclass(frozen=True)
+class JointFriction(Described):
+    """Friction Q(qd) of a joint and its gear.
+
+    Q = [coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2)] tanh(qd / 1 mrad/s) + viscous qd.
+    With clearance it acts on the yaw coordinate, beside the contact's own friction. Reference:
+    B. Armstrong-Helouvry et al., Automatica 30 (1994) 1083-1138, for the Stribeck term.
+
+    Raises:
+        JointplayError: a negative or non-finite value, or static below dry friction.
+    """
+
+    coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, words="Coulomb joint friction")
+    """Dry friction [N m, or N for prismatic joints]."""
+    viscous: float = quantity(
+        "N*m*s/rad", "N*s/m", default=0.0, least=0.0, words="viscous joint friction"
+    )
+    """Viscous friction [N m s/rad, or N s/m for prismatic joints]."""
+    static: float | None = quantity(
+        "N*m", "N", default=None, least=0.0, words="static joint friction"
+    )
+    """Friction at breakaway [N m or N]; None: equal to the dry friction."""
+    stribeck_speed: float = quantity(
+        "rad/s", "m/s", default=0.01, above=0.0, words="Stribeck speed"
+    )
+    """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
+
+    def __post_init__(self) -> None:
+        """Check all values."""
+        check_fields(self)
+        if self.static is not None and self.static < self.coulomb:
+            raise JointplayError(
+                f"static joint friction {self.static:g} N m is below the dry friction "
+                f"{self.coulomb:g} N m",
+                where=("static",),
+            )
+
+    @property
+    def excess(self) -> float:
+        """Static beyond dry friction [N m or N]."""
+        return 0.0 if self.static is None else self.static - self.coulomb
+
+    def torque(self, speed: np.ndarray) -> np.ndarray:
+        """Q at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
+        with np.errstate(over="ignore"):  # far above the Stribeck speed nothing is left
+            dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
+        return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
+
+
+class Drive(Described, ABC):
+    """What acts on one joint."""
+
+    selector = ("kind", "kind")
+
+    kind: ClassVar[str]
+    """The one word that selects the drive."""
+    follows: ClassVar[bool]
+    """Whether the joint follows the reference motion."""
+
+
+@dataclass(frozen=True)
+class ComputedTorque(Drive):
+    """Computed torque of the ideal mechanism along the reference, plus PD on the encoder.
+
+    F = tau_ideal(q_r, qd_r, qdd_r) + kp (q_r - q) + kd (qd_r - qd). The encoder of a joint with
+    clearance sees the rotation about the bearing's axis (the yaw coordinate). The gains follow
+    from the inertia that the ideal mechanism's joint carries at the start of the motion:
+    kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that for the
+    joint's friction.
+
+    Raises:
+        JointplayError: bandwidth or damping ratio negative or not finite, or no such encoder.
+    """
+
+    kind: ClassVar[str] = "computed-torque"
+    follows: ClassVar[bool] = True
+
+    bandwidth: float = quantity("rad/s", default=100.0, above=0.0)
+    """Closed-loop natural frequency of each axis [rad/s]."""
+    damping_ratio: float = quantity("", default=1.0, least=0.0, words="damping ratio")
+    encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
+    """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
+
+    def __post_init__(self) -> None:
+        """Check all values."""
+        check_fields(self)
+        for name, words, most, unit in (
+            ("bandwidth", "bandwidth", FASTEST, " rad/s"),
+            ("damping_ratio", "damping ratio", MOST_DAMPED, ""),
+        ):
+            if getattr(self, name) > most:
+                raise JointplayError(
+                    f"{words} must be at most {most:g}{unit}, got {getattr(self, name):g}",
+                    where=(name,),
+                )
+
+
+@dataclass(frozen=True)
+class Prescribed(Drive):
+    """The joint moves exactly as the reference says, whatever torque that takes (rheonomic).
+
+    Position and speed are those of the reference to 1e-9 of their range; the result's `drive` is
+    the torque it took.
+    """
+
+    kind: ClassVar[str] = "prescribed"
+    follows: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class Torque(Drive):
+    """A torque given in time: linear between the points, constant before and after.
+
+    Tabulated at `REFERENCE_NODE_S`: a jump becomes a ramp of that length.
+
+    Raises:
+        JointplayError: lists of different lengths, times that do not increase, non-finite numbers.
+    """
+
+    kind: ClassVar[str] = "torque"
+    follows: ClassVar[bool] = False
+
+    times: tuple[float, ...] = quantity("s", words="torque times")
+    """Increasing [s]."""
+    values: tuple[float, ...] = quantity("N*m", "N", words="torque values")
+    """[N m, or N for prismatic joints]."""
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        check_fields(self)
+        if len(self.times) != len(self.values) or not self.times:
+            raise JointplayError(
+                f"a torque needs as many times as values and at least one, got {len(self.times)} "
+                f"and {len(self.values)}"
+            )
+        require_increasing("torque times", self.times, "s", ("times",))
+
+
+@dataclass(frozen=True)
+class Free(Drive):
+    """Nothing acts on the joint but its friction."""
+
+    kind: ClassVar[str] = "free"
+    follows: ClassVar[bool] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo(Drive):
+    """A servo: a motor at the voltage that its own position controller sets.
+
+    V = p_gain <|q_r - q| - dead_band> sgn(q_r - q) + d_gain (qd_r - qd), cut to the supply's, with
+    q as the encoder reads it, in whole counts of its resolution; F = k/R (V - k qd_m) on the motor,
+    less its friction. All quantities are referred to the joint's side of its gear: the inertia of
+    the armature is the gear's `rotor_inertia`. A joint without gear is turned directly, by a motor
+    without inertia.
+
+    Raises:
+        JointplayError: no such servo in the catalogue, a value that cannot be, or one that neither
+            has.
+    """
+
+    kind: ClassVar[str] = "servo"
+    follows: ClassVar[bool] = True
+
+    catalogue: str | None = None
+    """Name of a servo whose numbers are taken where none are given here."""
+    voltage: float = quantity("V", above=0.0)
+    """Of the supply, the largest on the motor [V]."""
+    p_gain: float = quantity("V/rad", above=0.0, words="P gain")
+    """Voltage per error of position beyond the dead band [V/rad]."""
+    d_gain: float = quantity("V*s/rad", default=0.0, least=0.0, words="D gain")
+    """Voltage per error of speed [V s/rad]; the speed is not quantised."""
+    torque_constant: float = quantity("N*m/A", default=None, above=0.0, words="torque constant")
+    """Torque per current, referred to the joint [N m/A]; V s/rad of back-EMF as well."""
+    resistance: float = quantity("ohm", default=None, above=0.0)
+    """Of the winding [ohm]."""
+    friction: float = quantity("N*m", default=None, least=0.0, words="friction of a servo")
+    """Dry friction of the motor, referred to the joint [N m]; 0 if not given."""
+    viscous: float = quantity("N*m*s/rad", default=None, least=0.0, words="viscous friction")
+    """Viscous friction of the motor, referred to the joint [N m s/rad]; 0 if not given."""
+    dead_band: float = quantity("rad", default=0.0, least=0.0, words="dead band")
+    """Error of position up to which no voltage answers [rad]."""
+    dead_band_counts: float = quantity("", default=0.0, least=0.0, words="dead band in counts")
+    """The same in counts of the encoder."""
+    resolution: float = quantity("rad", default=0.0, least=0.0, words="resolution of the encoder")
+    """Angle of the joint in a count of the encoder [rad]; 0: it reads exactly."""
+    encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
+    """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
+    period: float | None = quantity("s", default=None, above=0.0, words="period of a servo")
+    """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
+
+    def __post_init__(self) -> None:
+        """Take what the catalogue has, and check all values."""
+        given = {} if self.catalogue is None else _servo(self.catalogue)
+        for name, item in given.items():
+            if name != "armature" and getattr(self, name) is None:
+                object.__setattr__(self, name, item["value"])
+        missing = [n for n in ("torque_constant", "resistance") if getattr(self, n) is None]
+        if missing:
+            raise JointplayError(f"a servo needs {', '.join(missing)}")
+        for name in ("friction", "viscous"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, 0.0)
+        check_fields(self)
+        if self.dead_band_counts and (self.dead_band or not self.resolution):
+            raise JointplayError(
+                "a dead band in counts needs the encoder's resolution and no dead_band beside it",
+                ("dead_band_counts",),
+            )
+
+    @classmethod
+    def of(cls, name: str, **more: Any) -> Servo:
+        """A servo by its name in the catalogue, with what that does not know.
+
+        Args:
+            name: such as ``STS3215``.
+            more: fields; they go before the catalogue's.
+        """
+        return cls(catalogue=name, **more)
+
+    @staticmethod
+    def armature_of(name: str) -> float:
+        """Inertia of the armature of a servo in the catalogue, referred to the joint [kg m^2].
+
+        It is the `rotor_inertia` of its gear.
+        """
+        return float(_servo(name)["armature"]["value"])
+
+    @property
+    def band(self) -> float:
+        """Error of position up to which no voltage answers [rad]."""
+        return self.dead_band or self.dead_band_counts * self.resolution
+
+    @property
+    def stall(self) -> float:
+        """Effort per voltage of a motor that stands [N m/V]."""
+        return self.torque_constant / self.resistance
+
+    @property
+    def braking(self) -> float:
+        """Effort per speed of a motor whose voltage is zero, by its back-EMF [N m s/rad]."""
+        return self.torque_constant * self.stall
+
+    def with_friction(self, losses: JointFriction) -> JointFriction:
+        """A joint's friction and that of the motor that turns it directly."""
+        static = losses.static
+        return replace(
+            losses,
+            coulomb=losses.coulomb + self.friction,
+            viscous=losses.viscous + self.viscous,
+            static=None if static is None else static + self.friction,
+        )
+
+
+@cache
+def _servos() -> dict[str, Any]:
+    with (Path(__file__).parent / "data" / "servos.toml").open("rb") as file:
+        return tomllib.load(file)
+
+
+def _servo(name: str) -> dict[str, Any]:
+    """Numbers of a servo in the catalogue by field: value, origin, source."""
+    if name not in _servos():
+        raise JointplayError(one_of("servo", name, _servos()), ("catalogue",))
+    entry: dict[str, Any] = _servos()[name]
+    return entry
+
+
+DRIVES: dict[str, type[Drive]] = {
+    drive.kind: drive for drive in (ComputedTorque, Prescribed, Torque, Servo, Free)
+}
+
+
+register(Drive, Family("kind", "drive", DRIVES))
+
+
+def assign(
+    mechanism: Mechanism, motion: Motion | None, drive: Drive | Mapping[str, Drive]
+) -> dict[str, Drive]:
+    """Drive of every moving joint.
+
+    A single drive is that of every joint of the motion; what a motion does not name is free in a
+    mechanism with loops and an error elsewhere. A mapping names what is driven; the rest is free.
+
+    Raises:
+        JointplayError: a joint that does not exist, that lacks a reference, or that has one but no
+            drive that follows it.
+    """
+    joints = mechanism.joints
+    in_motion = () if motion is None else motion.joints
+    if isinstance(drive, Mapping):
+        drives = {name: drive.get(name, Free()) for name in joints}
+        unknown = [name for name in (*drive, *in_motion) if name not in joints]
+    else:
+        names = in_motion if drive.follows else joints
+        unknown = [name for name in in_motion if name not in joints]
+        missing = [name for name in joints if name not in names and not mechanism.loops]
+        if missing or unknown:
+            wrong = [f"lacks {', '.join(missing)}"] if missing else []
+            wrong += [f"names {', '.join(unknown)}"] if unknown else []
+            raise JointplayError(
+                f"the motion {' and '.join(wrong)}; the moving joints are: {', '.join(joints)}",
+                where=("motion",),
+            )
+        drives = {name: drive if name in names else Free() for name in joints}
+    if unknown:
+        raise MissingName("moving joint", unknown[0], joints)
+    for name, one in drives.items():
+        if not isinstance(one, Drive):
+            raise JointplayError(f"joint {name!r} needs a drive, got {one!r}")
+        if one.follows and name not in in_motion:
+            raise JointplayError(f"joint {name!r} has a {one.kind} drive but no reference motion")
+        if name in in_motion and not one.follows:
+            raise JointplayError(
+                f"joint {name!r} has a reference motion, but its drive is {one.kind}; "
+                f"drives that follow: {', '.join(d.kind for d in DRIVES.values() if d.follows)}"
+            )
+    return drives

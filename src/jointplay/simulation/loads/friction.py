@@ -1,0 +1,97 @@
+"""Friction in a joint that grows with the force that the joint transmits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.schema import quantity
+from jointplay.physics.kernel.words import ALWAYS
+from jointplay.simulation.loads.base import OnJoint, Site
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+TIME, LEVEL, RATE = range(3)
+"""Places of `_rubbed`'s numbers."""
+
+
+def _rubbed(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: a time, friction then, and how fast it grows. It is neither negative nor ever doubled."""
+    level = p[1] + p[2] * (time - p[0])
+    level = min(max(level, 0.0), 2.0 * p[1])
+    out[0] = -level * math.tanh(dx[0] / 1e-3)
+
+
+@dataclass(frozen=True)
+class LoadedFriction(OnJoint):
+    """Dry friction of a bearing under the force F that its joint transmits.
+
+    Revolute: coefficient (radius |F across the axis| + axial_radius |F along it|); prismatic:
+    coefficient |F across the axis|. Moments in the bearing do not enter. It turns its sign over
+    1 mrad/s or 1 mm/s, as `JointFriction` does, beside which it acts.
+
+    F follows from the motion of all that the joint carries, as a mean over 0.2 ms
+    (`simulation.loads`), drawn on along a line for as long.
+
+    Raises:
+        JointplayError: a negative number; when bound: a radius for a prismatic joint, none for a
+            revolute one, or a mechanism with loops, where the motion does not tell the forces.
+    """
+
+    kind: ClassVar[str] = "loaded-friction"
+    stores: ClassVar[bool] = True  # its answer at rest is zero
+
+    coefficient: float = quantity("", least=0.0, words="coefficient of friction")
+    """Of friction."""
+    radius: float = quantity("m", default=0.0, least=0.0, words="bearing radius")
+    """Of the bearing [m]."""
+    axial_radius: float = quantity("m", default=0.0, least=0.0, words="axial radius")
+    """Mean radius of the face that takes the force along the axis [m]."""
+
+    def site(self, mechanism: Mechanism) -> Site:
+        """The joint's coordinate."""
+        site = super().site(mechanism)
+        if mechanism.loops:
+            raise JointplayError(
+                f"the friction of joint {self.joint!r} cannot grow with its load: in a mechanism "
+                f"with loops ({', '.join(mechanism.loops)}) the motion does not determine the "
+                "forces"
+            )
+        slides = mechanism.description.joints[self.joint].slides
+        radii = (self.radius, self.axial_radius)
+        if slides and any(radii):
+            raise JointplayError(
+                f"joint {self.joint!r} slides: its friction needs no radius, got {max(radii):g} m"
+            )
+        if not slides and not any(radii):
+            raise JointplayError(
+                f"friction that grows with the load of joint {self.joint!r} needs the radius of "
+                "its bearing"
+            )
+        return site
+
+    def law(self) -> Callable[..., None]:
+        """Friction that is known at a time, and how it grows."""
+        return _rubbed
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_rubbed`, none transmitted yet."""
+        return np.zeros(3)
+
+    def implicit(self) -> int:
+        """Always: it falls steeply with speed."""
+        return ALWAYS
+
+    def friction(self, force: np.ndarray, axis: np.ndarray, slides: bool) -> float:
+        """Friction under a force of the parent on the child [N], `axis` in the same axes."""
+        along = float(force @ axis)
+        across = float(np.linalg.norm(force - along * axis))
+        if slides:
+            return self.coefficient * across
+        return self.coefficient * (self.radius * across + self.axial_radius * abs(along))

@@ -1,0 +1,316 @@
+"""Springs and dampers: between two points of a mechanism, to the ground, or at a joint; stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, require_increasing
+from jointplay.base.schema import quantity
+from jointplay.physics.kernel.words import ALWAYS, IF_PRESSED, NEVER
+from jointplay.simulation.loads.base import (
+    WORLD,
+    OnFrame,
+    OnJoint,
+    Series,
+    Site,
+    Vector,
+    between,
+    frame,
+)
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+
+# A spring and damper between two points of a mechanism, or between one and the ground.
+
+
+_POINT_M = 1e-12
+"""Length at which a spring has no direction."""
+
+
+def _linear(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: stiffness, damping, free length."""
+    length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    for k in range(6):
+        out[k] = 0.0
+    if length > 1e-12:
+        rate = (x[0] * dx[0] + x[1] * dx[1] + x[2] * dx[2]) / length
+        pull = p[0] * (length - p[2]) + p[1] * rate
+        for k in range(3):
+            out[k] = -pull * x[k] / length
+
+
+def _curve(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: number of points, damping, lengths, forces."""
+    length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    for k in range(6):
+        out[k] = 0.0
+    if length > 1e-12:
+        n = int(p[0])
+        low, high = 0, n - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if length < p[2 + middle]:
+                high = middle
+            else:
+                low = middle
+        slope = (p[2 + n + high] - p[2 + n + low]) / (p[2 + high] - p[2 + low])
+        rate = (x[0] * dx[0] + x[1] * dx[1] + x[2] * dx[2]) / length
+        pull = p[2 + n + low] + slope * (length - p[2 + low]) + p[1] * rate
+        for k in range(3):
+            out[k] = -pull * x[k] / length
+
+
+@dataclass(frozen=True)
+class _Between(OnFrame):
+    """What all springs between two points have in common."""
+
+    stores: ClassVar[bool] = True
+
+    _: KW_ONLY
+    other: str = WORLD
+    """Link or frame at its other end; ``world`` is the ground."""
+    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the axes of `other` [m]."""
+    damping: float = quantity("N*s/m", default=0.0, least=0.0, words="spring damping")
+    """[N s/m]."""
+
+    def site(self, mechanism: Mechanism) -> Site:
+        """Between both points."""
+        return between(
+            mechanism,
+            frame(mechanism, self.other, self.other_at),
+            frame(mechanism, self.frame, self.at),
+        )
+
+    def implicit(self) -> int:
+        """With a damper."""
+        return ALWAYS if self.damping > 0.0 else NEVER
+
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+        """Length, and force: positive where it pulls the points together."""
+        length = np.linalg.norm(x[:, :3], axis=1)
+        along = np.einsum("nk,nk->n", x[:, :3], answers[:, :3])
+        force = -along / np.maximum(length, _POINT_M)
+        return Series("length", length, "m"), Series("force", force, "N")
+
+
+@dataclass(frozen=True)
+class Spring(_Between):
+    """A linear spring and damper between two points: force = stiffness (length - free_length) + ...
+
+    ... damping times the rate of the length; positive, it pulls the points together.
+
+    Raises:
+        JointplayError: stiffness, damping or length negative, or a number not finite.
+    """
+
+    kind: ClassVar[str] = "spring"
+
+    stiffness: float = quantity("N/m", above=0.0, words="spring stiffness")
+    """[N/m]."""
+    free_length: float = quantity("m", least=0.0, words="free length")
+    """Length at which it does not pull [m]."""
+
+    def law(self) -> Callable[..., None]:
+        """Force along the line between the points."""
+        return _linear
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_linear`."""
+        return np.array([self.stiffness, self.damping, self.free_length])
+
+    def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """k (length - free length)^2 / 2."""
+        stretch = np.linalg.norm(x[:, :3], axis=1) - self.free_length
+        return 0.5 * self.stiffness * stretch**2
+
+    def steepest(self) -> float:
+        """Slope of the force."""
+        return self.stiffness
+
+
+@dataclass(frozen=True)
+class CurveSpring(_Between):
+    """A spring whose force over its length is given by points, with a linear damper.
+
+    Linear between the points; beyond them as between the last two. Positive forces pull the points
+    together.
+
+    Raises:
+        JointplayError: fewer than two points, lists of different lengths, lengths that do not
+            increase, a number that is not finite.
+    """
+
+    kind: ClassVar[str] = "curve-spring"
+
+    lengths: tuple[float, ...] = quantity("m", words="spring lengths")
+    """Increasing [m]."""
+    forces: tuple[float, ...] = quantity("N", words="spring forces")
+    """Force at each length [N]."""
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        super().__post_init__()
+        require_increasing("spring lengths", self.lengths, "m", ("lengths",))
+        if len(self.lengths) != len(self.forces) or len(self.lengths) < 2:
+            raise JointplayError(
+                "a spring's curve needs as many lengths as forces and at least two, got "
+                f"{len(self.lengths)} and {len(self.forces)}"
+            )
+
+    def law(self) -> Callable[..., None]:
+        """Force along the line between the points."""
+        return _curve
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_curve`."""
+        return np.array([len(self.lengths), self.damping, *self.lengths, *self.forces])
+
+    def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Integral of the force from the first length."""
+        nodes, forces = np.array(self.lengths), np.array(self.forces)
+        slopes = np.diff(forces) / np.diff(nodes)
+        areas = 0.5 * (forces[1:] + forces[:-1]) * np.diff(nodes)
+        before = np.concatenate([[0.0], np.cumsum(areas)])
+        length = np.linalg.norm(x[:, :3], axis=1)
+        k = np.clip(np.searchsorted(nodes, length, side="right") - 1, 0, len(slopes) - 1)
+        on = length - nodes[k]
+        return before[k] + on * (forces[k] + 0.5 * slopes[k] * on)
+
+    def steepest(self) -> float:
+        """Largest slope of the curve."""
+        return float(np.abs(np.diff(self.forces) / np.diff(self.lengths)).max())
+
+
+# Springs at a joint: a torsion spring, and stops with stiffness and damping.
+
+
+def _twisted(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: stiffness, damping, rest."""
+    out[0] = -p[0] * (x[0] - p[2]) - p[1] * dx[0]
+
+
+def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: stiffness, damping, lower and upper stop. A stop never pulls."""
+    out[0] = 0.0
+    if x[0] < p[2]:
+        out[0] = max(p[0] * (p[2] - x[0]) - p[1] * dx[0], 0.0)
+    elif x[0] > p[3]:
+        out[0] = min(p[0] * (p[3] - x[0]) - p[1] * dx[0], 0.0)
+
+
+@dataclass(frozen=True)
+class _AtJoint(OnJoint):
+    """What springs at a joint have in common."""
+
+    stores: ClassVar[bool] = True
+
+    stiffness: float = quantity("N*m/rad", "N/m", above=0.0)
+    """[N m/rad, or N/m for prismatic joints]."""
+    damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
+    """[N m s/rad or N s/m]."""
+
+    def steepest(self) -> float:
+        """Its stiffness."""
+        return self.stiffness
+
+
+@dataclass(frozen=True)
+class TorsionSpring(_AtJoint):
+    """A linear spring and damper at a joint: torque = -stiffness (q - rest) - damping dq/dt.
+
+    Raises:
+        JointplayError: stiffness or damping negative, or a number not finite.
+    """
+
+    kind: ClassVar[str] = "torsion-spring"
+
+    rest: float = quantity("rad", "m", default=0.0)
+    """Position at which it does not push [rad or m]."""
+
+    def law(self) -> Callable[..., None]:
+        """Linear."""
+        return _twisted
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_twisted`."""
+        return np.array([self.stiffness, self.damping, self.rest], float)
+
+    def implicit(self) -> int:
+        """With a damper."""
+        return ALWAYS if self.damping > 0.0 else NEVER
+
+    def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """k (q - rest)^2 / 2."""
+        return 0.5 * self.stiffness * (x[:, 0] - self.rest) ** 2
+
+
+@dataclass(frozen=True)
+class Stop(_AtJoint):
+    """Stops of a joint: beyond each a linear spring and a damper that never pull.
+
+    Raises:
+        JointplayError: stiffness or damping negative, a number not finite, the lower stop not below
+            the upper one; when bound: neither is given and the URDF has no limits either.
+    """
+
+    kind: ClassVar[str] = "stop"
+
+    lower: float | None = quantity("rad", "m", default=None, words="lower stop")
+    """Where the lower one begins; the URDF's limit if not given [rad or m]."""
+    upper: float | None = quantity("rad", "m", default=None, words="upper stop")
+    """The upper one."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        super().__post_init__()
+        if self.lower is not None and self.upper is not None and not self.lower < self.upper:
+            raise JointplayError(
+                f"the lower stop must be below the upper one, got {self.lower:g} and {self.upper:g}"
+            )
+
+    def law(self) -> Callable[..., None]:
+        """Nothing between the stops."""
+        return _stopped
+
+    def ends(self, mechanism: Mechanism) -> tuple[float, float]:
+        """Where both begin, infinite for none [rad or m].
+
+        Raises:
+            JointplayError: nothing says where.
+        """
+        entry = mechanism.description.joints.get(self.joint)
+        lower = self.lower if self.lower is not None else getattr(entry, "lower", None)
+        upper = self.upper if self.upper is not None else getattr(entry, "upper", None)
+        low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
+        if low == -np.inf and high == np.inf:
+            raise JointplayError(
+                f"a stop of joint {self.joint!r} needs lower or upper: the URDF gives no limits"
+            )
+        if not low < high:
+            raise JointplayError(
+                f"the lower stop of joint {self.joint!r} must be below the upper one, got {low:g} "
+                f"and {high:g}"
+            )
+        return low, high
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_stopped`."""
+        return np.array([self.stiffness, self.damping, *self.ends(mechanism)])
+
+    def implicit(self) -> int:
+        """With a damper, while it is pressed."""
+        return IF_PRESSED if self.damping > 0.0 else NEVER
+
+    def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """k depth^2 / 2."""
+        lower, upper = numbers[2:4]
+        depth = np.maximum(np.maximum(lower - x[:, 0], x[:, 0] - upper), 0.0)
+        return 0.5 * self.stiffness * depth**2

@@ -1,0 +1,227 @@
+"""A given force and moment on a frame: constant, over time, or a function of the user's own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, require_increasing
+from jointplay.base.schema import choice, quantity
+from jointplay.physics.contact.trust import FunctionDescription, OfFunction
+from jointplay.simulation.loads.base import (
+    WORLD,
+    OnFrame,
+    Series,
+    Site,
+    Vector,
+    between,
+    frame,
+)
+
+if TYPE_CHECKING:
+    from jointplay.model.mechanism import Mechanism
+
+
+# Loads of a user's function (`contact.trust`): it finds its parameters in an array.
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadFunctionDescription(FunctionDescription):
+    """How files describe a load that is made of a user's function."""
+
+    parameters: tuple[float, ...] = quantity("", default=())
+    """Numbers for the function."""
+
+
+def check_arguments(function: Callable[..., Any], expected: tuple[str, ...]) -> None:
+    """Refuse a function that takes another number of arguments than `expected`.
+
+    Raises:
+        JointplayError: it does; the message has both.
+    """
+    try:
+        names = tuple(inspect.signature(function).parameters)
+    except (TypeError, ValueError):
+        names = ()
+    if len(names) != len(expected):
+        raise JointplayError(
+            f"function {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
+            f"it must take ({', '.join(expected)})",
+            where=("function",),
+        )
+
+
+AXES = ("world", "frame")
+"""Axes in which a wrench is given."""
+
+_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+_UNITS = ("N",) * 3 + ("N m",) * 3
+
+
+def _given(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: number of times, whether in the frame's axes, times, wrenches (6 each).
+
+    Linear between the times, constant before and after.
+    """
+    n = int(p[0])
+    low, high = 0, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if time < p[2 + middle]:
+            high = middle
+        else:
+            low = middle
+    part = 0.0
+    if high > low:
+        part = (time - p[2 + low]) / (p[2 + high] - p[2 + low])
+        part = min(max(part, 0.0), 1.0)
+    for k in range(6):
+        a, b = p[2 + n + 6 * low + k], p[2 + n + 6 * high + k]
+        out[k] = a + part * (b - a)
+    if p[1] != 0.0:
+        for s in range(0, 6, 3):
+            a, b, c = out[s], out[s + 1], out[s + 2]
+            for k in range(3):
+                out[s + k] = x[3 + 3 * k] * a + x[4 + 3 * k] * b + x[5 + 3 * k] * c
+
+
+@dataclass(frozen=True)
+class _Pushing(OnFrame):
+    """What all wrenches have in common."""
+
+    def site(self, mechanism: Mechanism) -> Site:
+        """The point of the frame, against the ground."""
+        return between(mechanism, frame(mechanism, WORLD), frame(mechanism, self.frame, self.at))
+
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+        """Force, and moment about the point, in world axes."""
+        return [
+            Series(name, answers[:, k], unit)
+            for k, (name, unit) in enumerate(zip(_COMPONENTS, _UNITS, strict=True))
+        ]
+
+
+@dataclass(frozen=True)
+class _InAxes(_Pushing):
+    """A wrench given in the axes of the world or of its frame, by the law `_given`."""
+
+    _: KW_ONLY
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
+    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
+
+    def law(self) -> Callable[..., None]:
+        """Linear between the times of a table."""
+        return _given
+
+
+@dataclass(frozen=True)
+class Wrench(_InAxes):
+    """A constant force and moment on a frame.
+
+    Raises:
+        JointplayError: not three components, a number that is not finite, or no such axes.
+    """
+
+    kind: ClassVar[str] = "wrench"
+
+    force: Vector = quantity("N", default=(0.0, 0.0, 0.0))
+    """[N]."""
+    moment: Vector = quantity("N*m", default=(0.0, 0.0, 0.0))
+    """[N m]."""
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_given`: a table of one row."""
+        turns = self.axes == "frame"
+        return np.array([1.0, turns, 0.0, *self.force, *self.moment], float)
+
+
+@dataclass(frozen=True)
+class WrenchOverTime(_InAxes):
+    """A force and moment on a frame given in time: linear between the times, constant outside.
+
+    Raises:
+        JointplayError: lists of different lengths, times that do not increase, a number that is not
+            finite, or no such axes.
+    """
+
+    kind: ClassVar[str] = "wrench-over-time"
+
+    times: tuple[float, ...] = quantity("s", words="wrench times")
+    """Increasing [s]."""
+    forces: tuple[Vector, ...] = quantity("N", default=())
+    """Force at each time [N]; none if not given."""
+    moments: tuple[Vector, ...] = quantity("N*m", default=())
+    """Moment at each time [N m]; none if not given."""
+
+    def __post_init__(self) -> None:
+        """Check the table."""
+        super().__post_init__()
+        require_increasing("wrench times", self.times, "s", ("times",))
+        for name, rows in (("forces", self.forces), ("moments", self.moments)):
+            if rows and len(rows) != len(self.times):
+                raise JointplayError(
+                    f"a wrench over time has {len(self.times)} times but {len(rows)} {name}"
+                )
+        if not self.times or not (self.forces or self.moments):
+            raise JointplayError("a wrench over time needs times, and forces or moments for each")
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_given`."""
+        n = len(self.times)
+        parts = [np.array(rows or np.zeros((n, 3)), float) for rows in (self.forces, self.moments)]
+        table = np.hstack(parts).ravel()
+        return np.array([n, self.axes == "frame", *self.times, *table], float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrenchDescription(LoadFunctionDescription):
+    """How files describe a wrench by a user's function."""
+
+    frame: str
+    """Link or frame that it acts on."""
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the frame's axes at which the force acts [m]."""
+
+
+@dataclass(frozen=True)
+class WrenchFunction(OfFunction, _Pushing):
+    """A force and moment on a frame by a function of the user's own, compiled like a law.
+
+    ``function(time, pose, twist, p, out)`` has the time [s]; the point's position [m] and the
+    frame's orientation row by row (12 numbers); its velocity [m/s] and angular velocity [rad/s]
+    (6); and the parameters. It writes force [N] and moment [N m] about the point into out (6).
+    Everything is in world axes. Velocities are extrapolated by half a step.
+
+    Raises:
+        JointplayError: the function takes other arguments, or a number is not finite. Whether it
+            compiles is found out when a run is prepared.
+    """
+
+    written = WrenchDescription
+
+    kind: ClassVar[str] = "wrench-function"
+
+    function: Callable[..., Any]
+    """At module level of an importable file (files then name it as ``module:function``)."""
+    parameters: tuple[float, ...] = quantity("", default=())
+    """Numbers that the function finds in p."""
+
+    def __post_init__(self) -> None:
+        """Check signature and numbers."""
+        super().__post_init__()
+        self._keep_function(self.function)
+
+    def _check_arguments(self, function: Callable[..., Any]) -> None:
+        check_arguments(function, ("time", "pose", "twist", "p", "out"))
+
+    def law(self) -> Callable[..., None]:
+        """The user's own."""
+        return self.function
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """The user's own."""
+        return np.array([*self.parameters, 0.0])

@@ -1,0 +1,937 @@
+"""From where the tool shall be to how the joints must move: inverse kinematics of the ideal robot.
+
+A controller knows nothing of clearance. The reference is therefore that of the ideal mechanism; how
+far the real tool misses it is what a simulation with clearance shows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    require_finite,
+    require_numbers,
+    within,
+)
+from jointplay.base.progress import ProgressBar
+from jointplay.model.closed_loops import (
+    ClosedLoops,
+    followed_mimics,
+    from_the_base,
+    mimic_row,
+)
+from jointplay.model.loop import assemble, closing_rows, openings
+from jointplay.model.mechanism import Mechanism, frame_index
+from jointplay.model.tree import Tree
+from jointplay.model.urdf import Mimic
+from jointplay.simulation.motion.reference import Motion, check_waypoints
+
+# The ideal arm, and how its joints must stand for its tool to be somewhere.
+
+
+ANGLE_ARM_M = 0.1
+"""What turns an angle of the tool into a length [m]: 1 rad counts as 0.1 m."""
+
+REACHED_M = 1e-11
+"""Error within which a waypoint counts as reached [m]."""
+
+NEARLY_M = 1e-6
+"""Error to which a search that ends in a singular configuration may have come [m]."""
+
+SINGULAR_M = 1e-4
+"""Singular values of the tool's Jacobian below this have lost their direction [m per rad or m]."""
+
+_DAMPING = (1e-7, 1e-2, 1e3)
+"""Smallest, first and largest damping of the search [m]."""
+
+_ITERATIONS = 300
+
+_FAR = 2.0
+"""Beyond so many times its reach (`Arm.reach`) nothing is searched; nearer, a search says how near
+the tool comes."""
+
+_STALLED, _STALLED_FALL = 20, 0.99
+"""Steps of a search (damping takes 17 of them from its smallest to its largest) in which the error
+must fall below this part of itself: where it does not, there is no solution to come to."""
+
+_LOST = 1e-8
+"""Singular values of the loops' Jacobian below this part of the largest are none."""
+
+SINGULAR = 1e-3
+"""Least motion of the driven joints in a motion of all joints of size 1, see `Arm.authority`."""
+
+_SAMPLES = 5
+"""Closed configurations in which freedoms are counted, beside the first."""
+
+_SAME = 1e-6
+"""Within which two configurations are the same [rad or m]."""
+
+_NEAR = 30
+"""Steps of a search for what is near."""
+
+_LEAST_SHARE = 1.0 / 256.0
+"""Of the way to a target, the least step in which it is approached."""
+
+_BOND_WEIGHT = 1e3
+"""Of what the joints must keep to, beside the tool that cannot be led where it shall be."""
+
+HALF_RANGE = math.pi
+"""Range of restarts about zero, for joints without limits [rad or m]."""
+
+
+class Target(NamedTuple):
+    """Where the frame shall be."""
+
+    position: np.ndarray
+    turn: np.ndarray | None = None
+    """Rotation matrix; None: any."""
+
+    def __str__(self) -> str:
+        """The place."""
+        x, y, z = self.position
+        return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a search ended."""
+
+    q: np.ndarray
+    error: np.ndarray
+    """Distance in world axes [m], the rotation vector that is left times `ANGLE_ARM_M`, and what
+    is left of what the joints must keep to (`Arm.bonds`)."""
+    reached: bool
+    """Whether the frame is there, and all loops are closed."""
+
+
+class Arm:
+    """The ideal mechanism, the frame that is led, and what its joints must keep to.
+
+    Loops must stay closed, and joints that mimic others follow them: the search has both as
+    residuals beside the tool's. What the mechanism can then still do are the columns of `freedoms`.
+
+    Args:
+        mechanism: its clearance and its gears' play are left out.
+        frame: name of the frame that is led; None takes the tool.
+        start: where the search for the first waypoint begins, by joint or coordinate.
+        driven: see `cartesian_motion`.
+
+    Attributes:
+        joints: those that the motion names.
+        at: their coordinates.
+        origin, reach: a fixed point, from which the frame is never farther away than this [m].
+        seed: where the search begins, with loops closed, shape (nq,).
+        mobility: number of independent freedoms.
+        rank: of the directions in which the tool can be led at all.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        frame: str | None,
+        start: Mapping[str, float],
+        driven: Sequence[str] | None,
+    ) -> None:
+        """Refuse robots that cannot be led by one frame."""
+        self.ideal = ideal = mechanism.ideal()
+        self.names = ideal.coordinates
+        balls = [name for name in ideal.joints if name not in ideal.coordinates]
+        if balls and not ideal.loops:
+            raise JointplayError(
+                f"a Cartesian motion cannot move the ball joint {balls[0]!r}, which has no drive"
+            )
+        if not ideal.joints:
+            raise JointplayError("a Cartesian motion needs moving joints, this robot has none")
+        self.model, self.data = ideal.model, ideal.data
+        self.frame = frame_index(self.model, ideal.tool if frame is None else frame)
+        self.low, self.high = np.full((2, len(self.names)), [[-np.inf], [np.inf]])
+        single = [name for name in ideal.joints if name in self.names]
+        at = [ideal.coordinate(name) for name in single]
+        self.low[at], self.high[at] = joint_limits(mechanism, single)
+        self.origin, self.reach = self._sphere()
+        self.mimics: dict[str, Mimic] = {}
+        self._weight = 1.0
+        self._within = REACHED_M
+        self.seed = self._seed(start)
+        if not ideal.loops and driven is not None:
+            raise JointplayError(
+                "driven joints can be chosen in closed loops only: this mechanism has none, all "
+                "its joints are driven",
+                where=("driven",),
+            )
+        self.mimics = followed_mimics(ideal, self.seed, () if ideal.loops else start)
+        if ideal.loops or self.mimics:
+            self.seed = self.search(self.seed, None).q
+        self.mobility = len(self.names)
+        self.mobility = min(self.freedoms(q).shape[1] for q in self._samples())
+        self.joints = ideal.joints
+        self.at = [ideal.coordinate(name) for name in ideal.joints if name in ideal.coordinates]
+        if ideal.loops:
+            self.joints = self._driven(driven)
+            self.at = [ideal.coordinate(name) for name in self.joints]
+        self.rank = 0
+
+    def _sphere(self) -> tuple[np.ndarray, float]:
+        """Centre (3,) and radius [m] of a sphere that the frame does not leave.
+
+        The lengths from joint to joint, whatever their angles, and the strokes of those that slide.
+        """
+        tree, frame = Tree(self.model), self.model.frames[self.frame]
+        (body,), (place,) = tree.frames([(frame.parentJoint, frame.placement)])
+        bodies, body, reach, link = tree.bodies, int(body), 0.0, place[9:]
+        while body:
+            reach += float(np.linalg.norm(link))
+            link = bodies.shifts[body]
+            if bodies.slides[body]:
+                reach += max(-self.low[body - 1], self.high[body - 1])
+            body = int(bodies.parents[body])
+        return link, reach
+
+    def _seed(self, start: Mapping[str, float]) -> np.ndarray:
+        """What was given, the rest at zero or the limit next to it, with loops closed."""
+        q = np.clip(np.zeros(len(self.names)), self.low, self.high)
+        for name, value in start.items():
+            if name not in self.names:
+                raise MissingName("moving joint", name, self.ideal.joints)
+            i = self.names.index(name)
+            q[i] = require_finite(f"start of joint {name!r}", value, "rad or m")
+            if not self.low[i] <= q[i] <= self.high[i]:
+                raise JointplayError(
+                    f"start of joint {name!r} at {q[i]:g} violates its limits "
+                    f"{self.low[i]:g} to {self.high[i]:g}"
+                )
+        if not self.ideal.loops:
+            return q
+        closed = self.search(q, None)
+        return closed.q if closed.reached else assemble(self.ideal, q, ())
+
+    def _samples(self) -> list[np.ndarray]:
+        """Configurations about the seed in which the loops are closed, the seed among them."""
+        random = np.random.default_rng(0)
+        return [self.seed, *(self.anywhere(random, 0.3) for _ in range(_SAMPLES))]
+
+    def _driven(self, given: Sequence[str] | None) -> tuple[str, ...]:
+        """The joints that the motion names, checked; None: the nearest to the base that suffice.
+
+        Raises:
+            JointplayError: they do not determine the others, or not independently.
+        """
+        ideal = self.ideal
+        bases = [self.freedoms(q) for q in self._samples()]
+
+        def rank(names: Sequence[str]) -> int:
+            at = [ideal.coordinate(name) for name in names]
+            return max(int(np.linalg.matrix_rank(base[at], _LOST)) for base in bases)
+
+        if given is None:
+            chosen: list[str] = []
+            for name in from_the_base(ideal):
+                if name not in self.mimics and rank([*chosen, name]) > len(chosen):
+                    chosen.append(name)
+        else:
+            chosen = list(dict.fromkeys(given))
+            for name in chosen:
+                if name not in ideal.joints or name not in ideal.coordinates:
+                    single = [one for one in ideal.joints if one in ideal.coordinates]
+                    raise MissingName("joint to drive", name, single, where=("driven",))
+        found = rank(chosen)
+        if found < len(chosen):
+            raise JointplayError(
+                f"the driven joints {', '.join(chosen)} do not move independently: the loops (and "
+                f"joints that mimic others) leave them {found} of {len(chosen)} freedoms; name "
+                f"{self.mobility}, such as {', '.join(self._driven(None))}",
+                where=("driven",),
+            )
+        if found < self.mobility:
+            base, at = bases[0], [ideal.coordinate(name) for name in chosen]
+            _, values, ways = np.linalg.svd(base[at])
+            left = np.abs(base @ ways[int((values > _LOST).sum()) :].T).max(axis=1)
+            loose = dict.fromkeys(
+                repr(name.joint) for name, size in zip(self.names, left, strict=True) if size > 1e-6
+            )
+            raise JointplayError(
+                f"nothing determines {', '.join(loose)}: of the mechanism's {self.mobility} "
+                f"freedoms the driven joints ({', '.join(chosen) or 'none'}) hold {found}; drive "
+                "more joints, or replace a ball joint that only lets a rod spin by two hinges",
+                where=("driven",),
+            )
+        return tuple(chosen)
+
+    def pose(self, q: np.ndarray) -> pin.SE3:
+        """Of the frame in the world."""
+        pin.forwardKinematics(self.model, self.data, q)
+        return pin.updateFramePlacement(self.model, self.data, self.frame)
+
+    def error(self, q: np.ndarray, target: Target | None) -> np.ndarray:
+        """As in `Found`; of the bonds only, without a target."""
+        parts = [self._open(q)]
+        if target is not None:
+            pose = self.pose(q)
+            if target.turn is not None:
+                parts.insert(0, ANGLE_ARM_M * pin.log3(target.turn @ pose.rotation.T))
+            parts.insert(0, target.position - pose.translation)
+        return np.concatenate(parts)
+
+    def _open(self, q: np.ndarray) -> np.ndarray:
+        """What is left of the bonds, the sign as in `error`."""
+        parts = [-openings(self.ideal, q) if self.ideal.loops else np.zeros(0)]
+        for name, mimic in self.mimics.items():
+            lead = q[self.names.index(mimic.leader)] if mimic.leader in self.names else 0.0
+            off = mimic.multiplier * lead + mimic.offset - q[self.names.index(name)]
+            parts.append(np.array([ANGLE_ARM_M * off]))
+        return self._weight * np.concatenate(parts)
+
+    def bonds(self, q: np.ndarray) -> np.ndarray:
+        """Rows that are zero times each velocity with which loops stay closed and mimics follow."""
+        rows = [np.zeros((0, self.model.nv))]
+        if self.ideal.loops:
+            rows.append(closing_rows(self.ideal, q))
+        rows += [ANGLE_ARM_M * mimic_row(self.ideal, *one)[None] for one in self.mimics.items()]
+        return self._weight * np.concatenate(rows)
+
+    def freedoms(self, q: np.ndarray) -> np.ndarray:
+        """Motions of all coordinates that the bonds allow, orthonormal, shape (nv, mobility)."""
+        rows = self.bonds(q)
+        if not len(rows):
+            return np.eye(self.model.nv)
+        _, values, right = np.linalg.svd(rows)
+        held = int(np.count_nonzero(values > _LOST * values.max(initial=ANGLE_ARM_M)))
+        return np.asarray(right[held:].T)
+
+    def jacobian(self, q: np.ndarray, turning: bool) -> np.ndarray:
+        """Of the frame, angles on an arm, shape (3 or 6, nv)."""
+        kind = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.frame, kind)
+        jacobian = jacobian.reshape(6, self.model.nv)
+        if not turning:
+            return jacobian[:3]
+        return np.concatenate([jacobian[:3], ANGLE_ARM_M * jacobian[3:]])
+
+    def led(self, q: np.ndarray, turning: bool) -> np.ndarray:
+        """Motion of the frame with each of `freedoms`, shape (3 or 6, mobility)."""
+        return self.jacobian(q, turning) @ self.freedoms(q)
+
+    def find_rank(self, turning: bool, random: np.random.Generator) -> None:
+        """How many directions the tool can be led in at all, somewhere.
+
+        If they are fewer than asked for, the others need to fit only as exactly as numbers in a
+        URDF do.
+        """
+        for _ in range(20):
+            values = np.linalg.svd(self.led(self.anywhere(random), turning), compute_uv=False)
+            self.rank = max(self.rank, int(np.sum(values > 10.0 * SINGULAR_M)))
+        self._within = NEARLY_M if self.rank < (6 if turning else 3) else REACHED_M
+
+    def anywhere(self, random: np.random.Generator, reach: float | None = None) -> np.ndarray:
+        """A random configuration within the limits, its loops closed.
+
+        Args:
+            random: what it is drawn from.
+            reach: at most so far from the seed before loops are closed [rad or m]; None: anywhere.
+        """
+        low = np.where(np.isfinite(self.low), self.low, -HALF_RANGE)
+        high = np.where(np.isfinite(self.high), self.high, HALF_RANGE)
+        if reach is not None:
+            low, high = np.maximum(low, self.seed - reach), np.minimum(high, self.seed + reach)
+        low = np.minimum(low, high)
+        if not (self.ideal.loops or self.mimics):
+            return random.uniform(low, high)
+        for _ in range(_RESTARTS):
+            found = self.search(random.uniform(low, high), None)
+            if found.reached:
+                return found.q
+        return self.seed
+
+    def manoeuvrability(self, q: np.ndarray, turning: bool) -> float:
+        """Smallest singular value of the directions in which the tool can be led at all [m]."""
+        values = np.linalg.svd(self.led(q, turning), compute_uv=False)
+        return float(values[self.rank - 1]) if self.rank else 0.0
+
+    def authority(self, q: np.ndarray) -> float:
+        """How much the driven joints move at least in a motion of all joints of size 1.
+
+        0 in a singular configuration of the second type (C. Gosselin, J. Angeles, IEEE
+        Transactions on Robotics and Automation 6 (1990) 281-290): the tool moves although they
+        stand.
+        """
+        base = self.freedoms(q)
+        if base.shape[1] > len(self.at):
+            return 0.0
+        return float(np.linalg.svd(base[self.at], compute_uv=False)[-1])
+
+    def attainable(self, turning: bool) -> str:
+        """In words, which components of the frame's pose the mechanism can lead."""
+        moves = [self.led(q, True) for q in self._samples()]
+        largest = np.max([np.abs(one).max(axis=1) for one in moves], axis=0)
+        able = [axis for axis, size in zip("xyz", largest[:3], strict=True) if size > SINGULAR_M]
+        turns = [axis for axis, size in zip("xyz", largest[3:], strict=True) if size > SINGULAR_M]
+        ranks = [
+            max(int(np.linalg.matrix_rank(one[:rows], SINGULAR_M)) for one in moves)
+            for rows in (3, 6)
+        ]
+        place = self.pose(self.seed)
+        words = [f"the tool can be led along {', '.join(able) or 'no axis'}"]
+        words += [
+            f"its {axis} stays {round(value, 9) + 0.0:.6g} m"
+            for axis, value in zip("xyz", place.translation, strict=True)
+            if axis not in able
+        ]
+        if turning and not turns:
+            roll, pitch, yaw = np.round(pin.rpy.matrixToRpy(place.rotation), 6) + 0.0
+            words.append(f"it does not turn (rpy stays {roll:.4g}, {pitch:.4g}, {yaw:.4g} rad)")
+        elif turning and ranks[1] == ranks[0]:
+            words.append("its orientation follows from its position: leave the orientation out")
+        elif turning:
+            words.append(f"it can be turned about {', '.join(turns)}")
+        if ranks[turning] < len(able) + (len(turns) if turning else 0):
+            words.append(f"{ranks[turning]} of these components are independent")
+        return "; ".join(words)
+
+    def search(
+        self,
+        seed: np.ndarray,
+        target: Target | None,
+        bounds: tuple[np.ndarray, np.ndarray] | None = None,
+        iterations: int = _ITERATIONS,
+    ) -> Found:
+        """Levenberg-Marquardt from `seed`; joints that come to their limits stay there.
+
+        Steps are of least norm, so that joints which need not move do not. Without a target only
+        the loops are closed.
+        """
+        low, high = (self.low, self.high) if bounds is None else bounds
+        q, damping = np.clip(seed, low, high), _DAMPING[1]
+        error = self.error(q, target)
+        before = np.inf
+        for k in range(iterations):
+            size = float(np.linalg.norm(error))
+            if size < 1e-3 * REACHED_M:
+                break
+            if k % _STALLED == 0:
+                if size > _STALLED_FALL * before:
+                    break
+                before = size
+            jacobian = self._all_rows(q, target)
+            free = np.ones(len(q), bool)
+            while True:  # without the joints that would leave their range
+                left, values, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
+                step = np.zeros(len(q))
+                step[free] = right.T @ (values / (values**2 + damping**2) * (left.T @ error))
+                out = ((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0))
+                if not out.any():
+                    break
+                free &= ~out
+            trial = np.clip(q + step, low, high)
+            if np.array_equal(trial, q):
+                break
+            left_over = self.error(trial, target)
+            if np.linalg.norm(left_over) < np.linalg.norm(error):
+                q, error, damping = trial, left_over, max(0.2 * damping, _DAMPING[0])
+            elif damping < _DAMPING[2]:
+                damping *= 4.0
+            else:
+                break
+        return self._found(q, error)
+
+    def _found(self, q: np.ndarray, error: np.ndarray) -> Found:
+        return Found(q, error, float(np.linalg.norm(error)) < self._within)
+
+    def _all_rows(self, q: np.ndarray, target: Target | None) -> np.ndarray:
+        """Jacobian of `error` without its sign."""
+        bonds = self.bonds(q)
+        if target is None:
+            return bonds
+        return np.concatenate([self.jacobian(q, target.turn is not None), bonds])
+
+    def approach(self, q: np.ndarray, target: Target) -> Found:
+        """The configuration that leads to `target` from q, where the loops are closed.
+
+        In loops the tool goes there in a straight line, in steps from which the next one is found
+        without a jump: far from q, loops close in several ways. It ends where the line leaves the
+        workspace. In open chains by one search.
+        """
+        if not self.ideal.loops:
+            return self.search(q, target)
+        pose = self.pose(q)
+        origin, turn = pose.translation.copy(), pose.rotation.copy()
+        way = target.position - origin
+        axis = np.zeros(3) if target.turn is None else pin.log3(turn.T @ target.turn)
+        part, share, found = 0.0, 1.0, self._found(q, self.error(q, target))
+        while part < 1.0 and share > _LEAST_SHARE:
+            ahead = min(part + share, 1.0)
+            rotation = None if target.turn is None else turn @ pin.exp3(ahead * axis)
+            goal = target if ahead == 1.0 else Target(origin + ahead * way, rotation)
+            trial = self.search(found.q, goal, iterations=_NEAR)
+            if trial.reached and np.abs(trial.q - found.q).max() < JUMP:
+                found, part, share = trial, ahead, 2.0 * share
+            else:
+                share *= 0.5
+        return self._found(found.q, self.error(found.q, target))
+
+    def short(self, found: Found, target: Target) -> Found:
+        """From where a search ended short of `target`, with the loops practically closed."""
+        self._weight = _BOND_WEIGHT
+        try:
+            return self.search(found.q, target)
+        finally:
+            self._weight = 1.0
+
+    def nearest(self, solution: Found, seed: np.ndarray, target: Target) -> Found:
+        """The solution nearest to `seed` that can be reached from `solution` without losing it."""
+        share, held = 1.0, len(self.names) - self.mobility + self.rank
+        for _ in range(_ITERATIONS):
+            _, _, right = np.linalg.svd(self._all_rows(solution.q, target), full_matrices=False)
+            away = seed - solution.q
+            step = away - right[:held].T @ (right[:held] @ away)
+            if np.linalg.norm(step) < 1e-9 or share < 1e-3:
+                break
+            trial = self.search(solution.q + share * step, target)
+            if trial.reached and np.linalg.norm(seed - trial.q) < np.linalg.norm(away):
+                solution = trial
+            else:
+                share *= 0.5
+        return solution
+
+
+def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper limits that the URDF sets, infinite where it sets none."""
+    entries = [mechanism.description.joints[name] for name in joints]
+    low = [-np.inf if entry.lower is None else entry.lower for entry in entries]
+    high = [np.inf if entry.upper is None else entry.upper for entry in entries]
+    return np.array(low), np.array(high)
+
+
+PATHS = ("joint", "line")
+
+SAMPLE_S = 5e-3
+"""Longest time between two inverse solutions on a line [s]."""
+
+SAMPLE_M = 2e-3
+"""Longest way of the tool between them [m]; an angle counts on an arm of `ANGLE_ARM_M`."""
+
+JUMP = 0.1
+"""A joint that moves farther than this while the tool moves by `SAMPLE_M` jumps [rad or m]."""
+
+_PATIENCE_S = 2.0
+"""What takes longer has a bar [s]."""
+
+_RESTARTS = 40
+
+
+@dataclass(frozen=True)
+class CartesianPath:
+    """Where joints must go so that the tool goes where it shall."""
+
+    motion: Motion
+    """Of all joints, in closed loops of the driven ones."""
+    start: Mapping[str, float]
+    """In closed loops, where the joints that follow must be at the start so that the mechanism is
+    assembled as the path has it; empty where the driven ones leave no doubt [rad or m]."""
+
+
+def cartesian_motion(
+    mechanism: Mechanism,
+    times: Sequence[float] | np.ndarray,
+    positions: Sequence[Sequence[float]] | np.ndarray,
+    orientations: Sequence[Sequence[float]] | np.ndarray | None = None,
+    *,
+    frame: str | None = None,
+    path: str = "joint",
+    start: Mapping[str, float] | None = None,
+    driven: Sequence[str] | None = None,
+) -> Motion:
+    """The motion of `cartesian_path`, which has the arguments.
+
+    In closed loops give the run the path's `start`, too, as its state: loops can close in several
+    ways.
+    """
+    return cartesian_path(
+        mechanism,
+        times,
+        positions,
+        orientations,
+        frame=frame,
+        path=path,
+        start=start,
+        driven=driven,
+    ).motion
+
+
+def cartesian_path(
+    mechanism: Mechanism,
+    times: Sequence[float] | np.ndarray,
+    positions: Sequence[Sequence[float]] | np.ndarray,
+    orientations: Sequence[Sequence[float]] | np.ndarray | None = None,
+    *,
+    frame: str | None = None,
+    path: str = "joint",
+    start: Mapping[str, float] | None = None,
+    driven: Sequence[str] | None = None,
+) -> CartesianPath:
+    """Reference motion that leads the tool of the ideal mechanism through waypoints.
+
+    Each waypoint is solved from the one before, so that the robot keeps its branch (elbow, wrist,
+    the way in which its loops are assembled); within the joint limits of the URDF. Where the
+    waypoints leave joints free to choose - more joints than commanded directions - the
+    configuration nearest to the one before is taken, 1 m counting as 1 rad. The method is that of
+    Levenberg and Marquardt on the frame's Jacobian (K. Levenberg, Quarterly of Applied Mathematics
+    2 (1944) 164-168); closed loops, and joints that mimic others, are further residuals of it.
+
+    Args:
+        mechanism: its clearance and its gears' play are left out.
+        times: of the waypoints, increasing, shape (n,), n >= 2 [s].
+        positions: of the frame's origin in world axes, shape (n, 3) [m].
+        orientations: roll, pitch, yaw of the frame in world axes as in URDF, shape (n, 3) [rad];
+            None leaves the orientation free.
+        frame: name of the frame that is led; None takes the mechanism's tool.
+        path: ``joint`` moves the joints by rest-to-rest quintics between the waypoints; ``line``
+            moves the frame on straight lines, resting at each waypoint, by the same quintic law in
+            time, while its orientation turns about a fixed axis, the shorter way round. A line is
+            solved at least every `SAMPLE_S` and `SAMPLE_M`, with quintic splines between.
+        start: where the search for the first waypoint begins, by joint [rad or m]; what is not
+            named begins at zero, or at the limit nearest to it. It selects the branch.
+        driven: in closed loops the joints that have a drive, as many as the mechanism has freedoms;
+            None: those nearest to the base.
+
+    Returns:
+        A motion of all joints of an open `mechanism`, or of the driven ones, and where the others
+        begin.
+
+    Raises:
+        JointplayError: wrong shapes or numbers; a waypoint out of reach, or within reach only
+            beyond joint limits or in another branch; a singular configuration, in which the frame
+            cannot be led in all directions in which it can elsewhere, or in which it can move
+            although the driven joints stand; a line on which a joint would jump; joints between
+            waypoints that lead the loops elsewhere; driven joints that do not determine the others;
+            a ball joint in an open chain.
+    """
+    if path not in PATHS:
+        raise MissingName("path", path, PATHS)
+    moments, targets = _waypoints(times, positions, orientations)
+    arm = Arm(mechanism, frame, start or {}, driven)
+    random = np.random.default_rng(0)
+    arm.find_rank(orientations is not None, random)
+    for i, target in enumerate(targets):
+        with within("positions", i):
+            _require_near(arm, target, f"waypoint {i + 1}")
+    counts = [1] * len(targets)
+    if path == "line":
+        counts[1:] = [_samples(*pair) for pair in pairwise(zip(moments, targets, strict=True))]
+    with ProgressBar(
+        total=sum(counts), desc="inverse kinematics", unit="pose", delay=_PATIENCE_S, leave=False
+    ) as bar:
+        with within("positions", 0):
+            q = _solve(arm, arm.seed, targets[0], "waypoint 1", random, first=True)
+        bar.update()
+        solved = [(float(moments[0]), q)]
+        for i in range(1, len(targets)):
+            with within("positions", i):
+                if path == "line":
+                    ends = moments[i - 1 : i + 1], targets[i - 1 : i + 1]
+                    for node in _line(arm, q, *ends, counts[i], i + 1, random):
+                        solved.append(node)
+                        bar.update()
+                else:
+                    ahead = _solve(arm, q, targets[i], f"waypoint {i + 1}", random)
+                    _check_way(arm, q, ahead, targets[i], i + 1)
+                    solved.append((float(moments[i]), ahead))
+                    bar.update()
+            q = solved[-1][1]
+    interpolation = "spline" if path == "line" else "rest-to-rest"
+    nodes, configurations = zip(*solved, strict=True)
+    table = np.array(configurations)[:, arm.at]
+    given = moments if path == "line" else None
+    motion = Motion(arm.joints, np.array(nodes), table, interpolation, given)
+    return CartesianPath(motion, _followers_at(arm, solved[0][1]))
+
+
+def reachable(
+    mechanism: Mechanism,
+    positions: Sequence[Sequence[float]] | np.ndarray,
+    orientations: Sequence[Sequence[float]] | np.ndarray | None = None,
+    *,
+    frame: str | None = None,
+    start: Mapping[str, float] | None = None,
+    driven: Sequence[str] | None = None,
+    progress: bool = False,
+) -> np.ndarray:
+    """Which poses the ideal mechanism's tool can have: its workspace, point by point.
+
+    Within the joint limits of the URDF, and without a singular configuration. Each pose is sought
+    from the nearest one before that was reached, so that a mechanism with loops keeps its way of
+    being assembled; give them in an order in which neighbours follow each other. The arguments are
+    those of `cartesian_path`; `progress` shows a bar.
+
+    Returns:
+        For each pose, whether it can be reached, shape (n,).
+
+    Raises:
+        JointplayError: wrong shapes or numbers; a mechanism whose tool cannot be led at all.
+    """
+    _, targets = _waypoints(np.arange(len(positions), dtype=float), positions, orientations)
+    arm = Arm(mechanism, frame, start or {}, driven)
+    random = np.random.default_rng(0)
+    arm.find_rank(orientations is not None, random)
+    able = np.zeros(len(targets), bool)
+    seeds, places = [arm.seed], [arm.pose(arm.seed).translation.copy()]
+    shown = ProgressBar(targets, "poses", delay=1.0, leave=False) if progress else targets
+    for i, target in enumerate(shown):
+        away = np.linalg.norm(np.array(places) - target.position, axis=1)
+        with suppress(JointplayError):
+            _require_near(arm, target, "")
+            found = arm.approach(seeds[int(away.argmin())], target)
+            if found.reached:
+                _require_regular(arm, found.q, target, "")
+                able[i] = True
+                seeds.append(found.q)
+                places.append(target.position)
+    return able
+
+
+def _followers_at(arm: Arm, q: np.ndarray) -> dict[str, float]:
+    """Positions of the joints that are not driven, unless the driven ones lead to them anyway."""
+    if not arm.ideal.loops:
+        return {}
+    begin = np.zeros_like(q)
+    begin[arm.at] = q[arm.at]
+    with suppress(JointplayError):
+        if np.abs(assemble(arm.ideal, begin, arm.at) - q).max() < _SAME:
+            return {}
+    return {
+        name: float(q[arm.names.index(name)])
+        for name in arm.ideal.joints
+        if name in arm.names and name not in arm.joints and name not in arm.mimics
+    }
+
+
+def _check_way(arm: Arm, q: np.ndarray, ahead: np.ndarray, target: Target, number: int) -> None:
+    """Refuse driven joints that, led from q to waypoint `number`, take the loops elsewhere."""
+    if not arm.ideal.loops:
+        return
+    stand = [*arm.at, *(arm.names.index(name) for name in arm.mimics)]
+    trial = q.copy()
+    trial[stand] = ahead[stand]
+    standing = [arm.names[i] for i in stand]
+    (there,), (good,) = ClosedLoops(arm.ideal, q, standing).close_all(trial[None], begin=q)
+    if not good or np.abs(there - ahead).max() > _SAME:
+        raise JointplayError(
+            f"on the way to waypoint {number} at {target} the driven joints "
+            f"({', '.join(arm.joints)}), moved in step, pass a singular configuration (type 2) or "
+            "leave the workspace, so that the loops would not arrive as the waypoint needs them; "
+            'add waypoints between, or take path = "line"'
+        )
+
+
+def _waypoints(
+    times: Sequence[float] | np.ndarray,
+    positions: Sequence[Sequence[float]] | np.ndarray,
+    orientations: Sequence[Sequence[float]] | np.ndarray | None,
+) -> tuple[np.ndarray, list[Target]]:
+    """Checked times (n,), and where the frame shall be at each."""
+    given = {"times": times, "positions": positions}
+    if orientations is not None:
+        given["orientations"] = orientations
+    checked = {name: require_numbers(name, values) for name, values in given.items()}
+    moments = checked["times"]
+    if moments.ndim != 1 or len(moments) < 2:
+        raise JointplayError(
+            f"a Cartesian motion needs at least 2 times, got the shape {moments.shape}"
+        )
+    for name in list(checked)[1:]:
+        if checked[name].shape != (len(moments), 3):
+            raise JointplayError(
+                f"{name} must have the shape (times, 3) = ({len(moments)}, 3), "
+                f"got {checked[name].shape}"
+            )
+    check_waypoints(checked)
+    turns: list[np.ndarray | None] = [None] * len(moments)
+    if orientations is not None:
+        turns = [pin.rpy.rpyToMatrix(*angles) for angles in checked["orientations"]]
+    return moments, [Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
+
+
+def _require_near(arm: Arm, target: Target, what: str) -> None:
+    """Refuse what is far beyond all lengths of the mechanism, before anything is searched."""
+    away = float(np.linalg.norm(target.position - arm.origin))
+    if away > _FAR * arm.reach + NEARLY_M:
+        raise JointplayError(
+            f"{what} at {target} is out of reach: the tool comes no nearer to it than "
+            f"{away - arm.reach:.4g} m, for it is {away:.4g} m from the first joint and the "
+            f"lengths from joint to joint make {arm.reach:.4g} m; positions are in m"
+        )
+
+
+def _solve(
+    arm: Arm,
+    seed: np.ndarray,
+    target: Target,
+    what: str,
+    random: np.random.Generator,
+    first: bool = False,
+) -> np.ndarray:
+    """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
+    solution = arm.approach(seed, target)
+    if not solution.reached and arm.ideal.loops:
+        solution = arm.search(seed, target)
+    if not solution.reached:
+        solution = _otherwise(arm, solution, seed, target, what, random, first)
+    if arm.mobility > arm.rank:
+        solution = arm.nearest(solution, seed, target)
+    _require_regular(arm, solution.q, target, what)
+    return solution.q
+
+
+def _require_regular(arm: Arm, q: np.ndarray, target: Target, what: str) -> None:
+    """Raise in a singular configuration; `what` names it."""
+    smallest = arm.manoeuvrability(q, target.turn is not None)
+    if smallest < SINGULAR_M:
+        raise JointplayError(_singular(arm, what, target, smallest))
+    if not arm.ideal.loops:
+        return
+    authority = arm.authority(q)
+    if authority < SINGULAR:
+        raise JointplayError(
+            f"{what} at {target} is singular (type 2): the mechanism can move there although the "
+            f"driven joints ({', '.join(arm.joints)}) stand; they move {authority:.2g} in a motion "
+            f"of all joints of size 1, at least {SINGULAR:g} is needed"
+        )
+
+
+def _otherwise(
+    arm: Arm,
+    attempt: Found,
+    seed: np.ndarray,
+    target: Target,
+    what: str,
+    random: np.random.Generator,
+    first: bool,
+) -> Found:
+    """Another solution for the first waypoint, else the reason why there is none."""
+    restarts: Iterable[int] = ProgressBar(
+        range(_RESTARTS),
+        f"looking for {what}",
+        unit="try",
+        delay=_PATIENCE_S,
+        leave=False,
+        position=0,
+    )
+    tries = [arm.search(arm.anywhere(random), target) for _ in restarts]
+    others = [one for one in tries if one.reached]
+    other = min(others, key=lambda one: float(np.linalg.norm(one.q - seed)), default=None)
+    remedy = ""
+    if other is not None:
+        if first:
+            return other
+        values = ", ".join(
+            f"{name} = {other.q[arm.names.index(name)]:.4g}"
+            for name in arm.ideal.joints
+            if name in arm.names
+        )
+        remedy = f"; another branch reaches it, such as {values}: choose it by start"
+    endless = np.full(len(seed), np.inf)
+    beyond = arm.search(seed, target, (-endless, endless))
+    if beyond.reached:
+        i = int(np.argmax(np.maximum(arm.low - beyond.q, beyond.q - arm.high)))
+        raise JointplayError(
+            f"{what} at {target} violates the limits of joint {arm.names[i]!r}: it would have to "
+            f"be at {beyond.q[i]:.4g}, allowed is {arm.low[i]:g} to {arm.high[i]:g}{remedy}"
+        )
+    if remedy:
+        raise JointplayError(
+            f"{what} at {target} cannot be reached from the waypoint before{remedy}"
+        )
+    best = min([attempt, *tries], key=lambda one: float(np.linalg.norm(one.error)))
+    smallest = arm.manoeuvrability(best.q, target.turn is not None)
+    if np.linalg.norm(best.error) < NEARLY_M and smallest < SINGULAR_M:
+        raise JointplayError(_singular(arm, what, target, smallest))
+    turning = target.turn is not None
+    best = arm.short(best, target)
+    distance = np.linalg.norm(best.error[:3])
+    angle = np.linalg.norm(best.error[3:6]) / ANGLE_ARM_M if turning else 0.0
+    able = f": {arm.attainable(turning)}" if arm.rank < (6 if turning else 3) else ""
+    raise JointplayError(
+        f"{what} at {target} is out of reach: {distance:.4g} m and {angle:.4g} rad remain; "
+        f"{'move it closer' if distance > NEARLY_M else 'turn it less'}{able}"
+    )
+
+
+def _way(begin: Target, end: Target) -> tuple[np.ndarray, np.ndarray]:
+    """From one target to the next: way [m] and rotation vector [rad]."""
+    axis = np.zeros(3)
+    if begin.turn is not None and end.turn is not None:
+        axis = pin.log3(begin.turn.T @ end.turn)
+    return end.position - begin.position, axis
+
+
+def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
+    """Configurations that are solved on the line between two targets at their times."""
+    way, axis = _way(first[1], last[1])
+    size = float(np.linalg.norm([*way, *(ANGLE_ARM_M * axis)]))
+    # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
+    most = max((last[0] - first[0]) / SAMPLE_S, 15.0 / 8.0 * size / SAMPLE_M)
+    return max(math.ceil(most), 10)
+
+
+def _line(
+    arm: Arm,
+    q: np.ndarray,
+    times: np.ndarray,
+    targets: Sequence[Target],
+    count: int,
+    number: int,
+    random: np.random.Generator,
+) -> Iterator[tuple[float, np.ndarray]]:
+    """`count` times and configurations on the line to waypoint `number`."""
+    begin, before = targets[0]
+    base = arm.freedoms(q)
+    way, axis = _way(*targets)
+    span = float(times[1] - times[0])
+    for k in range(1, count + 1):
+        part, what = k / count, f"the line to waypoint {number}"
+        law = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        turn = None if before is None else before @ pin.exp3(law * axis)
+        time, target = times[0] + part * span, Target(begin + law * way, turn)
+        if k == count:
+            time, target, what = times[1], targets[1], f"waypoint {number}"
+        try:
+            ahead = _solve(arm, q, target, what, random)
+        except JointplayError:
+            _solve(arm, q, targets[1], f"waypoint {number}", random, first=True)
+            raise
+        moved = np.abs(ahead - q)
+        if moved.max() > JUMP:
+            i = int(np.argmax(moved))
+            raise JointplayError(
+                f"on the line to waypoint {number}, near {target}, joint {arm.names[i]!r} would "
+                f"jump by {moved[i]:.3g}, to another branch or past a singular configuration; "
+                "choose another branch by start, or another way"
+            )
+        if arm.ideal.loops:
+            now = arm.freedoms(ahead)
+            if np.linalg.det(now[arm.at] @ (now.T @ base)) * np.linalg.det(base[arm.at]) <= 0.0:
+                raise JointplayError(
+                    f"on the line to waypoint {number}, near {target}, the mechanism passes a "
+                    "singular configuration (type 2), in which it can move although the driven "
+                    f"joints ({', '.join(arm.joints)}) stand; choose another way"
+                )
+            base = now
+        q = ahead
+        yield float(time), q
+
+
+def _singular(arm: Arm, what: str, target: Target, smallest: float) -> str:
+    kind = " (type 1)" if arm.ideal.loops else ""
+    return (
+        f"{what} at {target} is singular{kind}: the tool cannot be led in every direction there "
+        f"(smallest singular value {smallest:.2g} m, at least {SINGULAR_M:g} m is needed)"
+    )

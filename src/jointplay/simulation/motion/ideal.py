@@ -1,0 +1,331 @@
+"""The ideal mechanism along a reference motion: what a computed-torque drive knows of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError
+from jointplay.base.progress import ProgressBar
+from jointplay.model.free_base import ANGLES, rotation
+from jointplay.model.loop import assemble, closing_rows, follow
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.motion.reference import Motion
+
+LOOP_NODE_S = 1e-3
+"""Interval at which loops are closed along the motion; between, a quintic spline [s]."""
+
+_SPLINE_MARGIN = 60
+"""Nodes beyond the times that are asked for: a spline forgets its end by 0.43 a node or faster."""
+
+_BLOCKS_BEHIND = 3
+"""Ends of calls of `efforts` whose closed loops are remembered."""
+
+_PORTION = 20_000
+"""Times at which a tree's motion is held in memory at once."""
+
+_BASE = slice(0, 6)
+"""The coordinates of a free base."""
+
+_KEPT = 2
+_RECENT: dict[tuple[object, ...], tuple[pin.Model, np.ndarray]] = {}
+"""Efforts of the last motions along trees, with the model that was moved."""
+
+_PATIENCE_S = 1.0
+"""What takes longer has a bar [s]."""
+
+
+class IdealMotion:
+    """Inverse dynamics of the ideal mechanism along `motion`.
+
+    In a tree, joints that are not driven stand where they start. In a mechanism with loops they
+    follow; their inertia and weight appear at the driven joints. With q' = G q_driven' the loops'
+    constraint forces do no work, and tau_driven = G^T rnea(q, q', q''); Nikravesh, Computer-Aided
+    Analysis of Mechanical Systems, 1988, calls it the joint coordinate method.
+
+    A free base moves as the momentum of the whole demands, which nothing but gravity changes here:
+    from q'' of the joints its six equations give its acceleration, and that the efforts, by partial
+    feedback linearisation (M. W. Spong, IROS 1994, 314-321). Wrenches on it are unknown to the
+    drives, as all loads are.
+
+    Args:
+        mechanism: with its clearance, which is left out.
+        motion: reference of the driven joints.
+        driven: names of the joints that follow it.
+        end: last time that will be asked for [s].
+        start: configuration of `mechanism` at the start, shape (nq,).
+        speed: velocities of `mechanism` at the start, shape (nv,); None: a free base is at rest.
+
+    Attributes:
+        inertia: what each driven joint carries at the start, shape (driven,) [kg m^2 or kg]; with a
+            free base, what is left of it where the base gives way.
+
+    Raises:
+        JointplayError: loops that cannot be closed at the start, or a configuration in which the
+            driven joints do not determine the others.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        motion: Motion,
+        driven: Sequence[str],
+        end: float,
+        start: np.ndarray,
+        speed: np.ndarray | None = None,
+    ) -> None:
+        """Assemble the ideal mechanism at the start of the motion."""
+        self._ideal = ideal = mechanism.ideal()
+        self._motion = motion
+        self._order = [motion.joints.index(name) for name in driven]
+        self._at = [ideal.coordinate(name) for name in driven]
+        self._base = _ideal_configuration(mechanism, ideal, start)
+        self._end = max(end, LOOP_NODE_S)
+        self._nodes = max(round(self._end / LOOP_NODE_S), 6) + 1
+        self._closed: dict[int, np.ndarray] = {}
+        """Configurations from which loops are closed further on, by node."""
+        q = self._base.copy()
+        q[self._at] = motion(np.zeros(1))[0][0, self._order]
+        if ideal.loops:
+            self._closed[0] = q = assemble(ideal, q, self._at)
+        mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, ideal.model.nv)
+        self.inertia = mass.diagonal()[self._at]
+        if ideal.loops:
+            mass = np.triu(mass) + np.triu(mass, 1).T
+            first = driven_map(ideal, q, self._at)
+            self.inertia = np.einsum("vd,vw,wd->d", first, mass, first)
+        self._momentum = np.zeros(3)
+        """Angular momentum about the centre of mass, axes of the base at the start [kg m^2/s]."""
+        if ideal.free_base is not None:
+            first = (
+                np.zeros_like(q) if speed is None else _ideal_configuration(mechanism, ideal, speed)
+            )
+            self._free_base(q, mass, first)
+
+    def _free_base(self, q: np.ndarray, mass: np.ndarray, speed: np.ndarray) -> None:
+        """Take what a base that gives way leaves of inertias, and the momentum at the start."""
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        moved = mass[_BASE, self._at]
+        self.inertia = self.inertia - np.einsum(
+            "bd,bd->d", moved, np.linalg.solve(mass[_BASE, _BASE], moved)
+        )
+        data = self._ideal.data
+        pin.ccrba(self._ideal.model, data, q, speed)
+        self._momentum = rotation(q[ANGLES]).T @ data.hg.angular
+        self._base[_BASE] = 0.0
+
+    def efforts(self, times: np.ndarray, progress: bool = False) -> np.ndarray:
+        """Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N].
+
+        Args:
+            times: at equal intervals, shape (n,) [s]; those of a mechanism with loops go on where
+                the last ones ended, or begin at 0.
+            progress: show a bar on standard error if it takes longer than `_PATIENCE_S`.
+
+        Raises:
+            JointplayError: loops that cannot be closed along the motion.
+        """
+        if self._ideal.loops:
+            return self._with_loops(times, progress)
+        # A run, its ideal twin, those that state its errors, and the same machine with other
+        # clearances all ask for the same.
+        key = (
+            *(self._motion.joints, self._motion.times.tobytes(), self._motion.positions.tobytes()),
+            *(self._motion.interpolation, tuple(self._at), tuple(self._order)),
+            *(self._base.tobytes(), times[0], times[-1], len(times)),
+            self._momentum.tobytes(),
+        )
+        if key in _RECENT and _RECENT[key][0] == self._ideal.model:
+            return _RECENT[key][1].copy()
+        free = self._ideal.free_base is not None
+        effort = (self._with_free_base if free else self._of_tree)(times, progress)
+        while len(_RECENT) >= _KEPT:
+            _RECENT.pop(next(iter(_RECENT)), None)
+        _RECENT[key] = self._ideal.model, effort.copy()
+        return effort
+
+    def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By inverse dynamics at each of the times."""
+        model, data, at = self._ideal.model, self._ideal.data, self._at
+        effort = np.empty((len(times), len(at)))
+        for first in _shown(range(0, len(times), _PORTION), progress):
+            portion = times[first : first + _PORTION]
+            q, v, a = (np.zeros((len(portion), model.nv)) for _ in range(3))
+            q[:] = self._base
+            q[:, at], v[:, at], a[:, at] = (
+                values[:, self._order] for values in self._motion(portion)
+            )
+            for i, state in enumerate(zip(q, v, a, strict=True), first):
+                effort[i] = pin.rnea(model, data, *state)[at]
+        return effort
+
+    def memory(self) -> dict[str, list[float]]:
+        """Configurations from which loops are closed further on, for a checkpoint."""
+        return {str(node): q.tolist() for node, q in self._closed.items()}
+
+    def recall(self, memory: Mapping[str, Sequence[float]]) -> None:
+        """Go on as the one that had this memory."""
+        self._closed = {int(node): np.array(q, float) for node, q in memory.items()}
+
+    def _with_free_base(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By the motion of the base that keeps the angular momentum of the whole.
+
+        Efforts within do not depend on where the base is, how it is turned, or how fast all moves
+        along and falls together: at each instant the base stands at its origin, and only turns.
+        """
+        model, data, at = self._ideal.model, self._ideal.data, self._at
+        effort = np.empty((len(times), len(at)))
+        turn = self._turned_until(times)
+        for i in _shown(range(len(times)), progress):
+            q, v, a = self._free_state(times[i], turn)
+            lacking = pin.rnea(model, data, q, v, a)[_BASE].copy()
+            mass = pin.crba(model, data, q).reshape(model.nv, model.nv)[_BASE, _BASE]
+            a[_BASE] = -np.linalg.solve(np.triu(mass) + np.triu(mass, 1).T, lacking)
+            effort[i] = pin.rnea(model, data, q, v, a)[at]
+            turn = self._turned(times[i], times[1] - times[0], turn)
+        return effort
+
+    def _turned_until(self, times: np.ndarray) -> np.ndarray:
+        """Orientation of the base at the first of the times, from where it began, (3, 3)."""
+        turn, span = np.eye(3), times[1] - times[0]
+        if self._momentum.any():
+            for i in range(round(times[0] / span)):
+                turn = self._turned(i * span, span, turn)
+        return turn
+
+    def _turned(self, time: float, span: float, turn: np.ndarray) -> np.ndarray:
+        """Orientation of the base `span` after a time, by Heun's method."""
+        if not self._momentum.any():
+            return turn
+        now = self._free_state(time, turn)[1][ANGLES][::-1]
+        later = self._free_state(time + span, turn @ pin.exp3(span * now))[1][ANGLES][::-1]
+        turned: np.ndarray = turn @ pin.exp3(0.5 * span * (now + later))
+        return turned
+
+    def _free_state(
+        self, time: float, turn: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Configuration, velocities, and the joints' accelerations; the base at its origin."""
+        q, v, a = self._base.copy(), np.zeros(len(self._base)), np.zeros(len(self._base))
+        q[self._at], v[self._at], a[self._at] = (
+            values[0, self._order] for values in self._motion(np.array([time]))
+        )
+        v[_BASE] = self._base_speed(q, v, turn)
+        return q, v, a
+
+    def _base_speed(self, q: np.ndarray, v: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Velocity of a base at its origin with which the whole has its momentum, shape (6,)."""
+        model, data = self._ideal.model, self._ideal.data
+        pin.ccrba(model, data, q, v)
+        lacking = np.concatenate([-data.hg.linear, turn.T @ self._momentum - data.hg.angular])
+        speed: np.ndarray = np.linalg.solve(data.Ag[:, _BASE], lacking)
+        return speed
+
+    def _with_loops(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By splines through nodes at which the loops are closed.
+
+        Nodes beyond both ends of `times` hide that splines are bound to end somewhere: what they do
+        there has fallen to rounding after `_SPLINE_MARGIN` of them.
+        """
+        ideal, motion, at = self._ideal, self._motion, self._at
+        interval = self._end / (self._nodes - 1)
+        low = max(math.floor(times[0] / interval) - _SPLINE_MARGIN, 0)
+        high = min(math.ceil(times[-1] / interval) + _SPLINE_MARGIN, self._nodes - 1)
+        further = math.floor(times[-1] / interval) - _SPLINE_MARGIN
+        begin = max(node for node in self._closed if node <= low)
+        way = np.arange(begin, high + 1) * interval
+        if high == self._nodes - 1:
+            way[-1] = self._end
+        nodes, places = way[low - begin :], motion(way)[0][:, self._order]
+        q = np.empty((len(nodes), ideal.model.nq))
+        maps = np.empty((len(nodes), ideal.model.nv, len(at)))
+        guess = self._closed[begin]
+        last = driven_map(ideal, guess, at)
+        for i in _shown(range(begin, high + 1), progress):
+            if i > begin:
+                place = places[i - begin]
+                guess = guess + last @ (place - guess[at])
+                guess[at] = place
+                guess = follow(ideal, guess, at)
+                last = driven_map(ideal, guess, at)
+            if i == further:
+                self._closed[i] = guess.copy()
+                for old in sorted(self._closed)[1:-_BLOCKS_BEHIND]:
+                    del self._closed[old]
+            if i >= low:
+                q[i - low], maps[i - low] = guess, last
+        from scipy.interpolate import make_interp_spline  # takes long to import
+
+        curve = make_interp_spline(nodes, q, k=5)
+        states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))
+        model, data = ideal.model, ideal.data
+        full = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
+        effort = np.einsum("nvd,nv->nd", maps, full)
+        efforts: np.ndarray = make_interp_spline(nodes, effort, k=3)(np.minimum(times, self._end))
+        return efforts
+
+
+def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
+    """`things`, with a bar of how many have been taken if that takes long."""
+    if not progress:
+        return things  # and nothing of ProgressBar: see `simulation.progress`
+    bar: Iterable[int] = ProgressBar(
+        things,
+        "tabulating the motion",
+        delay=_PATIENCE_S,
+        leave=False,
+        bar_format="{desc} {percentage:3.0f}%|{bar}| {remaining} left",
+    )
+    return bar
+
+
+def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Configuration of the ideal mechanism whose joints stand as those of `mechanism` do."""
+    names = mechanism.coordinates
+    places = [
+        names.index(one) if one in names else mechanism.coordinate(one.joint)
+        for one in ideal.coordinates
+    ]
+    return q[np.array(places, int)]
+
+
+def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.ndarray:
+    """Velocities of all coordinates per velocity of the driven ones, shape (nv, driven).
+
+    Raises:
+        JointplayError: the driven coordinates do not determine the others (a singular
+            configuration, or too few drives).
+    """
+    rows = closing_rows(mechanism, q)
+    rest = np.setdiff1d(np.arange(mechanism.model.nv), at)
+    block = rows[:, rest]
+    _, values, ways = np.linalg.svd(block)
+    held = int(np.count_nonzero(values >= 1e-8 * values.max(initial=0.0)))
+    if held < len(rest):
+        sizes = np.abs(ways[held:]).max(axis=0)
+        names, driven = (
+            ", ".join(dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in some))
+            for some in (rest[sizes > 1e-6], at)
+        )
+        outside = dict.fromkeys(
+            repr(mechanism.coordinates[i].joint) for i in rest if np.abs(rows[:, i]).max() < 1e-9
+        )
+        if outside:
+            raise JointplayError(
+                f"nothing determines {', '.join(outside)}: no loop leads it, and the motion of "
+                f"{driven or 'no joint'} does not name it; name it there, or choose another drive "
+                "than computed-torque"
+            )
+        raise JointplayError(
+            f"the driven joints ({driven or 'none'}) do not determine these of the loops' other "
+            f"joints: {names} (too few driven joints, or a singular configuration); drive one of "
+            "them, too, or begin in another configuration"
+        )
+    ratios = np.zeros((mechanism.model.nv, len(at)))
+    ratios[at, np.arange(len(at))] = 1.0
+    if len(rest):  # none: a door on two hinges
+        ratios[rest] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
+    return ratios

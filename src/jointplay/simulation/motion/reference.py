@@ -1,0 +1,300 @@
+"""Reference motions in joint space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base import files
+from jointplay.base.errors import (
+    JointplayError,
+    MissingName,
+    require_a,
+    require_increasing,
+    require_numbers,
+    require_positive,
+)
+from jointplay.base.schema import Described, quantity
+from jointplay.base.tables import few
+from jointplay.base.units import plain_number
+
+INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
+
+GOES_ON = INTERPOLATIONS[2:]
+"""Those that do not stand still after the last waypoint."""
+
+
+def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
+    """Raise unless all values of all waypoints are finite and their "times" increase.
+
+    Args:
+        values: by name, a row to each waypoint.
+    """
+    for name, rows in values.items():
+        bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
+        if bad.size:
+            raise JointplayError(
+                f"{name} must be finite; waypoint {bad[0] + 1} is not", (name, int(bad[0]))
+            )
+    require_increasing("waypoint times", values["times"].tolist(), "s", ("times",))
+
+
+@dataclass(frozen=True)
+class WrittenMotion:
+    """A motion as files have it."""
+
+    joints: tuple[str, ...]
+    times: list[float] = quantity("s")
+    positions: list[list[float]] = quantity("rad", "m")
+    interpolation: str = INTERPOLATIONS[0]
+    given: list[float] | None = quantity("s", default=None)
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Motion(Described):
+    """Joint positions through waypoints. Equal motions have the same waypoints.
+
+    Raises:
+        JointplayError: wrong shapes, non-finite numbers, times that do not increase, speeds that
+            are not constant.
+    """
+
+    written = WrittenMotion
+
+    joints: tuple[str, ...]
+    """Names of the joints, one for each column of `positions`."""
+    times: np.ndarray
+    """Times of the points that the curve goes through, increasing, shape (n,), n >= 2 [s]."""
+    positions: np.ndarray
+    """Joint positions at them, shape (n, joints) [rad, or m for prismatic joints]."""
+    interpolation: str
+    """How joints move between waypoints.
+
+    ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity and acceleration
+    at both ends; ``spline`` passes through them without stopping (quintic spline, at rest at both
+    ends; for densely recorded motions); ``constant-speed`` moves at the speed that joins the
+    waypoints, which must be the same between all of them, and goes on with it after the last (a
+    crank); ``speed-ramps`` begins at the speed that joins the first two waypoints and changes it
+    evenly on the way to each of the others, without a jump; it goes on with its last speed (a crank
+    that is run up).
+    """
+    given: np.ndarray | None
+    """Times of the waypoints where the other points were computed, as on a line of the tool, from
+    the first point to the last, increasing, shape (m,), m >= 2 [s]; None: all are waypoints."""
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        times: Sequence[float] | np.ndarray,
+        positions: Sequence[Sequence[float]] | np.ndarray,
+        interpolation: str = INTERPOLATIONS[0],
+        given: Sequence[float] | np.ndarray | None = None,
+    ) -> None:
+        """Check the waypoints and fit the curve."""
+        require_a("joints", joints, "Iterable")
+        object.__setattr__(self, "joints", tuple(joints))
+        object.__setattr__(self, "interpolation", interpolation)
+        object.__setattr__(self, "given", None)
+        arrays = {"times": times, "positions": positions}
+        for name, numbers in (arrays if given is None else {**arrays, "given": given}).items():
+            values = require_numbers("waypoints", numbers, (name,))
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        self._check()
+        with np.errstate(all="ignore"):  # looked at below
+            curve = self._fit()
+            curves = (curve, curve.derivative(1), curve.derivative(2))
+        object.__setattr__(self, "_curves", curves)
+        if not all(np.isfinite(one.c).all() for one in curves):
+            raise JointplayError(
+                "the motion's accelerations overflow: its waypoints are too far apart"
+            )
+
+    def _check(self) -> None:
+        """Raise on waypoints of wrong shape or order."""
+        if len(set(self.joints)) != len(self.joints):
+            raise JointplayError(f"a joint appears twice in the motion: {', '.join(self.joints)}")
+        if self.times.ndim != 1 or self.positions.shape != (len(self.times), len(self.joints)):
+            raise JointplayError(
+                f"positions must have the shape (times, joints) = "
+                f"({self.times.size}, {len(self.joints)}), got {self.positions.shape}"
+            )
+        if len(self.times) < 2:
+            raise JointplayError(f"a motion needs at least 2 waypoints, got {len(self.times)}")
+        check_waypoints({"times": self.times, "positions": self.positions})
+        if self.given is not None:
+            ends = self.times[[0, -1]]
+            if self.given.ndim != 1 or not np.array_equal(self.given[[0, -1]], ends):
+                raise JointplayError(
+                    f"the given waypoints must be at times from {ends[0]:g} to {ends[1]:g} s, got "
+                    f"{self.given}",
+                    ("given",),
+                )
+            require_increasing("given waypoints", self.given.tolist(), "s", ("given",))
+        if self.interpolation not in INTERPOLATIONS:
+            raise MissingName(
+                "interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",)
+            )
+
+    def _fit(self) -> Any:
+        """Piecewise polynomial through the waypoints."""
+        from scipy.interpolate import BPoly, PPoly, make_interp_spline  # takes long to import
+
+        if self.interpolation == "rest-to-rest":
+            still = np.zeros_like(self.positions)
+            nodes = np.stack([self.positions, still, still], axis=1)
+            return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.times, nodes))
+        if self.interpolation == "spline":
+            rest = [(order, np.zeros(len(self.joints))) for order in (1, 2)]
+            return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
+        spans = np.diff(self.times)[:, None]
+        means = np.diff(self.positions, axis=0) / spans
+        if self.interpolation == "constant-speed":
+            if not np.allclose(means, means[0], rtol=1e-6, atol=1e-9):
+                raise JointplayError(
+                    "constant-speed needs the same speed between all waypoints, got "
+                    f"{means[:, np.ptp(means, axis=0).argmax()]} rad/s or m/s"
+                )
+            return PPoly(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
+        # Parabolas whose speeds meet; after them a straight line.
+        speeds = [means[0]]
+        for mean in means:
+            speeds.append(2.0 * mean - speeds[-1])
+        bends = np.diff(speeds, axis=0) / (2.0 * spans)
+        pieces = [np.vstack([bends, 0.0 * means[:1]]), np.array(speeds), self.positions]
+        ends = np.append(self.times, 2.0 * self.times[-1] - self.times[-2])
+        return PPoly(np.stack(pieces), ends)
+
+    @property
+    def waypoints(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) [s] and joint positions (m, joints) [rad or m] of the waypoints."""
+        if self.given is None:
+            return self.times, self.positions
+        return self.given, self(self.given)[0]
+
+    @property
+    def summary(self) -> str:
+        """Number of waypoints, and the way between them."""
+        number = len(self.waypoints[0])
+        through = f" through {len(self.times)} points" if number < len(self.times) else ""
+        return f"{number} waypoints, {self.interpolation}{through}"
+
+    @property
+    def duration(self) -> float:
+        """Time of the last waypoint [s]."""
+        return float(self.times[-1])
+
+    @property
+    def still_from(self) -> float:
+        """Time from which all joints stand still [s]; inf if they go on."""
+        return math.inf if self.interpolation in GOES_ON else self.duration
+
+    def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity and acceleration at the times `time` (n,) [s].
+
+        Before the first waypoint and after the last the joints stand still, but for constant
+        speed and speed ramps, which go on.
+
+        Returns:
+            Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
+        """
+        time = np.asarray(time, float)
+        position, speed, acceleration = vars(self)["_curves"]
+        if self.interpolation in GOES_ON:
+            return position(time), speed(time), acceleration(time)
+        inside = (time >= self.times[0]) & (time <= self.times[-1])
+        held = np.clip(time, self.times[0], self.times[-1])
+        moving = inside[:, None]
+        return (
+            position(held),
+            np.where(moving, speed(held), 0.0),
+            np.where(moving, acceleration(held), 0.0),
+        )
+
+    def at_speed(self, factor: float) -> Motion:
+        """The same way at `factor` times the speed.
+
+        Raises:
+            JointplayError: a factor that is not positive and finite.
+        """
+        require_positive("factor of the speed", factor, "")
+        given = None if self.given is None else self.given / factor
+        return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
+
+    @classmethod
+    def from_csv(cls, path: str | Path, interpolation: str = "rest-to-rest") -> Motion:
+        """Read waypoints from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
+
+        Lines beginning with # are comments. Positions in rad, or m for prismatic joints.
+
+        Raises:
+            JointplayError: no such file, a wrong header, a cell that is not a number (with its
+                line and column), or waypoints that make no motion.
+        """
+        path = Path(path)
+        rows = files.csv_rows(path, "motion")
+        header = [cell.strip() for cell in rows[0][1]]
+        if header[0] != "time_s" or len(header) < 2:
+            raise JointplayError(
+                f"{path}, line {rows[0][0]}: the header must be time_s,<joint>,..., "
+                f"got {','.join(header)!r}"
+            )
+        values = []
+        for number, row in rows[1:]:
+            cells = []
+            for name, cell in zip(header, row, strict=True):
+                try:
+                    cells.append(plain_number(cell))
+                except ValueError:
+                    raise JointplayError(
+                        f"{path}, line {number}: {name} must be a number, got {cell.strip()!r}"
+                    ) from None
+            values.append(cells)
+        if not values:
+            raise JointplayError(f"the motion {str(path)!r} has no waypoints")
+        table = np.array(values)
+        return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
+
+    @classmethod
+    def from_mcap(
+        cls, path: str | Path, topic: str | None = None, interpolation: str = "spline"
+    ) -> Motion:
+        """Read a ROS 2 bag (MCAP) with JointTrajectory or JointState messages.
+
+        Needs the extra ``ros``. The time of joint states begins with the first of them.
+
+        Args:
+            path: the file.
+            topic: its topic; None takes the only one, and of several that with trajectories.
+            interpolation: see the class; recorded motions are dense.
+
+        Raises:
+            JointplayError: see `motion.rosbag.read`; also positions that make no motion.
+        """
+        from jointplay.simulation.motion import rosbag
+
+        joints, times, positions = rosbag.read(path, topic)
+        try:
+            return cls(joints, times, positions, interpolation)
+        except JointplayError as error:
+            raise JointplayError(f"{path}: {error}") from None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether joints, waypoints and interpolation are the same."""
+        return isinstance(other, Motion) and self.describe() == other.describe()
+
+    def __hash__(self) -> int:
+        """Equal motions hash alike."""
+        return hash((self.joints, self.times.tobytes(), self.positions.tobytes()))
+
+    def __repr__(self) -> str:
+        """Joints, number of waypoints, duration, and the way between them."""
+        return (
+            f"<jointplay Motion: {few(list(self.joints))}; {len(self.waypoints[0])} waypoints in "
+            f"{self.duration:g} s, {self.interpolation}>"
+        )

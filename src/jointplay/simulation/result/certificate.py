@@ -1,0 +1,225 @@
+"""Headline figures of a run with their numerical errors.
+
+`analysis.estimate` finds them for every run, `analysis.certify` more strictly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+from jointplay.base.errors import MissingName, require_non_negative
+from jointplay.base.schema import Described, quantity
+from jointplay.base.units import displayed
+
+MARKED = 0.05
+"""A figure whose relative error exceeds this is marked where it stands."""
+
+HEADLINE = (
+    "peak joint force",
+    "RMS joint force",
+    "peak tool error",
+    "RMS tool error",
+    "peak tool turn",
+    "RMS tool turn",
+    "impacts",
+    "dissipated energy",
+)
+"""Beginnings of the names of the figures that are printed."""
+
+COUNTS = ("impacts",)
+"""Figures that are whole numbers, and so are their errors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenFigure:
+    """A figure as files have it."""
+
+    name: str
+    value: float = quantity("", finite=False)
+    """In its own unit, as its error."""
+    error: float | None = quantity("")
+    """None if unknown."""
+    unit: str
+
+
+@dataclass(frozen=True)
+class CertifiedFigure(Described):
+    """A figure of a run, and how far it may be from what the model says."""
+
+    written: ClassVar[type | None] = WrittenFigure
+
+    name: str
+    value: float
+    error: float
+    """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
+    unit: str
+
+    def describe(self) -> dict[str, Any]:
+        """All as plain data; an unknown error is None."""
+        return super().describe() | ({} if math.isfinite(self.error) else {"error": None})
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the figure that `describe` described.
+
+        Raises:
+            JointplayError: a negative error.
+        """
+        error = fields["error"]
+        if error is not None:
+            error = require_non_negative("an error", error, "", ("error",))
+        return cls(**fields | {"error": math.inf if error is None else error})
+
+    @property
+    def relative(self) -> float:
+        """Error over magnitude; 0 without error."""
+        if self.error == 0.0:
+            return 0.0
+        return self.error / abs(self.value) if self.value else math.inf
+
+    @property
+    def marked(self) -> bool:
+        """Whether the error exceeds 5 %, and of a count one."""
+        return not (self.relative <= MARKED or (self.name in COUNTS and self.error <= 1.0))
+
+    @property
+    def number(self) -> str:
+        """Value ± error in the unit of `displayed`."""
+        factor, _ = displayed(self.unit)
+        return plus_minus(factor * self.value, factor * self.error, self.name in COUNTS)
+
+    def __str__(self) -> str:
+        """Value ± error and unit, with the same digits wherever the figure stands."""
+        return f"{self.number} {displayed(self.unit)[1]}".rstrip()
+
+
+def plus_minus(value: float, error: float, whole: bool = False) -> str:
+    """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many.
+
+    The value has three to six digits; a smaller error is rounded up to the last of them. An error
+    that is as large as the value leaves only what the size is at most. A value without error
+    stands alone.
+
+    Args:
+        value, error: in the same unit.
+        whole: they are counts.
+    """
+    if not math.isfinite(error):
+        return f"{value:.4g} ± unknown"
+    if error == 0.0:
+        return f"{value:.6g}"
+    if error >= abs(value):
+        return f"at most {_rounded_up(abs(value) + error, whole)}"
+    if whole:
+        return f"{value:.0f} ± {error:.0f}"
+    size = math.floor(math.log10(error))
+    digits = 1 - size if error < 2.0 * 10.0**size else -size
+    top = math.floor(math.log10(abs(value)))
+    digits = max(min(digits, 5 - top), 2 - top)
+    if -4 <= top < 6:
+        places = max(digits, 0)
+        shown = math.ceil(error * 10.0**digits - 1e-9) / 10.0**digits
+        return f"{round(value, digits):.{places}f} ± {shown:.{places}f}"
+    scale = 10.0**top
+    places = max(digits + top, 0)
+    shown = math.ceil(error / scale * 10.0**places - 1e-9) / 10.0**places
+    return f"({value / scale:.{places}f} ± {shown:.{places}f})e{top:d}"
+
+
+UNKNOWN_DIGITS = 3
+"""Digits of a figure of whose error nothing is known."""
+
+
+def alone(value: float, uncertain: float = 0.0) -> str:
+    """A value of which no error of its own is known: three digits.
+
+    What is `uncertain` by as much as itself is a bound, as `plus_minus` has it.
+    """
+    if 0.0 < abs(value) <= uncertain < math.inf:
+        return plus_minus(value, uncertain)
+    return _with_digits(value, UNKNOWN_DIGITS)
+
+
+def _with_digits(value: float, digits: int) -> str:
+    """So many digits of a value, of a large one in front of zeros instead of a power of ten."""
+    rounded = float(f"{value:.{digits}g}")
+    if rounded == 0.0 or not math.isfinite(rounded):
+        return f"{rounded:g}"
+    before = math.floor(math.log10(abs(rounded))) + 1
+    return f"{rounded:.{max(digits, before) if before <= 6 else digits}g}"
+
+
+def shown(certificate: Certificate | None, name: str, value: float, unit: str) -> str:
+    """A figure of a run with its unit, and with its error wherever that is known.
+
+    Args:
+        certificate: of the run, if it has one.
+        name: the figure's there.
+        value, unit: of the figure, SI.
+    """
+    for figure in certificate.headline if certificate else ():
+        if figure.name == name and math.isfinite(figure.error):
+            return str(figure)
+    factor, word = displayed(unit)
+    return f"{alone(factor * value)} {word}".rstrip()
+
+
+def _rounded_up(size: float, whole: bool) -> str:
+    """A bound with two digits, or as a count."""
+    if whole:
+        return f"{math.ceil(size - 1e-9)}"
+    step = 10.0 ** (math.floor(math.log10(size)) - 1)
+    return _with_digits(math.ceil(size / step - 1e-9) * step, 2)
+
+
+@dataclass(frozen=True)
+class Certificate(Described):
+    """The figures of a run with their errors, and the runs from which these come."""
+
+    figures: tuple[CertifiedFigure, ...]
+    runs: tuple[str, ...] = ()
+    """The further runs, in words."""
+    note: str = ""
+    """What else the reader must know."""
+    strict: bool = True
+    """Whether several finer runs found the errors; else one further run estimated them."""
+
+    def __getitem__(self, name: str) -> CertifiedFigure:
+        """The figure `name`."""
+        for figure in self.figures:
+            if figure.name == name:
+                return figure
+        raise MissingName("certified figure", name, [figure.name for figure in self.figures])
+
+    @property
+    def origin(self) -> str:
+        """How the errors were found, in words."""
+        how = "certified by" if self.strict else "estimated from"
+        return f"{how} {len(self.runs)} further runs"
+
+    @property
+    def headline(self) -> list[CertifiedFigure]:
+        """The figures that are printed; the others are those that the claims use."""
+        return [figure for figure in self.figures if figure.name.startswith(HEADLINE)]
+
+    @property
+    def marked(self) -> list[CertifiedFigure]:
+        """Figures whose error exceeds 5 %."""
+        return [figure for figure in self.figures if figure.marked]
+
+    def __str__(self) -> str:
+        """One figure a line."""
+        lines = [f"  numerical errors, {self.origin}:"] if self.runs else []
+        width = max((len(figure.name) for figure in self.headline), default=0)
+        for figure in self.headline:
+            mark = "  <- error above 5 %" if figure.marked else ""
+            lines.append(f"    {figure.name:<{width}}  {figure}{mark}")
+        others = [figure for figure in self.marked if figure not in self.headline]
+        if others:
+            names = ", ".join(figure.name for figure in others)
+            lines.append(f"    of the claims' measures above 5 %: {names}")
+        if self.note:
+            lines.append(f"  {'certificate' if self.strict else 'estimate'}: {self.note}")
+        return "\n".join(lines)

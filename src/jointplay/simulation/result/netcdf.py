@@ -1,0 +1,325 @@
+"""Datasets as NetCDF files, sealed by a checksum that shows whether they are complete.
+
+HDF5 ends the process if it closes a file on a full disk, and a file with a flipped bit can keep it
+busy for ever. So it writes to memory only, and the bytes then go to disk like those of any file
+(`files.write`). Behind them stands a line with their SHA-256: NetCDF readers do not see it, and
+HDF5 is not shown anything that has changed since. Nor is it shown anything here that another
+process has not read before (`hdf5.examined`): anyone can compute a checksum.
+
+A file that is too large for memory is written portion by portion (`GrowingDataset`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, damaged
+from jointplay.base.files import system_errors
+from jointplay.base.hdf5 import MEMORY_SHARE, examined, memory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SEAL = b"\njointplay sha256 "
+"""What stands between a file's content and its checksum, which ends the file with a newline."""
+
+CHUNK = 4096
+"""Records that are compressed together."""
+
+INDEX_BYTES = 1 << 18
+"""Memory for the index of the chunks, however many there are [bytes]."""
+
+_UNSEALED = "it does not end with its checksum (cut short, or written by another program)"
+
+_CHANGED = "its checksum does not match (cut short, or changed since)"
+
+_PIECE = 1 << 20
+"""Bytes that are read at once for a checksum."""
+
+_SEALED = len(SEAL) + 64 + 1
+
+
+def pack(dataset: xr.Dataset) -> bytes:
+    """The file that holds `dataset`, compressed and sealed."""
+    content = bytes(dataset.to_netcdf(None, engine="h5netcdf", encoding=compression(dataset)))
+    return seal(content)
+
+
+def compression(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """How the variables are compressed, by name."""
+    return {
+        str(name): {"zlib": True, "complevel": 1, "shuffle": True}
+        for name, variable in dataset.data_vars.items()
+        if variable.dtype.kind in "fi"
+    }
+
+
+def seal(content: bytes) -> bytes:
+    """`content` with its checksum behind it."""
+    return content + SEAL + hashlib.sha256(content).hexdigest().encode() + b"\n"
+
+
+def digest(file: BinaryIO, size: float = math.inf) -> bytes:
+    """Checksum of what `file` holds from where it stands, of `size` bytes or to its end."""
+    checksum = hashlib.sha256()
+    for piece in _pieces(file, size):
+        checksum.update(piece)
+    return checksum.hexdigest().encode()
+
+
+def _pieces(file: BinaryIO, size: float) -> Iterator[bytes]:
+    """What `file` holds from where it stands, of `size` bytes or to its end."""
+    while size > 0 and (piece := file.read(int(min(_PIECE, size)))):
+        yield piece
+        size -= len(piece)
+
+
+@contextmanager
+def _verified(path: Path) -> Iterator[tuple[BinaryIO, int]]:
+    """A file that is as it was sealed, at its beginning, and the size of its content.
+
+    Raises:
+        JointplayError: it cannot be read, is damaged, or has no checksum.
+    """
+    with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END) - _SEALED
+        file.seek(max(size, 0))
+        sealed = file.read()
+        file.seek(0)
+        if size < 0 or not sealed.startswith(SEAL):
+            raise damaged(path, "result", _UNSEALED)
+        if sealed != SEAL + digest(file, size) + b"\n":
+            raise damaged(path, "result", _CHANGED)
+        file.seek(0)
+        yield file, size
+
+
+def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
+    """A file that `pack` or `GrowingDataset` made, of which is read what is asked for.
+
+    All of it is read once, for its checksum.
+
+    Args:
+        path: the file.
+        indexed: whether its times are read too, to find records by them.
+
+    Raises:
+        JointplayError: damaged, without checksum, or no NetCDF file.
+    """
+    with _verified(path):
+        pass
+    with _examined(path) as xr:
+        return xr.open_dataset(path, engine="h5netcdf", cache=False, create_default_indexes=indexed)
+
+
+def load(path: Path) -> xr.Dataset:
+    """Read a file that `pack` or `GrowingDataset` made.
+
+    Raises:
+        JointplayError: damaged, without checksum, or larger than this machine's memory.
+    """
+    with _verified(path) as (file, size):
+        body = file.read(size)
+    with (
+        _examined(path) as xr,
+        xr.open_dataset(io.BytesIO(body), engine="h5netcdf") as dataset,
+    ):
+        largest = MEMORY_SHARE * memory()
+        if dataset.nbytes > largest:  # a small file can claim to hold any size
+            raise JointplayError(
+                f"{str(path)!r} holds {dataset.nbytes / 1e9:.3g} GB, more than the "
+                f"{largest / 1e9:.3g} GB that this machine has for it"
+            )
+        return dataset.load()
+
+
+@contextmanager
+def _examined(path: Path) -> Iterator[ModuleType]:
+    """Give xarray to the block once another process has read the file; what HDF5 raises is damage.
+
+    Raises:
+        JointplayError: naming the file.
+    """
+    try:
+        with examined(path):  # meanwhile
+            import xarray as xr
+        yield xr
+    except JointplayError:
+        raise
+    except Exception as error:  # HDF5 raises whatever it stumbles over
+        raise damaged(path, "result", error) from None
+
+
+# Written portion by portion: the content is the same as `pack` makes, and so is the seal.
+
+
+class GrowingDataset:
+    """Dataset in a file, to which records are appended.
+
+    Args:
+        file: empty, to be written and read.
+        first: the first records, and whatever does not depend on time.
+
+    Raises:
+        OSError: there is no room for it.
+    """
+
+    def __init__(self, file: BinaryIO, first: xr.Dataset) -> None:
+        """Write the first records."""
+        import h5py
+
+        self._file = file
+        encoding = compression(first)
+        for name, variable in first.variables.items():
+            if variable.dims[:1] == ("time",):
+                sizes = (CHUNK, *variable.shape[1:])
+                encoding.setdefault(str(name), {})["chunksizes"] = sizes
+        content = first.to_netcdf(
+            None, engine="h5netcdf", encoding=encoding, unlimited_dims=["time"]
+        )
+        file.write(content)
+        file.flush()
+        self._rows = first.sizes["time"]
+        self._disk = _CheckedFile(file)
+        self._h5 = h5py.File(self._disk, "r+")
+        known = self._h5.id.get_mdc_config()
+        known.set_initial_size, known.initial_size = True, INDEX_BYTES
+        known.min_size, known.max_size = INDEX_BYTES, INDEX_BYTES
+        self._h5.id.set_mdc_config(known)
+
+    def append(self, records: xr.Dataset) -> None:
+        """Append the next records.
+
+        Raises:
+            OSError: there is no room for them.
+        """
+        end = self._rows + records.sizes["time"]
+        for name, variable in records.variables.items():
+            if variable.dims[:1] == ("time",):
+                dataset = self._h5[str(name)]
+                dataset.resize(end, axis=0)
+                dataset[self._rows : end] = variable.values
+        self._rows = end
+        self._disk.check()
+
+    def finish(self, attributes: Mapping[str, Any], whole: Mapping[str, xr.DataArray]) -> None:
+        """Write what is known at the end, and the seal.
+
+        Args:
+            attributes: of the dataset.
+            whole: variables that are there, with their values at the end.
+
+        Raises:
+            OSError: there is no room for it.
+        """
+        import h5netcdf
+
+        for name, variable in whole.items():
+            self._h5[name][...] = variable.values
+        with h5netcdf.File(self._h5, "r+") as dataset:
+            dataset.attrs.update(attributes)
+        self.close()
+        self._disk.check()
+        _seal_file(self._file)
+
+    def close(self) -> None:
+        """Let go of the file, finished or not."""
+        self._h5.close()
+
+
+def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
+    """Give a file that `pack` or `GrowingDataset` made further attributes, whatever its size.
+
+    Raises:
+        JointplayError: it cannot be read or written, or is damaged; it is as it was.
+    """
+    import h5netcdf
+    import h5py
+
+    with files.writing(path, overwrite=True) as file:
+        with _verified(path) as (whole, size):
+            for piece in _pieces(whole, size):
+                file.write(piece)
+            file.seek(0)
+            if whole.read() != SEAL + digest(file) + b"\n":  # no damage gets a seal of its own
+                raise damaged(path, "result", _CHANGED)
+        file.flush()
+        disk = _CheckedFile(file)
+        with h5py.File(disk, "r+") as inner, h5netcdf.File(inner, "r+") as dataset:
+            dataset.attrs.update(attributes)
+        disk.check()
+        _seal_file(file)
+
+
+def _seal_file(file: BinaryIO) -> None:
+    """Write the checksum of all that a file holds behind it."""
+    file.flush()
+    file.seek(0)
+    sealed = digest(file)
+    file.seek(0, io.SEEK_END)
+    file.write(SEAL + sealed + b"\n")
+
+
+class _CheckedFile(io.RawIOBase):
+    """A file that accepts whatever HDF5 writes, and reports afterwards what failed.
+
+    HDF5 ends the process if a file cannot be closed because the disk is full.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._inner, self._error = file, None
+
+    _error: OSError | None
+
+    def check(self) -> None:
+        """Raise what went wrong."""
+        self._try(self._inner.flush)
+        if self._error is not None:
+            raise self._error
+
+    def _try(self, function: Any, *arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except OSError as error:
+            self._error = self._error or error
+            return None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        got = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
+        return len(buffer) if got is None else int(got)
+
+    def write(self, content: Any) -> int:
+        self._try(self._inner.write, content)
+        return len(content)
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        place = self._try(self._inner.seek, offset, whence)
+        return offset if place is None else int(place)
+
+    def tell(self) -> int:
+        return int(self._try(self._inner.tell) or 0)
+
+    def truncate(self, size: int | None = None) -> int:
+        self._try(self._inner.truncate, size)
+        return size or 0
+
+    def flush(self) -> None:
+        self._try(self._inner.flush)

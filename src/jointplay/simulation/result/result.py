@@ -1,0 +1,317 @@
+"""What a run leaves behind: time histories, the run's own audit, and all it takes to run again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Collection
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError, require_a, require_whole
+from jointplay.base.imports import provided
+from jointplay.physics.contact.trust import showing, trusting
+from jointplay.physics.kernel import Status
+from jointplay.simulation.result import netcdf
+from jointplay.simulation.result.audit import Audit
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from jointplay.show.plots import Plots
+    from jointplay.simulation.result.certificate import Certificate
+    from jointplay.simulation.simulation import Simulation
+
+FORMAT = 5
+"""Version of the file format."""
+
+AXES = ("x", "y", "z")
+
+
+class Result:
+    """Time histories of a run and their meaning.
+
+    Args:
+        dataset: of a run.
+        trust: modules from which laws of the user's own may be imported; see `load`.
+
+    Attributes:
+        dataset: `xarray.Dataset` with named dimensions and units; docs/results.md lists them.
+        audit: what the run says about its own quality.
+        status: how it ended.
+        message: the same in one line.
+    """
+
+    def __init__(self, dataset: xr.Dataset, trust: Collection[str] = ()) -> None:
+        """Wrap the dataset of a run."""
+        require_a("dataset", dataset, "Dataset")
+        self.dataset = dataset
+        self.trust = tuple(trust)
+        self.audit = Audit.from_description(json.loads(dataset.attrs["audit"]))
+        self.status = Status[dataset.attrs["status"].upper()]
+        self.message: str = dataset.attrs["message"]
+
+    def __getitem__(self, name: str) -> xr.DataArray:
+        """Variable `name` of the dataset."""
+        return self.dataset[name]
+
+    def __repr__(self) -> str:
+        """Status, size and audit, readable."""
+        sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
+        return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
+
+    @property
+    def judge_from(self) -> float:
+        """From when on measures, figures and reports judge this run, if not told otherwise [s].
+
+        0 for a run that was interrupted before: then all there is is judged.
+        """
+        start = self.audit.judged_from
+        return start if len(self.time) and self.time[-1] > start else 0.0
+
+    @property
+    def judgement(self) -> str:
+        """The audit and, if there is one, the certificate, one line for each figure."""
+        certificate = self.certificate
+        return self.audit.words(certificate) + (f"\n{certificate}" if certificate else "")
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Headline figures with their numerical errors; None if nobody looked for them."""
+        text = self.dataset.attrs.get("certificate")
+        if text is None:
+            return None
+        from jointplay.simulation.result.certificate import Certificate
+
+        return Certificate.from_description(json.loads(text))
+
+    @certificate.setter
+    def certificate(self, certificate: Certificate) -> None:
+        self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
+
+    def amend(self, **figures: Any) -> None:
+        """Put figures that were found later into the audit."""
+        self.audit = dataclasses.replace(self.audit, **figures)
+        self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
+
+    def completed(self, run: str = "the run") -> Result:
+        """Return the result of a run that ran to its end.
+
+        Args:
+            run: what it is called where it failed.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted.
+            JointplayError: it stopped early: why.
+        """
+        if self.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if self.status != Status.COMPLETED:
+            raise JointplayError(f"{run} failed: {self.message.partition(' State: ')[0]}")
+        return self
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times of the records [s]."""
+        return self.dataset["time"].values
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the clearance joints; empty for an ideal robot."""
+        return (
+            [str(name) for name in self.dataset["joint"].values] if "joint" in self.dataset else []
+        )
+
+    @property
+    def plot(self) -> Plots:
+        """Figures of this result: `result.plot.orbit()`, `.forces()`, `.deviation()` ..."""
+        plots: Plots = provided("plots")(self)
+        return plots
+
+    @property
+    def q(self) -> np.ndarray:
+        """Coordinates (n, nq) [rad or m], as the model of the result's mechanism takes them."""
+        return self.dataset["q"].values
+
+    @property
+    def v(self) -> np.ndarray:
+        """Velocities (n, nv) [rad/s or m/s], as the model of the result's mechanism takes them."""
+        return self.dataset["v"].values
+
+    def to_dataframe(self, every: int = 1) -> pd.DataFrame:
+        """Histories as a pandas table, one row a record, one column a number.
+
+        Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
+        units. `every`: only each n-th record and the last; peaks cover what lies between.
+        """
+        frame: pd.DataFrame = provided("dataframe")(self, every)
+        return frame
+
+    def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
+        """Write the table of `to_dataframe`, units in its header.
+
+        Raises:
+            JointplayError: see `jointplay.bridges.export`.
+        """
+        return self.export(path, "csv", every=every, overwrite=overwrite)
+
+    def to_parquet(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
+        """Write the table of `to_dataframe` as Apache Parquet (extra ``tables``).
+
+        Raises:
+            JointplayError: see `jointplay.bridges.export`.
+        """
+        return self.export(path, "parquet", every=every, overwrite=overwrite)
+
+    def export(self, path: str | Path, to: str | None = None, **options: Any) -> Path:
+        """Write a file for other programs: table, trajectory, ROS 2 bag, rerun recording.
+
+        Args:
+            path: the file.
+            to: ``csv``, ``parquet``, ``trajectory``, ``mcap`` or ``rerun``; None tells it by the
+                file's ending.
+            options: see `jointplay.bridges.export`.
+
+        Raises:
+            JointplayError: see there.
+        """
+        written: Path = provided("export")(self, path, to, **options)
+        return written
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how the run ended, its figures, a small picture."""
+        page: str = provided("notebook_page")(self)
+        return page
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """The simulation that made this result, built from what the result holds.
+
+        `result.simulation.run()` gives the same result, bit for bit on the same machine. A law of
+        the user's own that is not at hand (see `load`) can be looked at, and a run of it says what
+        is missing: code that a file brings is never run.
+
+        Raises:
+            JointplayError: its inputs do not make a simulation.
+        """
+        kind: type[Simulation] = provided("simulation")
+        with trusting(self.trust), showing():
+            try:
+                return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
+            except JointplayError:
+                raise
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+                reason = " ".join(str(error).split()) or type(error).__name__
+                raise JointplayError(
+                    f"the inputs in the result do not define a simulation: {reason}"
+                ) from None
+
+    def save(self, path: str | Path, overwrite: bool = False) -> Path:
+        """Write a NetCDF file with all parameters and versions inside, whole or not at all.
+
+        If it cannot be written, the result is still here: save it to another place.
+
+        Raises:
+            JointplayError: the file exists (and `overwrite` is false) or cannot be written.
+        """
+        path = Path(path)
+        if not overwrite and path.exists():
+            raise files.exists(path)
+        return files.write(path, netcdf.pack(self.dataset), overwrite=overwrite)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        trust: Collection[str] = (),
+        every: int = 1,
+        most: int | None = None,
+        only: Collection[str] | None = None,
+    ) -> Result:
+        """Read a file that `save` or a long run wrote.
+
+        A file runs no code. If it names a law of the user's own, `simulation` finds it only among
+        those defined in this process or in the modules of `trust`.
+
+        Args:
+            path: the file.
+            trust: modules, such as ``"my_laws"``, that may be imported when the file names them.
+            every: only each n-th record and the last, peaks covering what lies between: the result
+                of a run that recorded so seldom. A file of any size then fits into memory.
+            most: records at most, about, in place of `every`.
+            only: histories that are wanted, if not all records are; None: all.
+
+        Raises:
+            JointplayError: no such file, damaged, or not a jointplay result.
+        """
+        if require_whole("every", every, 1) == 1 and most is None:
+            return cls.read(path, trust, netcdf.load)
+        from jointplay.simulation.result.thinning import thin
+
+        with cls.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
+            if most is not None:
+                every = max(-(-dataset.sizes["time"] // most), 1)
+            made = thin(dataset, every, only)
+        simulation = json.loads(made.attrs["simulation"])
+        simulation["record_every"] *= every
+        made.attrs["simulation"] = json.dumps(simulation)
+        return cls(made, trust)
+
+    def thinned(self, every: int) -> Result:
+        """Each n-th record and the last one, what lay between covered as by `thinning.thin`.
+
+        Raises:
+            JointplayError: `every` is not a whole number from 1 on.
+        """
+        if require_whole("every", every, 1) == 1 or self.dataset.sizes["time"] < 2:
+            return self
+        from jointplay.simulation.result.thinning import thin
+
+        return Result(thin(self.dataset, every), self.trust)
+
+    @classmethod
+    def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
+        """Open a file that `save` or a long run wrote, and read from it only what is asked for.
+
+        Histories stay on disk, but for the times; what one takes from them, such as
+        ``result["q"].isel(time=slice(0, 1000))``, is read when its values are. Nothing is kept:
+        whatever goes over all histories reads them, and needs memory for them.
+
+        Args:
+            path: the file.
+            trust: see `load`.
+
+        Raises:
+            JointplayError: no such file, damaged, without checksum, or not a jointplay result.
+        """
+        return cls.read(path, trust, netcdf.open_lazily)
+
+    @classmethod
+    def read(
+        cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
+    ) -> Result:
+        """What `load` and `open` do, with one of the readers of `netcdf`."""
+        require_a("path", path, "str", "Path")
+        from jointplay.simulation.result.stored import check
+
+        path = Path(path)
+        if not files.is_file(path):
+            raise files.missing(path, "result file")
+        dataset = reader(path)
+        found = dataset.attrs.get("jointplay_format")
+        if found is None:
+            raise JointplayError(f"{str(path)!r} is not a jointplay result")
+        if not isinstance(found, int | np.integer):
+            raise JointplayError(f"{str(path)!r} is damaged: its format is not a whole number")
+        if found != FORMAT:
+            raise JointplayError(
+                f"{str(path)!r} is a result of format {found}; this version reads only "
+                f"format {FORMAT}: run it again"
+            )
+        check(dataset, path)
+        return cls(dataset, trust)

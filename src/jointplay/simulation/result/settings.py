@@ -1,0 +1,65 @@
+"""Settings of a run that are tables of a scenario too: declared here once, light to import."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from jointplay.base.schema import choice, quantity
+from jointplay.physics.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.simulation.loads.limits import LIMITS
+
+STARTS = ("rest", "centred")
+"""Where journals begin: where they lie under load, or in the middle of their bearings."""
+
+START_UP = 0.15
+"""Start of a run that is not judged, while released journals fall into their bearings [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """Time integration, and the start."""
+
+    step: float = quantity("s", default=1e-5)
+    """Time step."""
+    integrator: str = choice("integrator", INTEGRATORS, default=DEFAULT)
+    """Method."""
+    macro_step: float | None = quantity("s", default=None)
+    """Interval at which `multi-rate` updates the arm's inertia with Pinocchio; if not given, it is
+    chosen by an error estimate."""
+    tolerance: float | None = quantity("", default=None)
+    """Error allowed in a macro step, relative to the momentum that contacts and inertia exchange in
+    it; `multi-rate` chooses its micro steps accordingly. If not given, all micro steps are as long
+    as the step; if given, the step sets only the times of records."""
+    duration: float | None = quantity("s", default=None)
+    """Simulated time; if not given, the duration of the motion."""
+    seed: int | None = None
+    """Seed of random displacements: each journal starts displaced by up to half its clearances."""
+    start: str | None = choice("start", STARTS, default=None)
+    """Where journals start: ``rest``, at their equilibrium under gravity and drives, or
+    ``centred``, in the middle of their bearings. If not given: at rest if gravity acts or the
+    reference moves from the beginning, provided that there is an equilibrium; centred if a film
+    that is not hybrid must not break."""
+    settle: float | str | None = quantity("s", default=None)
+    """Time at the start in which the motion settles and figures are not judged, or ``"2 turns"``:
+    until a driven joint has made so many turns."""
+    judge_from: float | None = quantity("s", default=None)
+    """Time from which figures are judged; if not given, when the run has settled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """What is recorded."""
+
+    record_every: int = 10
+    """Steps between two records; each record holds the peaks since the one before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limited:
+    """How limits of the URDF are treated."""
+
+    limits: str = choice("treatment of limits", LIMITS, default=LIMITS[0])
+    """How joint limits of the URDF are treated: ``report`` refuses motions beyond a position limit
+    and reports speeds and efforts beyond theirs, ``cut`` also cuts the efforts of drives and
+    controllers, ``ignore`` checks nothing.
+    """

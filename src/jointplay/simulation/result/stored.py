@@ -1,0 +1,217 @@
+"""Whether what a result file says can be what a run wrote: its inputs, its audit, its histories.
+
+Files come from anywhere. What is checked here by the models of scenario files and of the audit,
+readers need not doubt: they would stumble over it one by one, each in its own way.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.base import schema
+from jointplay.base.errors import JointplayError, damaged
+from jointplay.model.free_base import BASE, FREE
+from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints import MOTOR, VIRTUAL_LINK, Coordinate
+from jointplay.physics.kernel import Status
+from jointplay.simulation.result.audit import Audit
+from jointplay.simulation.result.certificate import Certificate
+from jointplay.simulation.result.inputs import Inputs
+from jointplay.simulation.result.variables import HISTORIES
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_TEXTS = ("status", "message", "audit", "simulation")
+
+_AT_ONCE = 1 << 16
+"""Times that are looked at together."""
+
+
+def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
+    """Coordinates of virtual links, carriages, motors and a free base of a described mechanism.
+
+    By their names in results; what is not among them is a joint's own.
+    """
+    loose = [*mechanism["clearance"], *([BASE] if mechanism.get("base") == FREE else [])]
+    links = [(joint, part) for joint in loose for part in VIRTUAL_LINK]
+    motors = [(joint, MOTOR) for joint in mechanism.get("gears") or {}]
+    named = [Coordinate(joint, part) for joint, part in (*links, *motors)]
+    return {str(one): one for one in named}
+
+
+def check(dataset: xr.Dataset, path: Path) -> None:
+    """Refuse a file whose content no run can have written, naming `path`.
+
+    Raises:
+        JointplayError: what is missing, of another kind or out of range; one line.
+    """
+    try:
+        _check_attributes(dataset)
+        step = _described(dataset, "audit", Audit)["step"]
+        given = _described(dataset, "simulation", Inputs)
+        _require_all("simulation: mechanism", Mechanism, given["mechanism"])
+        if step != given["step"]:
+            raise JointplayError(
+                f"its step is {given['step']!r} s in one place and {step!r} in another"
+            )
+        if "certificate" in dataset.attrs:
+            _check_certificate(dataset)
+        _check_histories(dataset, given)
+    except JointplayError as error:
+        raise damaged(path, "result", error) from None
+
+
+def _check_attributes(dataset: xr.Dataset) -> None:
+    """Texts must be texts, the status known, the versions a table, the time taken a number."""
+    for name in _TEXTS:
+        if not isinstance(dataset.attrs.get(name), str):
+            raise JointplayError(f"its attribute {name!r} is missing or not text")
+    for name, value in dataset.attrs.items():
+        if isinstance(value, str) and not _writable(value):
+            raise JointplayError(f"its attribute {name!r} is not text")
+    status = dataset.attrs["status"]
+    if status.upper() not in Status.__members__:
+        known = ", ".join(one.name.lower() for one in Status)
+        raise JointplayError(f"it has the status {status!r:.60}; known are {known}")
+    versions = dataset.attrs.get("versions", "{}")
+    if not isinstance(_json("versions", versions), dict):
+        raise JointplayError(f"its attribute 'versions' is not a table: {versions!r:.60}")
+    wall = dataset.attrs.get("wall_time_s", 0.0)
+    try:
+        float(wall)
+    except (TypeError, ValueError):
+        raise JointplayError(f"its attribute 'wall_time_s' is not a number: {wall!r:.60}") from None
+
+
+def _check_certificate(dataset: xr.Dataset) -> None:
+    """Its figures must be such that they can be shown."""
+    given = _described(dataset, "certificate", Certificate)
+    try:
+        for figure in Certificate.from_description(given).figures:
+            str(figure)
+    except (ArithmeticError, ValueError) as error:
+        raise JointplayError(f"certificate: a figure is invalid: {error}") from None
+
+
+def _json(name: str, text: Any) -> Any:
+    """The plain data that an attribute holds."""
+    try:
+        given = json.loads(text)
+        json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
+        return given
+    except (TypeError, ValueError, RecursionError) as error:
+        raise JointplayError(f"its attribute {name!r} is not valid JSON: {error}") from None
+
+
+def _described(dataset: xr.Dataset, name: str, kind: type) -> Any:
+    """An attribute as plain data, which describe a `kind`; nothing is made of them here."""
+    given = _json(name, dataset.attrs[name])
+    try:
+        schema.check(kind, given)
+    except (JointplayError, RecursionError, OverflowError) as error:
+        where = ".".join(map(str, getattr(error, "where", ())))
+        place = f"{where}: " if where else ""
+        raise JointplayError(f"{name}: {place}{error}") from None
+    _require_all(name, kind, given)
+    return given
+
+
+def _require_all(name: str, kind: type, given: Mapping[str, Any]) -> None:
+    """Refuse a table that lacks a key: runs write all, what is usual too."""
+    for key in schema.fields_of(kind):
+        if key not in given:
+            raise JointplayError(f"{name}: the key {key} is missing")
+
+
+def _check_histories(dataset: xr.Dataset, given: Any) -> None:
+    """Histories must be there, along their dimensions, with units, and real numbers."""
+    loose = "joint" in dataset.dims
+    if loose:
+        names = given["mechanism"]["clearance"]
+        for joint in _names(dataset, "joint"):
+            if joint not in names:
+                raise JointplayError(f"it has histories of the joint {joint!r:.60}, not its inputs")
+        _names(dataset, "contact")
+    for name, history in HISTORIES.items():
+        if name not in dataset.data_vars:
+            if history.of in ("all", "play" if loose else "ideal"):
+                raise JointplayError(f"it has no variable {name!r}")
+            continue
+        if dataset[name].dims != (dims := ("time", *history.dims)):
+            own = ", ".join(map(str, dataset[name].dims))
+            raise JointplayError(f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
+        if not isinstance(dataset[name].attrs.get("units"), str):
+            raise JointplayError(f"{name} has no units")
+    for variable, values in dataset.data_vars.items():
+        if values.dtype.kind not in "fiu":
+            raise JointplayError(f"{variable} holds {values.dtype}, not real numbers")
+    _check_times(dataset)
+    _names(dataset, "coordinate")
+    _names(dataset, "coordinate_unit", "coordinate")
+    for name, what, components in (("axis", "axes", "xyz"), ("quaternion", "quaternions", "wxyz")):
+        found = _names(dataset, name)
+        if found != [*components]:
+            raise JointplayError(f"its {what} are {found!r:.60}, not {', '.join(components)}")
+    if "moving_joint" in dataset.dims:
+        _names(dataset, "moving_joint")
+
+
+def _check_times(dataset: xr.Dataset) -> None:
+    """Times must increase; of a file opened lazily a piece is in memory at a time."""
+    if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
+        raise JointplayError("it has no times")
+    time, before = dataset.variables["time"], -np.inf
+    for first in range(0, time.size, _AT_ONCE):
+        values = np.append(before, time[first : first + _AT_ONCE].values)
+        late = np.flatnonzero(~(np.diff(values) > 0.0))
+        if late.size or not np.isfinite(values[-1]):
+            at = int(late[0]) if late.size else len(values) - 2
+            raise JointplayError(
+                f"its times must increase, but record {first + at + 1} of {time.size} is at "
+                f"{values[at + 1]:g} s behind {values[at]:g} s"
+            )
+        before = values[-1]
+
+
+def _names(dataset: xr.Dataset, name: str, dimension: str = "") -> list[str]:
+    """The texts of the coordinate `name`, which is the dimension itself unless one is given."""
+    dimension = dimension or name
+    if name not in dataset.coords or dataset[name].dims != (dimension,):
+        raise JointplayError(f"it has no {name!r} along {dimension!r}")
+    values = dataset[name].values.tolist()
+    if not values and dimension != "contact":
+        raise JointplayError(f"it has nothing along {dimension!r}")
+    if not all(isinstance(value, str) and _writable(value) for value in values):
+        raise JointplayError(f"names along {dimension!r} are not text: {values!r:.60}")
+    return values
+
+
+def _writable(text: str) -> bool:
+    """Whether it has no half characters."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@cache  # it takes milliseconds
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries that enter a result."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    software = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in ("jointplay", "pin", "numpy", "numba", "scipy"):
+        try:
+            software[name] = version(name)
+        except PackageNotFoundError:  # run from a source tree that is not installed
+            software[name] = "unknown"
+    return software

@@ -1,0 +1,521 @@
+"""What histories are made of: energies, body motion, contacts, loads, forces of ideal joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.model.builder import Frame
+from jointplay.model.impact import elastic_energy
+from jointplay.model.loop import ANGLE_ARM_M, locked
+from jointplay.model.mechanism import Mechanism
+from jointplay.model.tree import BodyMotion, Tree
+from jointplay.physics.contact import elastic, resultant
+from jointplay.physics.geometry import Mode, classify_many
+from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
+from jointplay.physics.kernel import POWERS
+from jointplay.physics.kernel.layout import Quantity
+from jointplay.simulation.loads.base import Load
+from jointplay.simulation.loads.drive import JointFriction
+
+# Terms of the energy balance: one for each power that the kernels count.
+#
+# Results, the audit, the certificate and the energy chart go through this list.
+
+
+@dataclass(frozen=True)
+class Term:
+    """Work that one kind of load has done since the start."""
+
+    power: str
+    """Which of the kernels' powers."""
+    variable: str
+    """Name of its time history in results."""
+    label: str
+    """What charts call it."""
+    lost: bool = True
+    """Whether it takes energy out of the mechanism; else it brings it in."""
+
+
+TERMS = (
+    Term("drive", "drive_work", "work of the drives", lost=False),
+    Term("normal_dissipation", "normal_dissipation", "lost in normal contact"),
+    Term("friction_dissipation", "friction_dissipation", "lost in sliding and rolling"),
+    Term("joint_friction", "joint_friction_loss", "lost in joint friction"),
+    Term("gear_dissipation", "gear_dissipation", "lost in gears"),
+    Term("film_dissipation", "film_dissipation", "lost in oil"),
+)
+"""In the order of the kernels' powers."""
+
+if tuple(term.power for term in TERMS) != POWERS:
+    raise TypeError(f"the terms of the energy balance are not the kernels': {', '.join(POWERS)}")
+
+LOSSES = tuple(term.variable for term in TERMS if term.lost)
+"""Time histories of energy lost."""
+
+
+# Time histories of every result: what a run writes, and what is asked of a file of one.
+
+
+@dataclass(frozen=True)
+class History:
+    """A time history, along the time and further dimensions."""
+
+    dims: tuple[str, ...]
+    unit: str
+    text: str
+    of: str = "all"
+    """Which results have it: ``all``, those with ``play``, the ``ideal`` ones; or ``some``."""
+
+
+_EACH, _JOINT, _VECTOR = ("joint", "contact"), ("joint",), ("joint", "axis")
+
+HISTORIES = {
+    "q": History(("coordinate",), "see coordinate_unit", "generalised coordinates"),
+    "v": History(("coordinate",), "coordinate_unit per second", "generalised velocities"),
+    "drive": History(("coordinate",), "N m for rad, N for m", "drive efforts"),
+    "tool_position": History(("axis",), "m", "{tool}, world axes"),
+    "tool_velocity": History(("axis",), "m/s", "of the tool, world axes"),
+    "tool_orientation": History(
+        ("quaternion",), "1", "orientation of the tool in the world, unit quaternion w, x, y, z"
+    ),
+    "tool_angular_velocity": History(
+        ("axis",), "rad/s", "angular velocity of the tool, world axes"
+    ),
+    "kinetic_energy": History((), "J", "kinetic energy"),
+    "potential_energy": History((), "J", "potential energy of gravity"),
+    **{
+        term.variable: History((), "J", f"{term.variable.replace('_', ' ')} since t = 0")
+        for term in TERMS
+    },
+    "reaction_force": History(
+        ("moving_joint", "axis"),
+        "N",
+        "constraint force of the parent on the child at the joint, world axes",
+        "ideal",
+    ),
+    "journal_centre": History(_VECTOR, "m", "journal centre in the bearing frame", "play"),
+    "tilt": History(_JOINT, "rad", "angle between the axes", "play"),
+    "gap": History(_EACH, "m", "gap; negative in penetration", "play"),
+    "gap_min": History(_EACH, "m", "smallest gap since the last record", "play"),
+    "normal_force": History(_EACH, "N", "normal force", "play"),
+    "normal_force_peak": History(_EACH, "N", "largest since the last record", "play"),
+    "friction_force": History(_EACH, "N", "friction force, magnitude", "play"),
+    "joint_force": History(_VECTOR, "N", "contact force on the journal, world axes", "play"),
+    "joint_force_peak": History(
+        _VECTOR, "N", "joint_force where its magnitude was largest since the last record", "play"
+    ),
+    "film_force": History(
+        _VECTOR, "N", "part of joint_force that is the film's, world axes", "some"
+    ),
+    "mode": History(_JOINT, "1", "mode of the joint (Table 1)", "play"),
+    "form": History(_JOINT, "1", "contact form (Figure 2)", "play"),
+    "joint_moment": History(
+        _VECTOR, "N m", "of the loaded elements on the inner ring about its centre, world axes",
+        "some",
+    ),
+    "loaded_elements": History(_JOINT, "1", "elements that bear load", "some"),
+    "cage_angle": History(_JOINT, "rad", "azimuth of the first element", "some"),
+    "loop_drift": History(("loop",), "m", "gap of the ideal loop", "some"),
+    "contact_elastic_energy": History((), "J", "stored in the contacts"),
+    "payload_energy": History((), "J", "brought in by payloads", "some"),
+    "energy_residual": History((), "J", "error of the energy balance"),
+}  # fmt: skip
+"""By name; gears and loads add their own."""
+
+
+# Records that a run left, whole or a portion of them, wherever they are kept.
+
+
+@dataclass(frozen=True)
+class Records:
+    """Some consecutive records.
+
+    `Workspace.recorded` says what their columns are.
+    """
+
+    rows_of: np.ndarray
+    """A record each, shape (n, columns)."""
+    fields: Mapping[str, Quantity]
+    """Where quantities stand, by name."""
+    first: int = 0
+    """Records of the run that come before."""
+
+    @property
+    def rows(self) -> int:
+        """How many there are."""
+        return len(self.rows_of)
+
+    def recorded(self, name: str) -> np.ndarray:
+        """A quantity of `layout.ROW`, shape (n, ...)."""
+        return self.fields[name].of(self.rows_of)
+
+    def part(self, begin: int, end: int) -> Records:
+        """Those from `begin` to `end`, counted from the first one here."""
+        return Records(self.rows_of[begin:end], self.fields, self.first + begin)
+
+    def parts(self, size: int) -> Iterator[Records]:
+        """All of them, `size` at a time; at least one part."""
+        for begin in range(0, max(self.rows, 1), size):
+            yield self.part(begin, begin + size)
+
+
+# What loads did in a run: their energies, works and records, and what they pushed on.
+
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
+
+
+@dataclass(frozen=True)
+class LoadWrenches:
+    """What loads pushed on, by record."""
+
+    efforts: np.ndarray
+    """On the coordinates (n, nv) [N m or N]."""
+    bodies: tuple[int, ...]
+    """Pinocchio joints that carry bodies on which wrenches acted."""
+    wrenches: np.ndarray
+    """Force [N] and moment about the world's origin [N m], world axes (n, bodies, 6)."""
+
+
+class BoundLoads:
+    """The loads of a run, bound to its mechanism.
+
+    Attributes:
+        pairs: frames whose poses are needed, by a key: those of each load between frames, and its
+            second one in the world.
+    """
+
+    def __init__(self, mechanism: Mechanism, loads: Mapping[str, Load]) -> None:
+        """Find where they act."""
+        self.mechanism, self.loads = mechanism, loads
+        self._sites = {name: load.site(mechanism) for name, load in loads.items()}
+        self.pairs: dict[Any, tuple[Frame, Frame]] = {}
+        for name, site in self._sites.items():
+            if site.frames is not None:
+                self.pairs["load", name] = site.frames
+                self.pairs["world", name] = ((0, pin.SE3.Identity()), site.frames[1])
+
+    def _answers(self, records: Records) -> dict[str, np.ndarray]:
+        """What each load's law gave, (n, size)."""
+        recorded, answers, at = records.recorded("load_force"), {}, 0
+        for name, site in self._sites.items():
+            size = len(site.outputs) if site.frames is None else 6
+            answers[name] = recorded[:, at : at + size]
+            at += size
+        return answers
+
+    def histories(
+        self, q: np.ndarray, body: Mapping[str, Any], records: Records
+    ) -> tuple[Variables, dict[str, Any]]:
+        """Variables of a result, and their coordinates.
+
+        Args:
+            q: of all records (n, nq).
+            body: has under "poses" those of `pairs` (n, 12), by key.
+            records: these.
+        """
+        n, names = len(q), list(self.loads)
+        energy, answers = np.zeros((n, len(names))), self._answers(records)
+        parts, values, units = [], [], []
+        for i, (name, load) in enumerate(self.loads.items()):
+            site = self._sites[name]
+            x = q[:, list(site.inputs)] if site.frames is None else body["poses"]["load", name]
+            energy[:, i] = load.energy(x, load.numbers(self.mechanism))
+            for series in load.record(x, answers[name]):
+                parts.append(f"{name}.{series.name}")
+                values.append(series.values)
+                units.append(series.unit)
+        work = records.recorded("load_work").copy()
+        each, part = ("time", "load"), ("time", "load_part")
+        text = "work added by the load since t = 0, beyond its stored energy"
+        variables: Variables = {
+            "load_energy": (each, energy, "J", "energy stored in the load"),
+            "load_work": (each, work, "J", text),
+            "load_record": (part, np.stack(values, axis=1), "", "quantities that loads record"),
+        }
+        units_of_parts = ("load_part", units)
+        return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}
+
+    def driven(self, records: Records) -> np.ndarray:
+        """Efforts of those loads that are actuators of joints, (n, nv) [N m or N]."""
+        efforts = np.zeros((records.rows, self.mechanism.model.nv))
+        for name, answers in self._answers(records).items():
+            if self.loads[name].driven():
+                efforts[:, list(self._sites[name].outputs)] += answers
+        return efforts
+
+    def pushes(self, body: Mapping[str, Any], records: Records) -> LoadWrenches:
+        """What the loads pushed on; arguments as in `histories`."""
+        n = records.rows
+        efforts = np.zeros((n, self.mechanism.model.nv))
+        bodies: list[int] = []
+        wrenches = []
+        for name, answers in self._answers(records).items():
+            site = self._sites[name]
+            if site.frames is None:
+                efforts[:, list(site.outputs)] += answers
+                continue
+            turn = body["bearings"]["load", name]
+            force = np.einsum("nik,nk->ni", turn, answers[:, :3])
+            moment = np.einsum("nik,nk->ni", turn, answers[:, 3:])
+            moment = moment + np.cross(body["poses"]["world", name][:, :3], force)
+            whole = np.hstack([force, moment])
+            bodies += [site.frames[0][0], site.frames[1][0]]
+            wrenches += [-whole, whole]
+        given = np.stack(wrenches, axis=1) if wrenches else np.zeros((n, 0, 6))
+        return LoadWrenches(efforts, tuple(bodies), given)
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of a run in which the bodies keep their inertias."""
+
+    row: int
+    """First record that belongs to it."""
+    model: pin.Model
+    energy: float = 0.0
+    """What payloads have brought in since the start, when they were picked and released [J]."""
+
+
+def declared(values: Mapping[str, np.ndarray], **words: str) -> Variables:
+    """Histories as their declaration says; `words` are put into the texts."""
+    return {
+        name: (("time", *one.dims), found, one.unit, one.text.format(**words))
+        for name, found in values.items()
+        for one in (HISTORIES[name],)
+    }
+
+
+def motion_variables(
+    mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
+) -> Variables:
+    """Variables of the coordinates, the tool, and gravity."""
+    values = {
+        "q": q,
+        "v": v,
+        "drive": records.recorded("drive"),
+        "tool_position": body["position"],
+        "tool_velocity": body["velocity"],
+        "tool_orientation": body["orientation"],
+        "tool_angular_velocity": body["spin"],
+        "kinetic_energy": body["kinetic"],
+        "potential_energy": body["potential"],
+    }
+    return declared(values, tool=mechanism.tool)
+
+
+def contact_names(mechanism: Mechanism) -> list[str]:
+    """Names of the contacts of all joints, each once."""
+    names = (name for joint in mechanism.clearance.values() for name in joint.contacts)
+    return list(dict.fromkeys(names))
+
+
+def unit_of(mechanism: Mechanism, coordinate: Coordinate) -> str:
+    """``m`` or ``rad``."""
+    if coordinate.part in VIRTUAL_LINK:
+        return "m" if coordinate.length else "rad"
+    return "m" if mechanism.description.joints[coordinate.joint].slides else "rad"
+
+
+def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
+    """First record, end and phase of each stretch of the n records from `first` on; none empty."""
+    begins = [max(phase.row - first, 0) for phase in phases]
+    ends = [min(begin, n) for begin in begins[1:]] + [n]
+    stretches = zip(begins, ends, phases, strict=True)
+    return [(begin, end, phase) for begin, end, phase in stretches if begin < end]
+
+
+def gear_variables(
+    mechanism: Mechanism, records: Records, q: np.ndarray
+) -> tuple[Variables, dict[str, Any], np.ndarray]:
+    """Histories of the gears, their coordinates, and the energy stored in all of them (n,) [J]."""
+    names = list(mechanism.gears)
+    torque, hysteresis = np.moveaxis(records.recorded("gear"), 2, 0)
+    energy = np.zeros(len(q))
+    for index, (name, gear) in enumerate(mechanism.gears.items()):
+        twist = gear.twist(q[:, mechanism.motor(name)], q[:, mechanism.coordinate(name)])
+        energy += gear.stored_energy(twist, hysteresis[:, index])
+    stored = "stored in the gears"
+    variables: Variables = {"gear_elastic_energy": (("time",), energy, "J", stored)}
+    text = "torque that the gear transmits to the joint"
+    variables["gear_torque"] = (("time", "gear"), torque, "N m", text)
+    text = "part of it that hysteresis holds"
+    variables["gear_hysteresis"] = (("time", "gear"), hysteresis, "N m", text)
+    return variables, {"gear": names}, energy
+
+
+def kinematics(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    stretches: Sequence[tuple[int, int, Phase]],
+    more: Mapping[Any, tuple[Frame, Frame]],
+) -> dict[str, Any]:
+    """Tool motion and energies by record; by joint with clearance, loop and pair of `more`.
+
+    `bearings` (n, 3, 3) and `poses` (n, 12), by name.
+    """
+    names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
+    pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    names += map(locked, mechanism.locks)
+    pairs += mechanism.locks.values()
+    names += more
+    pairs += more.values()
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    tool = int(frame.parentJoint), frame.placement
+    body, n = BodyMotion.of(len(q), len(pairs)), len(q)
+    for first, end, phase in stretches:
+        Tree(phase.model).move(body, first, end, q, v, tool, pairs)
+    return {
+        "position": body.tool[:, :3],
+        "velocity": body.tool[:, 3:],
+        "orientation": body.orientation,
+        "spin": body.spin,
+        "kinetic": body.energy[:, 0],
+        "potential": body.energy[:, 1],
+        "bearings": dict(zip(names, body.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
+        "poses": dict(zip(names, body.poses, strict=True)),
+    }
+
+
+def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
+    """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
+    parts = [poses[:, :3]]
+    if name not in mechanism.loops:
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
+    elif mechanism.loop_class(name).holds_axis():  # an ideal slider closes no loop
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
+    return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
+
+
+def contact_variables(
+    mechanism: Mechanism, records: Records, body: dict[str, Any]
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Variables of the joints with clearance, and the energy stored in their contacts."""
+    n, nj = records.rows, len(mechanism.clearance)
+    names = contact_names(mechanism)
+    centre, tilt = np.empty((n, nj, 3)), np.empty((n, nj))
+    mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
+    force = records.recorded("force").copy()
+    peak = records.recorded("force_peak").copy()
+    film = records.recorded("film_force").copy()
+    gap = np.full((n, nj, len(names)), np.nan)
+    by_contact = {
+        name: (records.recorded(name), np.full_like(gap, np.nan))
+        for name in ("gap_min", "normal", "normal_peak", "tangential")
+    }
+    stored = np.zeros(n)
+    rolls = any(joint.resultant is not None for joint in mechanism.clearance.values())
+    moment, loaded = np.full((n, nj, 3), np.nan), np.full((n, nj), np.nan)
+    cage = np.full((n, nj), np.nan)
+    for j, (name, joint) in enumerate(mechanism.clearance.items()):
+        bearing, poses = body["bearings"][name], body["poses"][name]
+        centre[:, j] = poses[:, :3]
+        tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
+        count = len(joint.contacts)
+        at = [names.index(contact) for contact in joint.contacts]
+        if joint.resultant is None:
+            gap[:, j, at], mode[:, j], form[:, j] = classify_many(
+                int(joint.shape), np.array(joint.dimensions), count, poses
+            )
+        else:
+            cage[:, j] = records.recorded("cage")[:, j]
+            found = elastic.answers(joint.law, joint.resultant, poses, cage[:, j])
+            gap[:, j, at[0]], loaded[:, j] = (
+                -found[:, resultant.DEEPEST],
+                found[:, resultant.LOADED],
+            )
+            mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
+            form[:, j] = -1
+            moment[:, j] = np.einsum("nik,nk->ni", bearing, found[:, 3:6])
+            stored += found[:, resultant.ENERGY]
+        for recorded, values in by_contact.values():
+            values[:, j, at] = recorded[:, j, :count]
+        for values in (force, peak, film):
+            values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
+        groups: dict[Any, list[int]] = {}
+        for k in range(count if joint.resultant is None else 0):
+            groups.setdefault(joint.contact_properties(k), []).append(at[k])
+        for contact, members in groups.items():
+            parameters = joint.normal.parameters(contact)
+            stored += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
+
+    variables = {
+        "journal_centre": centre,
+        "tilt": tilt,
+        "gap": gap,
+        "gap_min": by_contact["gap_min"][1],
+        "normal_force": by_contact["normal"][1],
+        "normal_force_peak": by_contact["normal_peak"][1],
+        "friction_force": by_contact["tangential"][1],
+        "joint_force": force,
+        "joint_force_peak": peak,
+        "film_force": film,
+        "mode": mode,
+        "form": form,
+    }
+    if rolls:
+        variables |= {"joint_moment": moment, "loaded_elements": loaded, "cage_angle": cage}
+    if all(joint.film is None for joint in mechanism.clearance.values()):
+        del variables["film_force"]
+    return declared(variables), stored
+
+
+def applied_effort(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    records: Records,
+    friction: Mapping[str, JointFriction],
+    pushes: LoadWrenches,
+) -> np.ndarray:
+    """What drives, loads, gears and friction push on the coordinates, shape (n, nv).
+
+    Friction of gears is left out: it acts on motors, which have no mass to be moved.
+    """
+    effort = records.recorded("drive") + pushes.efforts
+    hysteresis = records.recorded("gear")[:, :, 1]
+    for index, (name, gear) in enumerate(mechanism.gears.items()):
+        motor, link = mechanism.motor(name), mechanism.coordinate(name)
+        lever = 1.0 + gear.kinematic_error(q[:, motor])[1]
+        rate = lever * v[:, motor] - v[:, link]
+        torque = gear.tooth_torque(gear.twist(q[:, motor], q[:, link]), rate)
+        torque = torque + hysteresis[:, index]
+        effort[:, motor] -= lever * torque
+        effort[:, link] += torque
+    for name, joint in friction.items():
+        at = mechanism.coordinate(name)
+        effort[:, at] -= joint.torque(v[:, at])
+    return effort
+
+
+def reactions(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray,
+    stretches: Sequence[tuple[int, int, Phase]],
+    constraints: Sequence[Sequence[pin.RigidConstraintModel]],
+    pushes: LoadWrenches,
+) -> np.ndarray:
+    """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
+
+    The joints of the tree come first, then those that close loops, which `constraints` hold in each
+    of the stretches.
+    """
+    tree, loops = mechanism.joints, list(mechanism.loops)
+    forces = np.zeros((len(q), len(tree) + len(loops), 3))
+    for (first, end, phase), held in zip(stretches, constraints, strict=True):
+        joints = [int(phase.model.getJointId(name)) for name in tree]
+        tree_forces, holds = Tree(phase.model).reactions(
+            first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
+        )
+        forces[first:end, : len(tree)] = tree_forces
+        for k, constraint in enumerate(held):
+            forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]
+    return forces

@@ -1,0 +1,132 @@
+"""Quantities of a run by name, such as ``guide.acceleration`` or ``crank_pin.moment``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.result.result import AXES, Result
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A quantity of a run."""
+
+    name: str
+    values: np.ndarray
+    """By record, shape (n,)."""
+    unit: str
+
+
+def names(mechanism: Mechanism) -> list[str]:
+    """What can be observed of a mechanism: ``THING.QUANTITY``."""
+    observables = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
+    observables += [f"{joint}.{what}" for joint in mechanism.joints for what in _OF_JOINTS]
+    return [*observables, *(f"{TOOL}.{what}" for what in _OF_TOOL)]
+
+
+TOOL = "tool"
+_OF_TOOL = (*AXES, "speed", "acceleration")
+_OF_JOURNALS = (*AXES, "eccentricity", "force")
+_OF_JOINTS = ("position", "speed", "acceleration", "moment")
+
+
+def check(name: str, mechanism: Mechanism) -> None:
+    """Refuse a quantity that there is not, or twice.
+
+    Raises:
+        MissingName: there is none.
+        JointplayError: it could be of the tool or of a joint of that name.
+    """
+    known = names(mechanism)
+    if name not in known:
+        raise MissingName("quantity", name, known)
+    if known.count(name) > 1:
+        raise JointplayError(
+            f"{name!r} is a quantity of the tool and of the joint {TOOL!r}; rename the joint"
+        )
+
+
+def unit(name: str, mechanism: Mechanism) -> str:
+    """Unit of a quantity of `names`."""
+    thing, _, what = name.rpartition(".")
+    if thing == TOOL and what in _OF_TOOL:
+        return {"speed": "m/s", "acceleration": "m/s²"}.get(what, "m")
+    if what in _OF_JOURNALS and thing in mechanism.clearance:
+        return "N" if what == "force" else "m"
+    slides = mechanism.description.joints[thing].slides
+    if what == "moment":
+        return "N" if slides else "N m"
+    base = "m" if slides else "rad"
+    return {"position": base, "speed": f"{base}/s", "acceleration": f"{base}/s²"}[what]
+
+
+def label(name: str, mechanism: Mechanism) -> str:
+    """For an axis of a figure."""
+    thing, _, what = name.rpartition(".")
+    return f"{what} of {thing} [{unit(name, mechanism)}]"
+
+
+def usual(mechanism: Mechanism) -> str:
+    """What is looked at if nobody says: a slider's acceleration, else a journal's eccentricity."""
+    sliders = [name for name in mechanism.joints if mechanism.description.joints[name].slides]
+    if len(sliders) == 1 and mechanism.loops:
+        return f"{sliders[0]}.acceleration"
+    if mechanism.clearance:
+        return f"{next(iter(mechanism.clearance))}.eccentricity"
+    return "tool.speed"
+
+
+def observe(result: Result, name: str) -> Observable:
+    """A quantity of a run, by record.
+
+    ``JOINT.x``, ``y``, ``z`` and ``eccentricity`` are the journal's centre in its bearing [m],
+    ``JOINT.force`` the size of the joint's force [N]; ``position``, ``speed``, ``acceleration`` and
+    ``moment`` (the drive's, N m, or its force, N) those of a moving joint; ``tool.x`` and so on
+    [m], and the sizes of ``tool.speed`` and ``tool.acceleration``. An acceleration is the central
+    difference of recorded speeds: it is a mean over two record intervals.
+
+    Raises:
+        MissingName: no such quantity.
+        JointplayError: it could be of the tool or of a joint of that name.
+    """
+    mechanism = result.simulation.mechanism
+    check(name, mechanism)
+    return Observable(name, _values(result, mechanism, name), unit(name, mechanism))
+
+
+def _values(result: Result, mechanism: Mechanism, name: str) -> np.ndarray:
+    thing, _, what = name.rpartition(".")
+    if thing == TOOL and what in _OF_TOOL:
+        return _of_tool(result, what)
+    if what in _OF_JOURNALS and thing in result.joints:
+        return _of_journal(result, thing, what)
+    at = mechanism.coordinate(thing)
+    if what == "moment":
+        return np.asarray(result["drive"].values[:, mechanism.motor(thing)])
+    history = np.asarray(result["q" if what == "position" else "v"].values[:, at])
+    if what == "acceleration":
+        history = np.gradient(history, result.time, edge_order=2)
+    return history
+
+
+def _of_tool(result: Result, what: str) -> np.ndarray:
+    if what in AXES:
+        return np.asarray(result["tool_position"].values[:, AXES.index(what)])
+    velocity = result["tool_velocity"].values
+    if what == "acceleration":
+        velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
+    return np.asarray(np.linalg.norm(velocity, axis=1))
+
+
+def _of_journal(result: Result, joint: str, what: str) -> np.ndarray:
+    index = result.joints.index(joint)
+    if what == "force":
+        return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
+    centre = result["journal_centre"].values[:, index]
+    if what == "eccentricity":
+        return np.asarray(np.hypot(*centre[:, :2].T))
+    return np.asarray(centre[:, AXES.index(what)])

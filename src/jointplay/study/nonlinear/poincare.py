@@ -1,0 +1,150 @@
+"""Poincare sections: a motion looked at once a turn, and how many turns it takes to repeat."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jointplay.base.errors import (
+    JointplayError,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    require_whole,
+)
+
+
+def once_per_turn(values: np.ndarray, per_turn: int, phase: float = 0.25) -> np.ndarray:
+    """Samples of a record, one a turn.
+
+    Args:
+        values: records at even intervals from the begin of a turn on, shape (n, ...).
+        per_turn: records in a turn.
+        phase: where in the turn, in [0, 1); to the nearest record.
+
+    Raises:
+        JointplayError: no such phase.
+    """
+    per_turn = require_whole("per_turn", per_turn, 1)
+    if not 0.0 <= require_finite("phase", phase, "") < 1.0:
+        raise JointplayError(f"phase must be in [0, 1) turns, got {phase:g}")
+    return values[round(phase * per_turn) % per_turn :: per_turn]
+
+
+def repeats_after(points: np.ndarray, tolerance: float, most: int | None = None) -> int | None:
+    """The smallest number of turns after which all points of a section come again.
+
+    1 for a motion of the drive's period, 2 after a period doubling, and so on.
+
+    Args:
+        points: one a turn, in order, shape (n,) or (n, d).
+        tolerance: largest distance of points that count as the same, in units of `points`.
+        most: longest period sought; None: a third of the points, so that each is seen three times.
+
+    Returns:
+        The period in turns; None if it is longer than `most`, or there is none (quasi-periodic and
+        chaotic motion).
+    """
+    tolerance = require_non_negative("tolerance", tolerance, "")
+    most = None if most is None else require_whole("most", most, 1)
+    points = np.asarray(points, float)
+    points = points.reshape(len(points), -1)
+    longest = len(points) // 3 if most is None else min(most, len(points) - 1)
+    for period in range(1, longest + 1):
+        if np.linalg.norm(points[period:] - points[:-period], axis=1).max() <= tolerance:
+            return period
+    return None
+
+
+def attractors(
+    sections: list[np.ndarray], tolerance: float, most: int | None = None
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Tell motions apart by their sections: equal labels for those that end on the same orbit.
+
+    Args:
+        sections: for each motion its points once a turn, settled, shape (n, d).
+        tolerance: largest distance of points that count as the same.
+        most: see `repeats_after`.
+
+    Returns:
+        For each motion the index of its periodic orbit, -1 if it does not repeat itself; and the
+        orbits, each of shape (period, d).
+    """
+    orbits: list[np.ndarray] = []
+    labels = []
+    for points in sections:
+        period = repeats_after(points, tolerance, most)
+        if period is None:
+            labels.append(-1)
+            continue
+        orbit = points[-period:]
+        same = (k for k, other in enumerate(orbits) if _same(orbit, other, tolerance))
+        label = next(same, len(orbits))
+        if label == len(orbits):
+            orbits.append(orbit)
+        labels.append(label)
+    return np.array(labels, int), orbits
+
+
+def _same(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
+    """Whether two orbits have the same points, whichever comes first."""
+    if len(one) != len(other):
+        return False
+    apart = np.linalg.norm(one[:, None] - other[None], axis=2)
+    # Each of the two may be off by the tolerance.
+    return bool(max(apart.min(axis=0).max(), apart.min(axis=1).max()) <= 2.0 * tolerance)
+
+
+# Recurrence plots: when a motion comes back to where it has been.
+#
+# J.-P. Eckmann, S. Oliffson Kamphorst, D. Ruelle, Recurrence plots of dynamical systems,
+# Europhys. Lett. 4 (1987) 973-977; measures: N. Marwan et al., Phys. Rep. 438 (2007) 237-329, eqs
+# 44, 47.
+
+
+MOST = 4000
+"""Most points of a plot: its matrix has their square."""
+
+
+def recurrence(points: np.ndarray, threshold: float = 0.1) -> np.ndarray:
+    """Which pairs of points are near each other, shape (n, n), boolean.
+
+    Args:
+        points: at even intervals, shape (n,) or (n, d); each column is divided by its standard
+            deviation first, unless it does not vary.
+        threshold: largest distance of near points, relative to the largest of all distances.
+
+    Raises:
+        JointplayError: more than `MOST` points, fewer than 2, or no positive threshold.
+    """
+    points = np.asarray(points, float)
+    points = points.reshape(len(points), -1)
+    if not 2 <= len(points) <= MOST:
+        raise JointplayError(f"a recurrence plot takes 2 to {MOST} points, got {len(points)}")
+    threshold = require_positive("the threshold", threshold, "")
+    spread = points.std(axis=0)
+    scaled = points / np.where(spread > 0.0, spread, 1.0)
+    apart = np.sqrt(sum((column[:, None] - column) ** 2 for column in scaled.T))
+    near: np.ndarray = apart <= threshold * apart.max()
+    return near
+
+
+def rate(near: np.ndarray) -> float:
+    """Share of the pairs of different points that are near."""
+    n = len(near)
+    return float((near.sum() - np.trace(near)) / (n * (n - 1)))
+
+
+def determinism(near: np.ndarray, shortest: int = 2) -> float:
+    """Share of the near points that lie on diagonals of at least `shortest` points.
+
+    1 for periodic motion, low for noise; chaos lies between. The main diagonal does not count.
+    """
+    shortest = require_whole("shortest", shortest, 1)
+    counted = aligned = 0
+    for offset in range(1, len(near)):
+        line = np.concatenate([[0], np.diagonal(near, offset).astype(int), [0]])
+        ends = np.flatnonzero(np.diff(line))
+        lengths = ends[1::2] - ends[::2]
+        counted += int(lengths.sum())
+        aligned += int(lengths[lengths >= shortest].sum())
+    return aligned / counted if counted else 0.0

@@ -1,0 +1,263 @@
+"""Studies of nonlinear dynamics as rows of numbers, kept once they are found."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base import files
+from jointplay.base.errors import JointplayError
+from jointplay.base.tables import Column, Table
+from jointplay.scenario import Scenario
+from jointplay.scenario.settings import Setting, divided, parse, tree
+from jointplay.simulation.analysis import ideal_simulation
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.lines import Lines
+from jointplay.study.nonlinear import lyapunov, steady_motion
+from jointplay.study.nonlinear.poincare import once_per_turn
+from jointplay.study.nonlinear.run_up import RunUp
+from jointplay.study.nonlinear.steady_motion import Place
+from jointplay.study.study import Study
+
+Key = tuple[float, ...]
+"""Values that a row is of: of the key that varies, or where a journal starts."""
+
+PIECES = 20
+"""Intervals in a turn after which neighbours are put back to each other."""
+
+
+@dataclass(frozen=True)
+class Varied:
+    """A key of a scenario, and the values that it takes."""
+
+    key: str
+    values: tuple[float, ...]
+    unit: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> Varied:
+        """As ``KEY=FROM:TO:COUNT``, a unit behind it: ``motion.speeds.crank=100:5000:400 rpm``.
+
+        Raises:
+            JointplayError: it reads otherwise.
+        """
+        key, _, rest = divided(text)
+        span, _, unit = rest.strip().partition(" ")
+        parts = span.split(":")
+        try:
+            low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+            good = len(parts) == 3 and count >= 1 and bool(key.strip()) and np.isfinite(high - low)
+        except (IndexError, ValueError):
+            good = False
+        if not good:
+            raise JointplayError(
+                f"--vary must read KEY=FROM:TO:COUNT and a unit, such as "
+                f"'motion.speeds.crank_pin=1000:5000:400 rpm', got {text!r}"
+            )
+        parse(f"{key}=0")  # is it a key?
+        values = np.linspace(low, high, count)
+        return cls(key.strip(), tuple(float(f"{value:.12g}") for value in values), unit.strip())
+
+    def setting(self, value: float) -> Setting:
+        """That gives the key this value."""
+        text = f'"{value!r} {self.unit}"' if self.unit else repr(value)
+        return parse(f"{self.key}={text}")
+
+    @property
+    def label(self) -> str:
+        """For an axis of a figure: ``radial clearance of piston_pin [mm]``."""
+        return f"{self.words} [{self.unit or 'SI unit'}]"
+
+    @property
+    def words(self) -> str:
+        """The key in words: ``radial clearance of piston_pin``."""
+        *group, name = self.key.split(".")
+        words, of = name.replace("_", " "), ".".join(group[1:])
+        if group[:2] == ["motion", "speeds"]:  # the last part names a joint
+            words, of = "speed", name
+        return f"{words}{f' of {of}' if of else ''}"
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is simulated, and for how long; makes the rows."""
+
+    path: str
+    text: str
+    trust: tuple[str, ...]
+    settings: tuple[Setting, ...]
+    case: str | None
+    settle: int
+    """Turns at the start that are not looked at."""
+    keep: int
+    """Turns that are."""
+    records: int
+    """In a turn."""
+    phase: float
+    """Where in the turn a section is, in turns."""
+    names: tuple[str, ...]
+    """Quantities."""
+    varied: Varied | None = None
+    highest: float = 20.0
+    """Largest order of spectra."""
+    joint: str = ""
+    """Whose journal is put aside at the start."""
+    every: int = 1
+    """Records from one point of a course to the next."""
+    window: int = 0
+    """Turns of a spectrum in a run-up."""
+
+    @property
+    def end(self) -> int:
+        """The last turn."""
+        return self.settle + self.keep
+
+    def simulation(self, value: float | None = None) -> Simulation:
+        """The scenario's, the key that varies at a value."""
+        scenario = Scenario(self.text, self.path, self.trust, self.settings)
+        changes: dict[str, Any] = {}
+        if value is not None and self.varied is not None:
+            changes = tree([self.varied.setting(value)])
+        return scenario.simulation(self.case, changes)
+
+    def turning(self, simulation: Simulation) -> steady_motion.Turning:
+        """Over the turns of this study."""
+        return steady_motion.Turning.of(simulation, self.settle, self.keep, self.records)
+
+    def _kept(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
+        """Quantities in the turns that are looked at, shape (keep records, names)."""
+        turning = self.turning(simulation)
+        return turning.kept(turning.run(place), self.names)[:-1]
+
+    def section(self, key: Key) -> np.ndarray:
+        """Quantities once a turn, turn by turn, shape (keep names,)."""
+        kept = self._kept(self.simulation(*key))
+        return once_per_turn(kept, self.records, self.phase).ravel()
+
+    def spectrum(self, key: Key) -> np.ndarray:
+        """Amplitudes of the first quantity by order."""
+        first = self._kept(self.simulation(*key))[:, 0]
+        return steady_motion.orders(first, self.keep, self.highest)[1]
+
+    def run_up(self) -> RunUp:
+        """From the first of the values to the last."""
+        assert self.varied is not None
+        slow, fast = (self.simulation(self.varied.values[k]) for k in (0, -1))
+        return RunUp.of(slow, fast, self.settle, self.keep, self.records)
+
+    def rising(self, key: Key) -> np.ndarray:
+        """Amplitudes of the first quantity in each window of a run-up, window by window."""
+        assert self.varied is not None
+        rising = self.run_up()
+        values = rising.over_angle(rising.run(), self.names[0])
+        number = len(self.varied.values)
+        return rising.spectra(values, number, self.window, self.highest)[1].ravel()
+
+    def growth(self, key: Key) -> np.ndarray:
+        """Mean growth of a small difference in each turn that is looked at [1/s], shape (keep,)."""
+        turning = self.turning(self.simulation(*key))
+        grown = lyapunov.stretching(turning.simulation, turning.turn / PIECES)
+        per_turn = grown.reshape(self.settle + self.keep, PIECES).sum(axis=1)
+        return per_turn[self.settle :] / turning.turn
+
+    def course(self, key: Key) -> np.ndarray:
+        """Quantities every so many records, record by record."""
+        return self._kept(self.simulation(*key))[:: self.every].ravel()
+
+    def beside_ideal(self, key: Key) -> np.ndarray:
+        """Quantities by record, then the same of the ideal mechanism."""
+        turning = self.turning(self.simulation(*key))
+        result = turning.run()
+        ideal = ideal_simulation(result).run(check_step=False, estimate=False)
+        return np.concatenate([turning.kept(r, self.names).ravel() for r in (result, ideal)])
+
+    def section_from(self, key: Key) -> np.ndarray:
+        """As `section`, the journal put to (x, y) [m] at the start."""
+        centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
+        kept = self._kept(centred, steady_motion.placing(self.joint, *key))
+        return once_per_turn(kept, self.records, self.phase).ravel()
+
+    def asked(self) -> dict[str, Any]:
+        """All that its rows depend on, but for their values, as plain data."""
+        given = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        del given["path"]  # its text counts
+        given["version"] = version("jointplay")
+        given["settings"] = [[list(s.key), repr(s.value)] for s in self.settings]
+        given["varied"] = None if self.varied is None else [self.varied.key, self.varied.unit]
+        if self.window and self.varied is not None:  # one row holds all its values
+            given["varied"] += list(self.varied.values)
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of numbers by value, found in processes and kept in a file beside their table.
+
+    Args:
+        path: of the table, a CSV file that is written once all is found; what has been found so
+            far is in the file of the same name that ends in ``.runs``.
+        asked: all that rows depend on but for their values, as plain data.
+        columns: names of the numbers of a row, units in them.
+
+    Attributes:
+        failures: messages of failed values, which have no numbers.
+    """
+
+    path: Path
+    asked: Mapping[str, Any]
+    columns: Sequence[str]
+    failures: dict[Key, str] = field(default_factory=dict)
+
+    def fill(
+        self,
+        work: Callable[[Key], np.ndarray],
+        keys: Sequence[Key],
+        jobs: int | None = None,
+        progress: bool = False,
+    ) -> tuple[np.ndarray, int]:
+        """Find the rows of `keys` that are missing, and write the table.
+
+        A value that fails with a `JointplayError` is kept with its message; the others go on.
+
+        Returns:
+            Numbers, not a number for values that failed, shape (keys, columns); and how many rows
+            were missing.
+
+        Raises:
+            JointplayError: the file is there and was made for something else, or cannot be read or
+                written.
+        """
+        kept = self.path.with_suffix(".runs")
+        if self.path.exists() and not kept.exists():
+            raise JointplayError(f"{str(self.path)!r} is no table of these; choose another folder")
+        with closing(Lines(kept, self.asked)) as store:
+            before = len(store)
+            Study({key: key for key in keys}, partial(_found, work), store).run(jobs, progress)
+            missing = len(store) - before
+        nothing = np.full(len(self.columns), np.nan)
+        rows = np.array([store[key].get("row", nothing) for key in keys])
+        rows = rows.reshape(len(keys), len(self.columns))
+        self.failures.update(
+            {key: str(store[key]["message"]) for key in keys if "message" in store[key]}
+        )
+        values = Column("value", [" ".join(map(repr, key)) for key in keys])
+        messages = Column("message", [self.failures.get(key, "") for key in keys])
+        numbers = [Column(name, x, key=name) for name, x in zip(self.columns, rows.T, strict=True)]
+        table = Table((values, messages, *numbers))
+        files.write(self.path, table.csv(17), overwrite=True, announced=False)
+        return rows, missing
+
+
+def _found(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:
+    try:
+        return {"row": np.asarray(work(key), float)}
+    except JointplayError as error:
+        return {"message": np.array(" ".join(str(error).split()))}

@@ -1,0 +1,141 @@
+"""A run-up: a crank whose speed rises evenly, and what sounds at which multiple of its speed.
+
+Spectra are over the crank's angle, not over time ("order tracking"), so that orders stay where they
+are while the speed rises.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, require_whole
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.nonlinear.observables import observe
+from jointplay.study.nonlinear.steady_motion import check_turns, orders
+from jointplay.study.study import run_to_the_end
+
+
+@dataclass(frozen=True)
+class RunUp:
+    """A simulation in which the speed of all that turns rises evenly."""
+
+    simulation: Simulation
+    """To be run."""
+    joint: str
+    """That turns, by whose angle turns are counted."""
+    settle: int
+    """Turns at the first speed."""
+    turns: int
+    """Turns in which it rises."""
+    records: int
+    """Of a turn, in the spectra."""
+
+    @classmethod
+    def of(cls, slow: Simulation, fast: Simulation, settle: int, turns: int, records: int) -> RunUp:
+        """From the speed of one simulation to that of another, which are otherwise the same.
+
+        Raises:
+            JointplayError: they have no motion at constant speed, or the same speed; numbers that
+                make no sense.
+        """
+        check_turns(settle, turns, records)
+        one, other = slow.motion, fast.motion
+        if one is None or other is None or one.interpolation != "constant-speed":
+            raise JointplayError("a run-up needs cranks at constant speed: give motion.speeds")
+        first, last = (motion(np.zeros(1))[1][0] for motion in (one, other))
+        at = int(np.abs(np.stack([first, last])).max(axis=0).argmax())
+        if np.array_equal(first, last) or first[at] == 0.0 or first[at] * last[at] <= 0.0:
+            raise JointplayError(
+                f"a run-up needs two speeds of the same direction, got {first[at]:g} and "
+                f"{last[at]:g} rad/s; --vary the crank's speed, such as "
+                "motion.speeds.crank_pin=1000:6000:40 rpm"
+            )
+        turn = 2.0 * math.pi
+        steady = max(settle, 1) * turn / abs(first[at])
+        ramp = turns * turn / abs(0.5 * (first[at] + last[at]))
+        start = one(np.zeros(1))[0][0]
+        middle = start + steady * first
+        positions = [start, middle, middle + 0.5 * ramp * (first + last)]
+        interval = turn / max(abs(first[at]), abs(last[at])) / records
+        every = max(math.ceil(interval / slow.step - 1e-9), 1)
+        changed = dataclasses.replace(
+            slow,
+            motion=Motion(one.joints, [0.0, steady, steady + ramp], positions, "speed-ramps"),
+            duration=steady + ramp,
+            step=interval / every,
+            record_every=every,
+            settle=None,
+            judge_from=0.0,
+        )
+        return cls(changed, one.joints[at], max(settle, 1), turns, records)
+
+    def run(self) -> Result:
+        """Simulate.
+
+        Raises:
+            JointplayError: the run stopped early.
+        """
+        return run_to_the_end(self.simulation, "the run-up")
+
+    def over_angle(self, result: Result, name: str) -> np.ndarray:
+        """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
+        angle = self._angle(result.time)
+        wanted = self.settle + np.arange(self.turns * self.records) / self.records
+        return np.asarray(np.interp(wanted, angle, observe(result, name).values))
+
+    def windows(self, number: int, window: int) -> np.ndarray:
+        """First turns of `number` windows of so many turns, evenly over the rise.
+
+        Raises:
+            JointplayError: a window longer than the rise.
+        """
+        number = require_whole("number", number, 1)
+        if not 1 <= require_whole("window", window) <= self.turns:
+            raise JointplayError(
+                f"a window of {window} turns does not fit into {self.turns} turns (--keep)"
+            )
+        return np.round(np.linspace(0, self.turns - window, number)).astype(int)
+
+    def spectra(
+        self, values: np.ndarray, number: int, window: int, highest: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Orders, and amplitudes in each of the windows, shape (number, orders).
+
+        Args:
+            values: of `over_angle`.
+            number, window: see `windows`.
+            highest: largest order wanted.
+        """
+        parts = [
+            values[first * self.records : (first + window) * self.records]
+            for first in self.windows(number, window)
+        ]
+        found = [orders(part, window, highest) for part in parts]
+        return found[0][0], np.array([amplitudes for _, amplitudes in found])
+
+    def speeds(self, number: int, window: int) -> np.ndarray:
+        """Speed in the middle of each window [rad/s]: there half of its turns are over."""
+        motion = self._motion
+        time = np.linspace(0.0, motion.duration, 20001)
+        angle = self._angle(time)
+        middle = self.settle + self.windows(number, window) + 0.5 * window
+        at = motion.joints.index(self.joint)
+        return np.asarray(np.abs(motion(np.interp(middle, angle, time))[1][:, at]))
+
+    @property
+    def _motion(self) -> Motion:
+        motion = self.simulation.motion
+        assert motion is not None
+        return motion
+
+    def _angle(self, time: np.ndarray) -> np.ndarray:
+        """Turns since the start."""
+        at = self._motion.joints.index(self.joint)
+        start = self._motion(np.zeros(1))[0][0, at]
+        return np.asarray(np.abs(self._motion(time)[0][:, at] - start) / (2.0 * math.pi))

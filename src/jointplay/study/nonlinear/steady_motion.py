@@ -1,0 +1,216 @@
+"""Steady motion under a periodic drive: settled over turns, then looked at.
+
+A turn is one of a crank at constant speed; for other motions it is the whole motion, which is then
+repeated and must end where it began.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.motion.reference import Motion
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.run import Run
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.nonlinear.observables import observe
+
+Place = Callable[[Run], None]
+"""Changes the state of a run before it begins."""
+RECORDS = 1000
+"""Records in a turn."""
+
+_CLOSED = 1e-9
+"""Largest distance between begin and end of a motion that is repeated [rad or m]."""
+
+
+def turn(motion: Motion | None) -> float:
+    """Time of one turn of a motion [s].
+
+    Raises:
+        JointplayError: no motion, or one that cannot be repeated; or cranks whose speeds differ.
+    """
+    if motion is None:
+        raise JointplayError("without a motion there are no turns; give [motion]")
+    if motion.interpolation != "constant-speed":
+        off = np.abs(motion.positions[-1] - motion.positions[0])
+        if off.max() > _CLOSED:
+            name = motion.joints[int(off.argmax())]
+            raise JointplayError(
+                f"the motion cannot be repeated: {name!r} ends {off.max():.3g} rad or m from where "
+                "it began; let its last waypoint be the first"
+            )
+        return motion.duration
+    _, speeds, _ = motion(np.zeros(1))
+    moving = np.abs(speeds[0])[speeds[0] != 0.0]
+    if not len(moving) or not np.allclose(moving, moving[0], rtol=1e-9):
+        words = ", ".join(
+            f"{name} {speed:g}" for name, speed in zip(motion.joints, speeds[0], strict=True)
+        )
+        raise JointplayError(
+            "turns are defined only if all rotating joints have the same speed, "
+            f"got {words} [rad/s]"
+        )
+    return float(2.0 * math.pi / moving[0])
+
+
+def check_turns(settle: int, keep: int, records: int) -> None:
+    """Raise a JointplayError on numbers of turns, or of records in one, that make no sense."""
+    for word, value, least in (("settle", settle, 0), ("keep", keep, 1), ("records", records, 4)):
+        require_whole(word, value, least)
+
+
+def check_base(mechanism: Mechanism) -> None:
+    """Refuse a free base.
+
+    Raises:
+        JointplayError: the base is free, so that no motion repeats itself.
+    """
+    if mechanism.free_base is not None:
+        raise JointplayError(
+            "nonlinear dynamics are those of motions that may repeat themselves, and a free base "
+            'drifts away: take the mechanism with base = "held"'
+        )
+
+
+@dataclass(frozen=True)
+class Turning:
+    """A simulation over a number of turns, in which a turn has a whole number of records."""
+
+    simulation: Simulation
+    turn: float
+    """Time of one [s]."""
+    settle: int
+    """Turns at the start that are not looked at."""
+    keep: int
+    """Turns that are."""
+    records: int
+    """Records in a turn."""
+
+    @classmethod
+    def of(cls, simulation: Simulation, settle: int, keep: int, records: int = RECORDS) -> Turning:
+        """Repeat the motion of a simulation; its step is shortened until it divides the turn.
+
+        Raises:
+            JointplayError: see `turn`; or numbers of turns or records that make no sense.
+        """
+        check_turns(settle, keep, records)
+        check_base(simulation.mechanism)
+        period = turn(simulation.motion)
+        turns = settle + keep
+        every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
+        changed = dataclasses.replace(
+            simulation,
+            motion=repeated(simulation.motion, turns),
+            duration=turns * period,
+            step=period / (records * every),
+            record_every=every,
+            settle=settle * period if settle else None,
+            judge_from=None if settle else 0.0,
+        )
+        return cls(changed, period, settle, keep, records)
+
+    def run(self, place: Place | None = None) -> Result:
+        """Simulate to the end; `place` changes the state before the run begins.
+
+        Raises:
+            JointplayError: the run stopped early.
+        """
+        run = Run(self.simulation)
+        if place is not None:
+            place(run)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            result = run.finish(check_step=False)
+        return result.completed()
+
+    def kept(self, result: Result, names: Sequence[str]) -> np.ndarray:
+        """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
+        columns = [observe(result, name).values for name in names]
+        return np.stack(columns, axis=1)[self.settle * self.records :]
+
+
+def repeated(motion: Motion | None, turns: int) -> Motion | None:
+    """Repeat a motion so many times, one after the other; constant speed needs no repeating."""
+    turns = require_whole("turns", turns, 1)
+    if motion is None or motion.interpolation == "constant-speed" or turns == 1:
+        return motion
+
+    def again(times: np.ndarray) -> np.ndarray:
+        return np.append(
+            [times[:-1] + k * motion.duration for k in range(turns)], turns * times[-1]
+        )
+
+    return Motion(
+        motion.joints,
+        again(motion.times),
+        np.vstack([np.tile(motion.positions[:-1], (turns, 1)), motion.positions[-1:]]),
+        motion.interpolation,
+        None if motion.given is None else again(motion.given),
+    )
+
+
+def orders(values: np.ndarray, turns: int, highest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes by order, a multiple of the turning speed.
+
+    Hann window over all turns; a harmonic at a whole order shows its amplitude.
+
+    Args:
+        values: records of whole turns, shape (n,).
+        turns: how many.
+        highest: largest order wanted; at most half the records of a turn are there.
+
+    Returns:
+        Orders in steps of 1/turns, and amplitudes in the unit of the values.
+    """
+    values = np.asarray(values, float)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
+    amplitudes = 2.0 * np.abs(np.fft.rfft((values - values.mean()) * window)) / window.sum()
+    at = np.arange(len(amplitudes)) / turns
+    return at[at <= highest + 1e-9], amplitudes[at <= highest + 1e-9]
+
+
+def room(simulation: Simulation, joint: str) -> tuple[float, float]:
+    """How far the journal of a joint can be put aside at the start along x and y [m].
+
+    Raises:
+        JointplayError: no such joint with clearance, or one that cannot move in both directions.
+    """
+    clearance = simulation.mechanism.clearance
+    if joint not in clearance:
+        raise MissingName("joint with clearance", joint, clearance)
+    rooms = clearance[joint].room_to_start
+    x, y = rooms.get("x", 0.0), rooms.get("y", 0.0)
+    if not (x > 0.0 and y > 0.0):
+        raise JointplayError(f"the journal of {joint!r} cannot move in both x and y")
+    return float(x), float(y)
+
+
+def placing(joint: str, x: float, y: float) -> Place:
+    """What puts the journal of a joint at (x, y) in its bearing [m] before a run begins.
+
+    In a loop the bodies that are not driven move for it.
+    """
+
+    def place(run: Run) -> None:
+        mechanism, q = run.mechanism, run.workspace.q
+        named = enumerate(mechanism.coordinates)
+        own = [k for k, c in named if c.joint == joint and c.part in ("x", "y")]
+        motion = run.simulation.motion
+        led = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
+        moved = own or [k for k in range(len(q)) if k not in led]
+        for _ in range(3):  # the way is a curve, if a short one
+            pin.forwardKinematics(mechanism.model, mechanism.data, q)
+            here = mechanism.journal_pose(joint).translation[:2]
+            moves = mechanism.relative_jacobian(joint, q)[:2, moved]
+            q[moved] += np.linalg.pinv(moves) @ (np.array([x, y]) - here)
+
+    return place
