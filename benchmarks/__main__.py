@@ -69,7 +69,8 @@ def main() -> int:
         print(f"benchmarks: no {first!r}; there are {choices}", file=sys.stderr)
         return 2
     sys.argv = [f"benchmarks {first}", *options]
-    return importlib.import_module(f"{known[first].parent.name}.{first}").main() or 0
+    status = importlib.import_module(f"{known[first].parent.name}.{first}").main()
+    return status if isinstance(status, int) else 0
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ def test_stick_slip_that_a_nanometre_does_not_show_is_wild(judged):
     assert judged({(1e-9, "peak_N"): 100.35, (-1, "peak_N"): 140.0})["peak_N"]
 
 
+@pytest.mark.thorough
 def test_a_journal_that_sticks_and_slips_is_told_by_a_larger_start_and_a_longer_step():
     """Brown-McPhee under load: 1 nm and half the step change nothing, 100 nm and twice it 2.7 %."""
     case = accuracy.Case(accuracy.SCARA, 2e-4, "Brown-McPhee", True, duration=0.4)

@@ -268,6 +268,7 @@ def test_no_cheaper_choice_of_classes_keeps_the_target(rolling, target):
     assert found.each("after").sum() == pytest.approx(found.error, rel=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cost", ["reciprocal", "linear"])
 def test_sizes_and_classes_are_chosen_together_and_no_other_choice_is_cheaper(rolling, cost):
     journal = RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
@@ -462,6 +463,7 @@ def test_the_marginal_price_is_that_of_a_target_a_little_wider(arm, statistical)
     assert mid.relief == pytest.approx(saved, rel=1e-3)
 
 
+@pytest.mark.thorough
 @both
 def test_bearings_are_chosen_with_the_causes_and_no_other_choice_is_cheaper(rolling, statistical):
     causes, names = ("play", "geometry", "encoder"), ("elbow_joint", "wrist_1_joint")

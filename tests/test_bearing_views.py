@@ -167,6 +167,7 @@ def test_the_page_has_what_elements_do(mixed):
     assert np.hypot(*place[pushed, :2].T) == pytest.approx(np.full(pushed.sum(), race), rel=0.02)
 
 
+@pytest.mark.thorough
 def test_rolling_bearings_have_close_ups(browser, mixed, tmp_path):
     path = player.save_html({"a": mixed}, tmp_path / "a.html", ghosts=False)
     tab = open_page(browser, path.as_uri())
@@ -229,6 +230,7 @@ def test_plots_of_bearings_have_their_words(mixed):
         mixed.plot.loaded("plain")
 
 
+@pytest.mark.thorough
 def test_figures_of_bearings_are_drawn_where_there_are_any(mixed, robot, tmp_path):
     from jointplay.show import plots
 

@@ -172,6 +172,7 @@ def test_axial_and_tilt_play_grow_as_the_root_of_the_clearance():
 # The law.
 
 
+@pytest.mark.thorough
 @every
 def test_the_two_ways_to_say_the_law_agree(bearing):
     random = np.random.default_rng(2)

@@ -193,6 +193,7 @@ def test_what_is_told_of_play_stands_in_one_place(arm):
     assert str(fit).count(fit.play_of("elbow").words()[1]) == 1
 
 
+@pytest.mark.thorough
 def test_intervals_of_play_cover_frictions_and_transitions_that_nobody_gave():
     """Robots of the benchmark whose friction and transition lie between those that are tried."""
     benchmark = importlib.import_module("truth.calibrate")

@@ -199,6 +199,7 @@ def test_the_platform_is_turned_as_asked(three_rrr):
             assert math.sin((row[start] + zero - crank) / 2) == pytest.approx(0, abs=1e-8)
 
 
+@pytest.mark.thorough
 def test_workspace_of_the_3_rrr_is_that_of_three_rings(three_rrr):
     """With the platform not turned, it is where three rings overlap (Merlet, Gosselin and Mouly,
     Workspaces of planar parallel manipulators, 1998): radii |l1 - l2| and l1 + l2 about the motors,

@@ -52,6 +52,15 @@ POSES = "shoulder motor [rad],elbow motor [rad],tool x [m],tool y [m],tool z [m]
 """Static poses of that robot."""
 
 
+def quick_first(pages):
+    """Pages as parameters; all but the README's are thorough."""
+    later = pytest.mark.thorough
+    return [
+        pytest.param(one, id=str(one.relative_to(ROOT)), marks=() if one is PAGES[0] else later)
+        for one in pages
+    ]
+
+
 def blocks(page, language):
     return [e for e in parsed(page) if e.parsed.language == language]
 
@@ -188,7 +197,7 @@ PYTHON = [page for page in PAGES if blocks(page, "python")]
 SHELL = [page for page in PAGES if blocks(page, "sh")]
 
 
-@pytest.mark.parametrize("page", PYTHON, ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize("page", quick_first(PYTHON))
 def test_snippets_run_as_they_are_written(page, folder):
     matplotlib = pytest.importorskip("matplotlib.pyplot")
     names = {"my_axes": matplotlib.figure().subplots(), "__name__": "__main__"}
@@ -203,7 +212,7 @@ def test_snippets_run_as_they_are_written(page, folder):
     matplotlib.close("all")
 
 
-@pytest.mark.parametrize("page", SHELL, ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize("page", quick_first(SHELL))
 def test_commands_run_as_they_are_written(page, folder):
     shutil.copy(folder / "one.nc", folder / "run.nc")
     before = {

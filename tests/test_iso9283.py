@@ -406,6 +406,7 @@ def test_speed_and_load_are_conditions_of_the_test(arm):
     assert "speed: 50 %" in words
 
 
+@pytest.mark.thorough
 def test_a_bore_that_wears_lets_the_pose_drift(arm):
     play = RevoluteClearance.planar(radial_clearance=PLAY, wear_rate=1e-12)
     motion = Motion(["a"], [0.0, 0.15, 0.3], [[0.0], [0.1], [0.1]])

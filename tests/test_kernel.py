@@ -162,6 +162,7 @@ print(len(files), {end for end in ends})
 """
 
 
+@pytest.mark.thorough
 def test_a_bit_that_flips_in_kept_code_has_it_compiled_again(tmp_path):
     """By itself numba runs such code: it crashes, or computes something else."""
     program = tmp_path / "kept.py"

@@ -413,6 +413,7 @@ CONTENTS = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("content", CONTENTS)
 def test_a_damaged_cache_is_thrown_away(tmp_path, content):
     code = (

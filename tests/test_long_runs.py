@@ -98,6 +98,7 @@ figures = false
 """
 
 
+@pytest.mark.thorough
 def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatch, capsys):
     """In portions: sums are added in another order, so to the last digits only."""
     (tmp_path / "long.toml").write_text(FINE)
@@ -135,6 +136,7 @@ def test_no_damage_is_sealed_with_a_certificate(tmp_path):
     assert names(tmp_path) == ["r.nc"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("on_disk", [False, True])
 def test_errors_whose_search_was_interrupted_are_found_by_resuming(
     on_disk, monkeypatch, tmp_path, capsys
@@ -313,6 +315,7 @@ ALLOWED = 80e6
 """What a long run may add to the memory of a short one [bytes]."""
 
 
+@pytest.mark.thorough
 def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
     done = subprocess.run(
         [PYTHON, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
@@ -358,6 +361,7 @@ GROWTH = 20e6
 """What two and a half times the length may add to the memory of the whole command [bytes]."""
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="needs Linux's /proc")
 def test_memory_of_the_command_does_not_grow_with_the_length_of_a_run(tmp_path):
     """From the first import to the last line, the summary and the ideal mechanism's run in it."""

@@ -14,6 +14,8 @@ from jointplay.show import player
 from jointplay.show.player import movie, save_movie
 from jointplay.show.player.movie import KINDS, Shot, pace, speed_for
 
+pytestmark = pytest.mark.thorough
+
 SMALL = {"size": (320, 240), "frames_per_second": 10.0}
 
 

@@ -57,6 +57,7 @@ def odd(request, tmp_path):
     return name, tmp_path
 
 
+@pytest.mark.thorough
 def test_an_odd_name_goes_through_the_commands(odd, capsys):
     name, folder = odd
     robot, scenario = str(folder / "r.urdf"), str(folder / "s.toml")

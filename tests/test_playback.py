@@ -442,6 +442,7 @@ def test_modes_are_called_and_coloured_as_in_figures(browser, page, tmp_path):
     tab.close()
 
 
+@pytest.mark.thorough
 def test_player_is_dark_where_the_system_is_and_by_its_switch(browser, page, tmp_path):
     path = tmp_path / "a.html"
     path.write_bytes(page[0])
@@ -459,6 +460,7 @@ def test_player_is_dark_where_the_system_is_and_by_its_switch(browser, page, tmp
     tab.close()
 
 
+@pytest.mark.thorough
 def test_served_page_plays_in_a_browser(browser, page):
     with Server(page[0], port=0) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -468,6 +470,7 @@ def test_served_page_plays_in_a_browser(browser, page):
         server.shutdown()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["slider_crank", "four_bar"])
 def test_loops_play_in_a_browser(browser, name, tmp_path):
     scenario = jp.Scenario.load(f"jointplay:{name}.toml")
@@ -483,6 +486,7 @@ def test_loops_play_in_a_browser(browser, name, tmp_path):
     tab.close()
 
 
+@pytest.mark.thorough
 def test_balls_and_sliders_have_close_ups(browser, urdf, tmp_path):
     path = urdf(
         body("a"), body("b", com="0.1 0 0"), joint("one", "base", "a", "prismatic"),

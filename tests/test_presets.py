@@ -37,6 +37,7 @@ def test_every_number_says_where_it_comes_from(name):
     assert missing == set()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "robot"), ARMS.items())
 def test_every_preset_makes_a_mechanism_with_a_whole_budget(name, robot):
     one = preset(name)
@@ -105,6 +106,7 @@ def test_it_is_a_name_of_the_package():
     assert isinstance(jp.presets.preset("so101"), Preset)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "robot"),
     (ARMS | {"so101": "so101", "x-scara": "scara", "printed-servo": "so101"}).items(),

@@ -247,6 +247,7 @@ def open_report():
         browser.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_report):
     tab = open_report(page, 1280)

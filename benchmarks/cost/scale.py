@@ -95,7 +95,7 @@ def start():
     before = children()
     import subprocess
 
-    program = "import jointplay.study.case; from jointplay import kernel; kernel.compiled()"
+    program = "import jointplay.study.case; from jointplay.physics import kernel; kernel.compiled()"
     subprocess.run([sys.executable, "-c", program], check=True)
     assert made.count == 2
     return children() - before

@@ -88,7 +88,9 @@ class Engines:
             name: "left out by --without" for name in without
         }
         self.mujoco, self.exudyn, self.siconos, self.drake = (
-            None if self.reasons[name] else importlib.import_module(f"peer_engines.{name}_engine")
+            None
+            if self.reasons[name]
+            else importlib.import_module(f"truth.peer_engines.{name}_engine")
             for name in ENGINES
         )
 

@@ -66,6 +66,7 @@ def test_laws_are_frozen_and_each_number_has_a_unit(base, name):
         )
 
 
+@pytest.mark.thorough
 @every
 def test_every_law_compiles(base, name):
     assert address(made(name, base))

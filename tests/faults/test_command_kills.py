@@ -23,6 +23,8 @@ from test_kills import PATIENCE_S, end, gone, needs_proc, start
 from test_sweep_kills import descendants
 from warm import JOINTPLAY, PYTHON, Process
 
+pytestmark = pytest.mark.thorough
+
 TELLING = """
 import os, sys
 from contextlib import contextmanager

@@ -19,6 +19,8 @@ import jointplay as jp
 from jointplay.base import signals
 from jointplay.physics.kernel import Status
 
+pytestmark = pytest.mark.thorough
+
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
 

@@ -125,6 +125,7 @@ def takes_all_memory(case, folder):
     os.environ["A"] = "a" * (1 << 40)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("does", "word"),
     [
