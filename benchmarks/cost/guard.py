@@ -47,7 +47,7 @@ FINE = {"step": 1e-6, "macro_step": 2e-5, "record_every": 200}
 def step_cost():
     """A step over a bare call of `pin.aba`, as `step_cost.py` has it."""
     with temporary("run") as folder:
-        command = [sys.executable, str(Path(__file__).with_name("step_cost.py")), "--quick"]
+        command = [sys.executable, Path(__file__).parents[1], "step_cost", "--quick"]
         done = subprocess.run(
             [*command, "--force", "--out", folder], capture_output=True, text=True, check=True
         )

@@ -1,6 +1,6 @@
 """What methods of lower layers do with upper ones, each imported when it is first called."""
 
-from jointplay.base.imports import provide
+from jointplay.base.conveniences import provide
 
 
 @provide

@@ -1,28 +1,11 @@
-"""What lower layers get from upper ones, and libraries that are extras.
-
-Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies: the
-package itself, which is above all layers, provides such `conveniences`.
-"""
+"""Libraries that are extras, imported at the moment of need."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from jointplay.base.errors import JointplayError
-
-_provided: dict[str, Callable[[], Any]] = {}
-
-
-def provide(import_it: Callable[[], Any]) -> None:
-    """Have lower layers find by the function's name what it imports when it is first needed."""
-    _provided[import_it.__name__] = import_it
-
-
-def provided(name: str) -> Any:
-    """What an upper layer has under this name."""
-    return _provided[name]()
 
 
 def how_to_install(name: str) -> str:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
+from jointplay.base.conveniences import provided
 from jointplay.base.errors import JointplayError, require_a, require_non_negative, require_table
-from jointplay.base.imports import provided
 from jointplay.base.schema import check_fields, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.base import files
+from jointplay.base.conveniences import provided
 from jointplay.base.errors import JointplayError, require_a, require_whole
-from jointplay.base.imports import provided
 from jointplay.physics.contact.trust import showing, trusting
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result import netcdf
