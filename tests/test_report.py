@@ -47,6 +47,8 @@ def test_results_of_the_same_name_are_called_by_their_folders(folder, tmp_path):
 
 def test_page_has_its_sections_and_no_addresses(page):
     text = page.read_text(encoding="utf-8")
+    assert "ambrosio (mu d 0.1, v0 0.0001 m/s, v1 0.001 m/s)" in text
+    assert "young 207 GPa" in text
     for name in ("At a glance", "Parameters", "Assumptions", "Audit", "Accuracy", "Impacts"):
         assert f"<h2>{name}</h2>" in text
     assert "default-src 'none'" in text

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.schema import family_of, fields_of
 from jointplay.base.tables import Head, Table
 from jointplay.base.units import displayed, readable, typeset
 from jointplay.model.free_base import FREE
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import parse
+from jointplay.physics.contact.film import FilmLaw
+from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.physics.joints import RollingBearing
+from jointplay.physics.joints.base import Material
 from jointplay.show.reports.cases import Case, dark
 from jointplay.show.reports.html import (
     Cell,
@@ -193,12 +197,26 @@ def _plain(value: Any) -> str:
 
 
 def _law(fields: dict[str, Any]) -> str:
-    """A law or a material in one line: its name first."""
+    """A law or a material in one line: its name first, numbers in the units of its fields."""
     rest = {key: value for key, value in fields.items() if value is not None and key != "source"}
+    kind = _kind_of(rest)
     name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
-    if set(rest) == {"young", "poisson"}:
-        return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
-    return " ".join(part for part in (name, _plain(rest) and f"({_plain(rest)})") if part)
+    known = {} if kind is None else fields_of(kind)
+    parts = []
+    for key, value in rest.items():
+        unit = known[key].units[0] if key in known else ""
+        shown = readable(value, unit) if unit and isinstance(value, float) else _plain(value)
+        parts.append(f"{key.replace('_', ' ')} {shown}")
+    return " ".join(part for part in (name, parts and f"({', '.join(parts)})") if part)
+
+
+def _kind_of(fields: dict[str, Any]) -> type | None:
+    """The class whose fields these are, if it is at hand: a material, or a law by its name."""
+    if "young" in fields:
+        return Material
+    word = str(fields.get("law"))
+    families = filter(None, map(family_of, (NormalForceLaw, FrictionLaw, FilmLaw)))
+    return next((one.member(word).kind for one in families if word in one.members), None)
 
 
 def _derived(result: Result) -> tuple[dict[str, float], dict[str, dict[str, str]], str]:
