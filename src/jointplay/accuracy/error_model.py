@@ -140,6 +140,7 @@ class Contribution:
 
     joint: str
     cause: str
+    """Name of the cause: sums, parts and prices are told by it."""
     set: Play | None = None
     """Where the displacement may be; None: only where `shift` says."""
     shift: np.ndarray | None = None
@@ -147,7 +148,8 @@ class Contribution:
     spread: float = 0.0
     """Relative uncertainty of `shift`, either way."""
     origin: str = ""
-    """Where the numbers come from."""
+    """Where the numbers come from: "given: ..." is listed among what was given, and "class ...;
+    assumed: ..." among what was assumed."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
     not."""

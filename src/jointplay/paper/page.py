@@ -325,7 +325,7 @@ def page(study: Findings, setting: str, pictures: str = "") -> str:
         "",
         "Files under src/jointplay; docs/equation_of_motion.md computes eq. 23 term by term.",
         "",
-        Table.of_texts([("eq.", "says", "file, function"), *EQUATIONS]).markdown(),
+        Table.of_texts([("eq.", "says", "file, function or law"), *EQUATIONS]).markdown(),
         "",
         "## The paper against itself",
         "",

@@ -232,7 +232,7 @@ def damped(factor: str, elastic: str = r"k\delta^{3/2}") -> str:
 def hysteresis(
     delta: float, ddelta: float, ddelta0: float, stiffness: float, factor: float
 ) -> float:
-    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]."""
+    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]: eq. 19 with the paper's factor a."""
     return stiffness * delta * math.sqrt(delta) * (1.0 + factor * ddelta / ddelta0)
 
 
