@@ -9,7 +9,7 @@ import pytest
 from warm import JOINTPLAY
 
 import jointplay as jp
-from jointplay import bridges as exports
+from jointplay import bridges
 from jointplay.bridges.fmu import with_torques
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
@@ -28,7 +28,7 @@ def result():
 
 @pytest.fixture(scope="module")
 def unit(result, tmp_path_factory):
-    return exports.export(result, tmp_path_factory.mktemp("fmu") / "scara.fmu")
+    return bridges.export(result, tmp_path_factory.mktemp("fmu") / "scara.fmu")
 
 
 class Opened:
@@ -120,7 +120,7 @@ def test_a_state_is_restored_and_the_same_follows(opened):
 
 def test_torques_from_outside_are_those_of_a_controller(result, tmp_path):
     simulation = with_torques(result.simulation, MS)
-    path = exports.export(result, tmp_path / "t.fmu", inputs="torque", period="1 ms")
+    path = bridges.export(result, tmp_path / "t.fmu", inputs="torque", period="1 ms")
     made = Opened(path, tmp_path / "unit")
     run = jp.Run(simulation)
     run.begin()
@@ -143,7 +143,7 @@ def test_torques_from_outside_are_those_of_a_controller(result, tmp_path):
 
 
 def test_references_from_outside_are_followed(result, tmp_path):
-    path = exports.export(result, tmp_path / "r.fmu", inputs="reference", period="0.5 ms")
+    path = bridges.export(result, tmp_path / "r.fmu", inputs="reference", period="0.5 ms")
     made = Opened(path, tmp_path / "unit")
     begin = made.get("joint_a.link.position", "joint_b.link.position")
     assert made.get("joint_a.reference.position")[0] == begin[0]
@@ -164,7 +164,7 @@ def test_references_of_loops_are_refused(tmp_path):
     simulation = jp.Scenario.load("jointplay:four_bar.toml").simulation("ideal")
     run = replace(simulation, duration=1e-3).run(estimate=False)
     with pytest.raises(jp.JointplayError, match="without loops"):
-        exports.export(run, tmp_path / "a.fmu", inputs="reference")
+        bridges.export(run, tmp_path / "a.fmu", inputs="reference")
 
 
 @pytest.mark.parametrize("size", [1.5e-5, 1e-6])
@@ -194,7 +194,7 @@ def test_wrong_options_of_units_are_named(arguments, words, result, tmp_path):
 
 def test_inputs_are_for_units_only(result, tmp_path):
     with pytest.raises(jp.JointplayError, match="only an fmu"):
-        exports.export(result, tmp_path / "r.csv", inputs="torque")
+        bridges.export(result, tmp_path / "r.csv", inputs="torque")
 
 
 def test_the_command_writes_a_unit(result, tmp_path):

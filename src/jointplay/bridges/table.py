@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay import bridges as exports
+from jointplay import bridges
 from jointplay.base.imports import extra
 from jointplay.simulation.result.result import Result
 
@@ -84,7 +84,7 @@ def csv(result: Result, suffix: str, progress: bool) -> bytes:
     table.columns = [f"{name} [{units[name]}]" for name in table.columns]
     parts = [
         table.iloc[block].to_csv(index=False, header=block.start == 0)
-        for block in exports.in_blocks(len(table), _BLOCK, "table", progress)
+        for block in bridges.in_blocks(len(table), _BLOCK, "table", progress)
     ]
     return "".join(parts).encode()
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay import bridges as exports
+from jointplay import bridges
 from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
 from jointplay.model.free_base import BASE, FREE
@@ -119,6 +119,6 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
     whole = message(motion)
     points = whole.pop("points")
     parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
-    for block in exports.in_blocks(len(points), _BLOCK, "points", progress):
+    for block in bridges.in_blocks(len(points), _BLOCK, "points", progress):
         parts.append(yaml.dump(points[block], Dumper=dumper, **options))
     return "".join(parts).encode()

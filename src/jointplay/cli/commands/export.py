@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay import bridges as exports
+from jointplay import bridges
 from jointplay.base.imports import how_to_install
 from jointplay.cli.commands import add_option, add_shared
 
@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
         description="Write a result for other programs. File kinds: "
         + "; ".join(
             f"{name} ({', '.join(kind.suffixes)}): {kind.about}"
-            for name, kind in exports.KINDS.items()
+            for name, kind in bridges.KINDS.items()
         )
         + ".",
         epilog="docs/exports.md describes the files. parquet, mcap, YAML and rerun need the "
@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("result", metavar="RESULT", help="result file (.nc)")
     add_option(
-        parser, "--to", "kind of file (default: by the extension of --out)", choices=exports.KINDS
+        parser, "--to", "kind of file (default: by the extension of --out)", choices=bridges.KINDS
     )
     add_option(parser, "--out FILE", "file to write", required=True)
     add_option(
@@ -49,11 +49,11 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Read, write, say what was written."""
-    exports.check(options.out, options.to)
+    bridges.check(options.out, options.to)
     from jointplay.simulation.result.result import Result
 
     result = Result.load(options.result, options.trust)
-    path = exports.export(
+    path = bridges.export(
         result,
         options.out,
         options.to,
