@@ -249,7 +249,6 @@ class FlexibleLink(Described):
     """Of the section's mass about the beam's axis, likewise [m]."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         check_fields(self)
         require_whole("segments", self.segments, 1, MOST_SEGMENTS, ("segments",))
         own = ("bending_stiffness", "torsion_stiffness", "line_mass", "gyration_radius")

@@ -70,7 +70,6 @@ class ClosedLoops:
     def __init__(
         self, mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None = None
     ) -> None:
-        """Find what follows."""
         self.mechanism = mechanism
         self._weight = _weights(mechanism)
         somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))

@@ -26,7 +26,6 @@ class SelfCollision:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Read the shapes and choose the pairs."""
         self._mechanism = mechanism.ideal()
         model = self._mechanism.model
         geometry = self._mechanism.collision_model.copy()  # with pairs of its own

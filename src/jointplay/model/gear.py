@@ -343,11 +343,9 @@ class Gear(Gearing):
     """Damping of the teeth in contact and the shaft [N m s/rad]."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         check_fields(self)
 
     def curve(self) -> Curve:
-        """One stiffness."""
         return Curve.of([(self.stiffness, math.inf)])
 
 
@@ -409,7 +407,6 @@ class _Catalogued(_Lossy):
     """Fields that either the user or the catalogue must give."""
 
     def __post_init__(self) -> None:
-        """Take what the catalogue has, and check all values."""
         given = {} if self.catalogue is None else _entry(self.kind, self.catalogue)
         for name, item in given.items():
             if getattr(self, name) is None:
@@ -453,7 +450,6 @@ class _Catalogued(_Lossy):
         return list(_catalogue()[cls.kind])
 
     def origins(self) -> dict[str, str]:
-        """See `Gearing.origins`; of fields that have the catalogue's number still."""
         if self.catalogue is None:
             return {}
         return {
@@ -506,17 +502,14 @@ class _Catalogued(_Lossy):
         return grip, self.presliding or (0.25 * self.hysteresis if self.hysteresis else 1.0)
 
     def curve(self) -> Curve:
-        """As the catalogue has it, softer at small torques where it states lost motion."""
         return self._law[0]
 
     @property
     def bristles(self) -> tuple[float, float]:
-        """See `Gearing.bristles`."""
         return self._law[1]
 
     @property
     def losses(self) -> Losses:
-        """Friction without load and with it."""
         driven = _back_driving(self.efficiency, self.back_driving_efficiency)
         driving = 1.0 / self.efficiency - 1.0
         return Losses(self.no_load_torque, self.viscous, driving, 1.0 - driven)
@@ -576,13 +569,11 @@ class StrainWaveGear(_Catalogued):
 
     @property
     def error_terms(self) -> tuple[tuple[float, float, float], ...]:
-        """Twice in a turn of the wave generator."""
         if self.error_amplitude == 0.0:
             return ()
         return ((2.0 * self.ratio, self.error_amplitude, self.error_phase),)
 
     def without_error(self) -> StrainWaveGear:
-        """See `Gearing.without_error`."""
         return replace(self, error_amplitude=0.0)
 
     def _lost_motion(self, curve: Curve, bristles: tuple[float, float], part: float) -> float:
@@ -632,13 +623,11 @@ class CycloidalGear(_Catalogued):
 
     @property
     def error_terms(self) -> tuple[tuple[float, float, float], ...]:
-        """As given."""
         phases = self.error_phases or (0.0,) * len(self.error_orders)
         terms = zip(self.error_orders, self.error_amplitudes, phases, strict=True)
         return tuple(term for term in terms if term[1] != 0.0)
 
     def without_error(self) -> CycloidalGear:
-        """See `Gearing.without_error`."""
         return replace(self, error_orders=(), error_amplitudes=(), error_phases=())
 
 
@@ -660,7 +649,6 @@ class GearStage(Described):
     """Where the joint drives; the friction of `efficiency` if not given."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         check_fields(self)
         _check_efficiency(self.efficiency, self.back_driving_efficiency, ())
 
@@ -684,7 +672,6 @@ class GearTrain(_Lossy):
     """Stiffness of all teeth in contact and shafts, referred to the joint [N m/rad]."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         object.__setattr__(self, "stages", tuple(self.stages))
         check_fields(self)
         if not self.stages:
@@ -702,7 +689,6 @@ class GearTrain(_Lossy):
 
     @property
     def play(self) -> float:  # type: ignore[override]
-        """Backlash of all stages, referred to the joint [rad]."""
         behind, total = 1.0, 0.0
         for stage in reversed(self.stages):
             total += stage.backlash / behind
@@ -710,12 +696,10 @@ class GearTrain(_Lossy):
         return total
 
     def curve(self) -> Curve:
-        """One stiffness."""
         return Curve.of([(self.stiffness, math.inf)])
 
     @property
     def losses(self) -> Losses:
-        """Friction without load, and that of all stages."""
         efficiency = math.prod(stage.efficiency for stage in self.stages)
         driven = math.prod(
             _back_driving(stage.efficiency, stage.back_driving_efficiency) for stage in self.stages

@@ -75,7 +75,6 @@ class Heat:
     """When on this curve the run takes place."""
 
     def __post_init__(self) -> None:
-        """Check the materials, and that curve and time come together."""
         for where, name in [
             (("material",), self.material),
             *((("links", link, "material"), one.material) for link, one in self.links.items()),

@@ -70,7 +70,6 @@ class Loop(Described):
     journal_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
 
     def __post_init__(self) -> None:
-        """Check the vectors."""
         if self.bearing_link == self.journal_link:
             raise JointplayError(
                 f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"

@@ -175,7 +175,6 @@ class Mechanism(Overview, Described):
         fix: Collection[str] = (),
         base: str = HELD,
     ) -> None:
-        """Read the URDF and build the model."""
         allow_unphysical = require_names(
             "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
         )
@@ -493,7 +492,6 @@ class Mechanism(Overview, Described):
         return q
 
     def describe(self) -> dict[str, Any]:
-        """All that is needed to build the mechanism again, the URDF's text included."""
         return {
             "urdf": self.description.path.name,
             "urdf_text": self.description.text,
@@ -509,7 +507,6 @@ class Mechanism(Overview, Described):
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Mechanism:
-        """Build the mechanism that `describe` described."""
         allowed = fields["allow_unphysical"]
         name = Path(fields["urdf"]).name or "robot.urdf"
         parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
@@ -517,15 +514,12 @@ class Mechanism(Overview, Described):
         return cls(parsed, **rest)
 
     def __eq__(self, other: object) -> bool:
-        """Whether robot, joints, loops, gears, gravity and tool are the same."""
         return isinstance(other, Mechanism) and self.describe() == other.describe()
 
     def __hash__(self) -> int:
-        """Equal mechanisms hash alike."""
         return hash((self.description.text, self.tool, self.gravity, tuple(self.given_joints)))
 
     def facts(self) -> tuple[str, dict[str, str]]:
-        """File and number of moving joints; where there is play, and what else is not usual."""
         moving = list(self.joints)
         facts = {"moving joints": few(moving)}
         if self.base_words:

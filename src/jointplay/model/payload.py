@@ -44,7 +44,6 @@ class Payload(Described):
     """Moments of inertia about it, along the frame's axes [kg m^2]."""
 
     def __post_init__(self) -> None:
-        """Check all values."""
         check_fields(self)
         if self.release is not None and self.release <= self.pick:
             raise JointplayError(

@@ -47,7 +47,6 @@ class Scene:
     """
 
     def __init__(self, mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> None:
-        """Shapes are read when they are asked for."""
         self.mechanism, self.folders = mechanism, folders
         bodies = [frame for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
         self.links = [frame.name for frame in bodies]

@@ -519,7 +519,6 @@ class Tree:
     """
 
     def __init__(self, model: pin.Model) -> None:
-        """Split the joints of `model`."""
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))
         parents, slides, placements, inertias = [0], [False], [pin.SE3.Identity()], [np.zeros(10)]

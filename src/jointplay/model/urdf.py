@@ -88,7 +88,6 @@ class Declared:
     """
 
     def __init__(self, root: ElementTree.Element) -> None:
-        """Keep the elements."""
         self.root = root
 
     @cached_property

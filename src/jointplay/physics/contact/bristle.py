@@ -104,7 +104,6 @@ class Dahl(BristleLaw):
 
     @staticmethod
     def function(speed: float, normal: float, dwell: float, mu_d: float, sigma0: float) -> Bristles:
-        """Evaluate the law."""
         return Bristles(
             bending=1.0,
             release=sigma0 * speed / mu_d,
@@ -167,7 +166,6 @@ class LuGre(StribeckBristles):
         sigma1: float,
         sigma2: float,
     ) -> Bristles:
-        """Evaluate the law."""
         ratio = speed / v_s
         g = mu_d + (mu_s - mu_d) * math.exp(-ratio * ratio)
         return Bristles(
@@ -227,7 +225,6 @@ class GonthierFriction(StribeckBristles):
         sigma2: float,
         dwell_time: float,
     ) -> Bristles:
-        """Evaluate the law."""
         ratio = speed / v_s
         stick = math.exp(-ratio * ratio)
         slide = (1.0 - stick) * sigma0 / sigma1

@@ -62,7 +62,6 @@ class Custom(OfFunction, Law):
     """Its parameters, in the order of its arguments."""
 
     def __init__(self, function: Callable[..., Any], parameters: Parameters = ()) -> None:
-        """Check the function's arguments and keep its parameters."""
         self._keep(function, parameters)
 
     def _keep(self, function: Callable[..., Any], parameters: Parameters, before: int = 0) -> None:
@@ -84,13 +83,11 @@ class Custom(OfFunction, Law):
         return {"parameters": arguments.pop("values"), **arguments}
 
     def describe(self) -> dict[str, Any]:
-        """The fields as plain data; of the function ``module:function`` and its text."""
         described = super().describe()
         described["parameters"] = described.pop("values")
         return described
 
     def __repr__(self) -> str:
-        """As one would write it where the function is at hand."""
         arguments = self._further_arguments()
         more = [f"{name}={value!r}" for name, value in arguments.items() if name != "parameters"]
         given = ", ".join([self.function.__name__, repr(self.values), *more])
@@ -116,7 +113,6 @@ class CustomNormalForce(Custom, NormalForceLaw):
     formula = r"F_n = f(\delta, \dot\delta, \dot\delta_0)"
 
     def __init__(self, function: Callable[..., float], parameters: Parameters = ()) -> None:
-        """Check the function's arguments and its elastic force, and keep its parameters."""
         self._keep(function, parameters)
         if not isinstance(self.function, Absent):
             self._check_elastic()
@@ -143,7 +139,6 @@ class CustomNormalForce(Custom, NormalForceLaw):
     def warnings(
         self, contact: ContactProperties, *, max_depth: float, max_speed: float
     ) -> list[str]:
-        """Say nothing: only its author knows the law's range."""
         return []
 
 
@@ -208,7 +203,6 @@ class CustomFilm(Custom, FilmLaw):
         transition: float = 1e-6,
         least_thickness: float = 1e-6,
     ) -> None:
-        """Check the function's arguments and keep its parameters."""
         self._keep(function, parameters, before=4)
         given = viscosity, bool(hybrid), transition, least_thickness
         for field, value in zip(fields(FilmLaw), given, strict=True):
@@ -216,7 +210,6 @@ class CustomFilm(Custom, FilmLaw):
         self.__post_init__()
 
     def parameters(self, *joint: Any) -> tuple[float, ...]:
-        """c [m], R [m], L [m], viscosity [Pa s], and the user's own numbers."""
         return *FilmLaw.parameters(self, *joint), *self.values
 
 

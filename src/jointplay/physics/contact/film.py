@@ -168,7 +168,6 @@ class ShortBearing(FilmLaw):
         viscosity: float,
         pulling: float,
     ) -> FilmForce:
-        """Evaluate the film."""
         e, c = eccentricity, clearance
         rest = 1.0 - e * e
         root = math.sqrt(rest)
@@ -201,7 +200,6 @@ class ShortBearing(FilmLaw):
         return FilmForce(along, across, moment, 2.0 * size / c * (sin_sin + cos_cos))
 
     def parameters(self, film: FilmProperties) -> tuple[float, ...]:
-        """c [m], R [m], L [m], viscosity [Pa s]; 0 for Gumbel's, 1 for Sommerfeld's condition."""
         return *super().parameters(film), float(CAVITATION.index(self.cavitation))
 
 
@@ -248,7 +246,6 @@ class PinkusSternlicht(FilmLaw):
         length: float,
         viscosity: float,
     ) -> FilmForce:
-        """Evaluate the film."""
         c = clearance
         # The line of centres has no direction at e = 0, where the formulas divide by e.
         e = max(eccentricity, 1e-6)

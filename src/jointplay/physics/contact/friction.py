@@ -38,7 +38,6 @@ class Ambrosio(FrictionLaw):
     """Sliding speed at which it ends, > v0 [m/s]."""
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         super().__post_init__()
         if self.v1 <= self.v0:
             raise JointplayError(
@@ -48,7 +47,6 @@ class Ambrosio(FrictionLaw):
 
     @staticmethod
     def function(speed: float, mu_d: float, v0: float, v1: float) -> float:
-        """Evaluate eq. 21."""
         if speed <= v0:
             return 0.0
         if speed >= v1:
@@ -78,7 +76,6 @@ class Coulomb(FrictionLaw):
 
     @staticmethod
     def function(speed: float, mu_d: float, v_t: float) -> float:
-        """Evaluate the law."""
         return mu_d * min(speed / v_t, 1.0)
 
 
@@ -102,7 +99,6 @@ class Threlfall(FrictionLaw):
 
     @staticmethod
     def function(speed: float, mu_d: float, v_r: float) -> float:
-        """Evaluate the law."""
         return mu_d * (1.0 - math.exp(-3.0 * min(speed / v_r, 1.0)))
 
 
@@ -132,7 +128,6 @@ class BengisuAkay(FrictionLaw):
 
     @staticmethod
     def function(speed: float, mu_s: float, mu_d: float, v0: float, xi: float) -> float:
-        """Evaluate the law."""
         if speed < v0:
             return mu_s * speed * (2.0 * v0 - speed) / (v0 * v0)
         return mu_d + (mu_s - mu_d) * math.exp(-xi * (speed - v0))
@@ -165,7 +160,6 @@ class BrownMcPhee(FrictionLaw):
 
     @staticmethod
     def function(speed: float, mu_s: float, mu_d: float, v_t: float) -> float:
-        """Evaluate the law."""
         x = speed / v_t
         fall = 0.25 * x * x + 0.75
         return mu_d * math.tanh(4.0 * x) + (mu_s - mu_d) * x / (fall * fall)

@@ -131,15 +131,12 @@ class Hertz(PointContactLaw):
 
     @staticmethod
     def function(delta: float, ddelta: float, ddelta0: float, stiffness: float) -> float:
-        """Evaluate eq. 15."""
         return stiffness * delta * math.sqrt(delta)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """k [N/m^1.5]."""
         return (contact.stiffness,)
 
     def effective_restitution(self, restitution: float) -> float:
-        """1, whatever c_e is."""
         return 1.0
 
 
@@ -180,7 +177,6 @@ class HuntCrossley(PointContactLaw):
     """Damping b [N s^q/m^(p+q)], a number without its unit; None: from c_e (eq. 14)."""
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         super().__post_init__()
         if self.n < 1.0:
             raise JointplayError(f"exponent n must be at least 1, got {self.n:g}", where=("n",))
@@ -205,7 +201,6 @@ class HuntCrossley(PointContactLaw):
         )
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """k, b, the three exponents, and whether b is divided by ddelta0^q."""
         k = self.stiffness
         if k is None:
             k = contact.stiffness * REFERENCE_PENETRATION_M ** (1.5 - self.n)
@@ -253,7 +248,6 @@ class HysteresisLaw(PointContactLaw):
     function: ClassVar[Callable[..., float]] = staticmethod(hysteresis)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """k [N/m^1.5] and a."""
         return contact.stiffness, self.factor(contact.restitution)
 
     def effective_restitution(self, restitution: float) -> float:

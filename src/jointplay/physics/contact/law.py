@@ -119,7 +119,6 @@ class Law(Described, ABC):
     """The law itself, a static function compiled by numba; the module's text has its arguments."""
 
     def __post_init__(self) -> None:
-        """Check the fields."""
         check_fields(self)
 
 
@@ -193,7 +192,6 @@ class FrictionLaw(Law):
     """Whether the law is one of `bristle.BristleLaw`."""
 
     def __post_init__(self) -> None:
-        """Check the fields, and static friction against sliding friction."""
         super().__post_init__()
         coefficients = self.coefficients
         if not {"mu_s", "mu_d"} <= set(coefficients):

@@ -62,7 +62,6 @@ class CylindricalLaw(HysteresisLaw):
 
     @staticmethod
     def factor(restitution: float) -> float:
-        """a = 3 (1 - c_e^2)/4, as Lankarani-Nikravesh."""
         return LankaraniNikravesh.factor(restitution)
 
     @abstractmethod
@@ -109,7 +108,6 @@ class LineContactLaw(CylindricalLaw):
         factor: float,
         inverse_scale: float,
     ) -> float:
-        """Evaluate with pi E* l, a and pi E* l/K, or with Hertz's k, a and 0."""
         s = inverse_scale * delta
         if s == 0.0:
             elastic = slope * delta * math.sqrt(delta)
@@ -128,7 +126,6 @@ class LineContactLaw(CylindricalLaw):
         return elastic * (1.0 + factor * ddelta / ddelta0)
 
     def line_parameters(self, contact: ContactProperties) -> tuple[float, float]:
-        """pi E* l [N/m] and pi E* l/K [1/m]."""
         slope = math.pi * contact.modulus * contact.contact_length
         return slope, slope / self.scale(contact)
 
@@ -270,11 +267,9 @@ class Pereira(CylindricalLaw):
     def function(
         delta: float, ddelta: float, ddelta0: float, stiffness: float, factor: float, power: float
     ) -> float:
-        """Evaluate the law, the stiffness in N/m^n."""
         return stiffness * delta**power * (1.0 + factor * ddelta / ddelta0)
 
     def line_parameters(self, contact: ContactProperties) -> tuple[float, float]:
-        """k [N/m^n] and n."""
         if not NARROWEST_M <= contact.clearance <= WIDEST_M:
             low, high, given = (
                 readable(one, "m") for one in (NARROWEST_M, WIDEST_M, contact.clearance)
@@ -322,13 +317,11 @@ class Liu(CylindricalLaw):
         factor: float,
         clearance: float,
     ) -> float:
-        """Evaluate with pi/2 l E*, a and C_r, or with Hertz's k, a and -1."""
         elastic = stiffness * delta * math.sqrt(delta)
         if clearance >= 0.0:
             elastic /= math.sqrt(2.0 * (clearance + delta))
         return elastic * (1.0 + factor * ddelta / ddelta0)
 
     def line_parameters(self, contact: ContactProperties) -> tuple[float, float]:
-        """pi/2 l E* [N/m] and C_r [m]."""
         line = contact.modulus * contact.contact_length
         return 0.5 * math.pi * line, contact.clearance

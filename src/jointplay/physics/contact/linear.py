@@ -43,15 +43,12 @@ class LinearSpring(NormalForceLaw):
 
     @staticmethod
     def function(delta: float, ddelta: float, ddelta0: float, stiffness: float) -> float:
-        """Evaluate eq. 16."""
         return stiffness * delta
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """k [N/m]."""
         return (linear_stiffness(self.stiffness, contact),)
 
     def effective_restitution(self, restitution: float) -> float:
-        """1, whatever c_e is."""
         return 1.0
 
 
@@ -76,7 +73,6 @@ class KelvinVoigt(NormalForceLaw):
     function = staticmethod(spring_and_dashpot)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """k [N/m] and b [N s/m]."""
         return linear_stiffness(self.stiffness, contact), self.damping
 
 
@@ -119,7 +115,6 @@ class Anagnostopoulos(NormalForceLaw):
     """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         if self.mass is None:
             raise JointplayError(
                 "law 'anagnostopoulos' needs mass, the effective mass of the impact [kg], such as "
@@ -131,7 +126,6 @@ class Anagnostopoulos(NormalForceLaw):
     function = staticmethod(spring_and_dashpot)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """k [N/m] and b [N s/m]."""
         assert self.mass is not None
         k = linear_stiffness(self.stiffness, contact)
         return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.mass)

@@ -141,15 +141,12 @@ class ElementContact(NormalForceLaw):
     def function(
         delta: float, ddelta: float, ddelta0: float, stiffness: float, exponent: float
     ) -> float:
-        """Evaluate the law."""
         return stiffness * delta**exponent
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """K [N/m^n] and n."""
         return contact.stiffness, self.exponent
 
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
-        """Beyond the static rating raceways keep dents."""
         load = contact.stiffness * max_depth**self.exponent
         if self.rated_load is None or load <= self.rated_load:
             return []
@@ -167,5 +164,4 @@ class NoFriction(FrictionLaw):
 
     @staticmethod
     def function(speed: float) -> float:
-        """Nothing."""
         return 0.0

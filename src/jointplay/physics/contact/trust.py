@@ -67,7 +67,6 @@ class Absent:
 
     @property
     def __name__(self) -> str:
-        """Name of the function."""
         return self.path.rpartition(":")[2]
 
 
@@ -404,7 +403,6 @@ class OfFunction(Described):
         return source_of(self.function)
 
     def describe(self) -> dict[str, Any]:
-        """The fields as plain data; of the function ``module:function`` and its text."""
         text = {} if self.source is None else {"source": self.source}
         return {**super().describe(), "function": path_of(self.function), **text}
 
@@ -431,7 +429,6 @@ class OfFunction(Described):
         return cls(function=function, **arguments)  # type: ignore[call-arg]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process with the name of the function, as to a file."""
         return _restored, (type(self), place_of(self.function), self._further_arguments())
 
 

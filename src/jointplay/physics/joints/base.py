@@ -68,13 +68,11 @@ class Coordinate(str):
     """One of `VIRTUAL_LINK`, or `MOTOR`; empty for a joint's only one."""
 
     def __new__(cls, joint: str, part: str = "") -> Coordinate:
-        """Name the coordinate."""
         self = super().__new__(cls, f"{joint}.{part}" if part else joint)
         self.joint, self.part = joint, part
         return self
 
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
-        """Go to other processes whole."""
         return self.joint, self.part
 
     @property
@@ -107,7 +105,6 @@ class Material(Described):
     """What the material is called."""
 
     def __post_init__(self) -> None:
-        """Check the constants."""
         check_fields(self)
         if not -1.0 < self.poisson <= 0.5:
             raise JointplayError(
@@ -230,7 +227,6 @@ class Clearance(Described, ABC):
             """Law of friction of each contact."""
 
     def __post_init__(self) -> None:
-        """Check what is common."""
         check_fields(self)
 
     # What a kind must say.
@@ -520,12 +516,10 @@ class WholeLawJoint(Clearance):
 
     @property
     def shape(self) -> Shape:
-        """No surfaces that slide: a law of its own."""
         return Shape.ROLLING
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """The numbers of the law."""
         assert self.resultant is not None
         return self.resultant
 
@@ -591,7 +585,6 @@ class SlidingClearance(Clearance):
             )
 
     def __post_init__(self) -> None:
-        """Check the laws, the restitution and the seat."""
         super().__post_init__()
         if getattr(self, next(iter(self.clearance_fields))) == 0.0:
             object.__setattr__(self, "ideal", True)
@@ -618,21 +611,17 @@ class SlidingClearance(Clearance):
 
     @property
     def shape(self) -> int:
-        """How the gaps are computed: a `geometry.Shape`, or the address of the compiled `touch`."""
         return compiled_touch(type(self).touch)
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """The numbers that `geometry.touch` needs for this shape."""
         names = parameter_names(type(self).touch, ("k", "pose")) or ()
         return tuple(getattr(self, name) for name in names)
 
     def with_restitution(self, value: float) -> Self:
-        """See `Clearance.with_restitution`."""
         return replace(self, restitution=value)
 
     def with_friction(self, law: FrictionLaw) -> Self:
-        """See `Clearance.with_friction`."""
         return replace(self, friction=law)
 
     @property
@@ -745,7 +734,6 @@ class RoundClearance(SlidingClearance):
     """R_j [m]."""
 
     def __post_init__(self) -> None:
-        """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
         given = self.radial_clearance, self.bearing_radius, self.journal_radius
         play, radius = complete(*given, 1.0, ("radial", "radius"))
@@ -753,7 +741,6 @@ class RoundClearance(SlidingClearance):
         object.__setattr__(self, "journal_radius", radius)
 
     def warmed(self, journal: float, bearing: float) -> Self:
-        """See `Clearance.warmed`: free growth of both halves, each by its material's expansion."""
         inner, outer = self._growths(journal, bearing)
         radius, bore = self.rj * (1.0 + inner), self.ri * (1.0 + outer)
         self._require_room("radial clearance", self.cr, bore - radius)
@@ -785,7 +772,6 @@ class RoundClearance(SlidingClearance):
 
     @property
     def half_width(self) -> float:
-        """R_i [m]."""
         return self.ri
 
     @property
@@ -794,7 +780,6 @@ class RoundClearance(SlidingClearance):
         return self.hertz(self.ri * self.rj / self.cr)
 
     def contact_properties(self, contact: int) -> ContactProperties:
-        """Those of a point contact of the journal in its bearing."""
         return self.round_contact()
 
     def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:

@@ -253,7 +253,6 @@ class RollingBearing(WholeLawJoint):
         """What is estimated, by field: value and how."""
 
     def __post_init__(self) -> None:
-        """Check what is given, and that the rest follows from it."""
         check_fields(self)
         if self.seat is not None:
             with within("seat"):
@@ -485,7 +484,6 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def resultant(self) -> tuple[float, ...]:
-        """Numbers by which compiled code knows the bearing."""
         numbers = resultant.bearing_numbers(
             rollers=self.roller_elements,
             count=self.count,
@@ -501,7 +499,6 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def law(self) -> int:
-        """Of its elements, in their seat if that gives way."""
         return resultant.ELEMENTS if self.seat is None else resultant.SEATED
 
     def load(
@@ -700,7 +697,6 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """One: of all elements the one that bears most."""
         return ("rollers",) if self.roller_elements else ("balls",)
 
     @property
@@ -724,12 +720,10 @@ class RollingBearing(WholeLawJoint):
         """Q Z / F of the element that bears most, under a load across."""
 
     def contact_properties(self, contact: int) -> ContactProperties:
-        """Of one element between both rings."""
         return ContactProperties(self.stiffness_of_element, 1.0)
 
     @property
     def clearances(self) -> dict[str, float]:
-        """C_r before mounting [m]."""
         return {"radial_clearance": self.bought_clearance}
 
     @property
@@ -739,7 +733,6 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def radial_room(self) -> float:
-        """C_r in operation; none with preload [m]."""
         return float(self._reach[0])
 
     @cached_property
@@ -756,7 +749,6 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def depth_limit(self) -> float:
-        """A twentieth of an element [m]: far beyond what rings bear."""
         return 0.05 * self.d_element
 
     @property
@@ -767,7 +759,6 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def outline(self) -> Outline:
-        """The pitch circle in a ring."""
         across, along, _ = self._reach
         half = 0.5 * (self.span + (self.row_width or self.d_element))
         radius = 0.5 * self.d_pitch
@@ -775,18 +766,15 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def travel(self) -> dict[str, float]:
-        """Of the free set [m, rad]."""
         across, along, tilt = map(float, self._reach)
         return {"x": across, "y": across, "z": along, "yaw": math.pi, "pitch": tilt, "roll": tilt}
 
     @property
     def hinge(self) -> Hinge:
-        """The inner ring about its axis."""
         across, along, _ = map(float, self._reach)
         return Hinge(0.5 * self.d_bore, 2.0 * self.outline.size[2], True, across, along)
 
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
-        """See `Clearance.fits`: no element touches, wherever the cage is."""
         across = float(np.hypot(offset[0], offset[1])) - least
         steep = lean / max(self.outline.size[2], 1e-9)
         d, up = self._numbers, abs(float(offset[2])) + 0.0
@@ -800,7 +788,6 @@ class RollingBearing(WholeLawJoint):
         return True
 
     def directions(self) -> np.ndarray:
-        """See `Clearance.directions`: along the elements' contacts at every azimuth."""
         phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
         c, s, zero = np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
         angles = [math.pi / 4.0, -math.pi / 4.0] if self.roller_elements else []
@@ -838,31 +825,25 @@ class RollingBearing(WholeLawJoint):
         )
 
     def play(self, second_order: bool = True) -> Play:
-        """See `Clearance.play`: the cones of all balls, or the facets of all rollers."""
         return self._free_set.widened() if second_order else self._free_set
 
     def scaled(self, factor: float) -> RollingBearing:
-        """The bearing with C_r multiplied, as bought; axial and tilt play follow their own law."""
         return replace(self, radial_clearance=factor * self.bought_clearance, clearance_class=None)
 
     def warmed(self, journal: float, bearing: float) -> Self:
-        """See `Clearance.warmed`: by the rings' difference of temperature."""
         more = journal - bearing
         return replace(self, temperature_difference=self.temperature_difference + more)
 
     @property
     def has_play(self) -> bool:
-        """See `Clearance.has_play`."""
         return not self.preloaded
 
     @property
     def play_words(self) -> str:
-        """The play across the axis in operation, or that there is none by preload."""
         return "none (preloaded)" if self.preloaded else f"{1e6 * self.radial_room:.3g} µm"
 
     @property
     def words(self) -> str:
-        """Name, size and clearance, for a line of text."""
         name = self.designation or f"{1e3 * self.d_bore:g} x {1e3 * self.d_outside:g} mm"
         across, along, tilt = map(float, self._reach)
         if self.preloaded:
@@ -952,7 +933,6 @@ class BallBearing(RollingBearing):
     """f_o, radius of the outer groove over D."""
 
     def __post_init__(self) -> None:
-        """Check what is given, and that the rest follows from it."""
         for name in ("inner_groove", "outer_groove"):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and 0.5 < value < 1.0):
@@ -980,7 +960,6 @@ class BallBearing(RollingBearing):
 
     @property
     def section(self) -> str:  # type: ignore[override]
-        """Of the catalogue."""
         name = (self.designation or "").strip()
         angular = name.startswith("7") or (not name and bool(self.contact_angle))
         return "angular_contact" if angular else "deep_groove"
@@ -1004,7 +983,6 @@ class BallBearing(RollingBearing):
 
     @cached_property
     def _estimated_diameter(self) -> float:
-        """The catalogue's; that with which Z D^2 gives C_0; or a share of the room [m]."""
         listed, entry = self._entry.get("ball_diameter"), self._entry
         if listed:
             return 1e-3 * float(listed)
@@ -1021,7 +999,6 @@ class BallBearing(RollingBearing):
 
     @property
     def count(self) -> int:
-        """Z."""
         if self.elements is not None:
             return int(self.elements)
         filled = self._filling * math.pi * self.d_pitch / self.d_element
@@ -1029,7 +1006,6 @@ class BallBearing(RollingBearing):
 
     @property
     def estimates(self) -> dict[str, str]:
-        """What is estimated, by field: value and how."""
         said, entry = {}, self._entry
         if self.element_diameter is None and "ball_diameter" not in entry:
             how = f"{BALL_SHARE:g} of outside less bore"
@@ -1073,7 +1049,6 @@ class BallBearing(RollingBearing):
         return found
 
     def class_range(self) -> tuple[float, float]:
-        """See `RollingBearing.class_range`; angular contact bearings have no such classes."""
         if self.alpha > 0.0:
             return 0.0, 0.0
         return super().class_range()
@@ -1232,7 +1207,6 @@ class CrossedRollerBearing(RollingBearing):
     """L [m]; None takes 0.9 of the diameter."""
 
     def __post_init__(self) -> None:
-        """Check what is given, and that the rest follows from it."""
         super().__post_init__()
         if self.count % 2:
             raise JointplayError(
@@ -1268,7 +1242,6 @@ class CrossedRollerBearing(RollingBearing):
 
     @property
     def count(self) -> int:
-        """Z, even."""
         if self.elements is not None:
             return int(self.elements)
         return 2 * int(0.5 * ROLLER_FILLING * math.pi * self.d_pitch / self.d_element)
@@ -1280,7 +1253,6 @@ class CrossedRollerBearing(RollingBearing):
 
     @property
     def estimates(self) -> dict[str, str]:
-        """What is estimated, by field: value and how."""
         said = {}
         if self.element_diameter is None:
             how = (
@@ -1315,7 +1287,6 @@ class CrossedRollerBearing(RollingBearing):
 
     @property
     def rooms_of_rows(self) -> tuple[tuple[float, float], ...]:
-        """One row."""
         return ((0.0, 0.0),)
 
     @property

@@ -53,7 +53,6 @@ class _Held(WholeLawJoint):
     """How stiff it is; in the direction that is free it has nothing."""
 
     def __post_init__(self) -> None:
-        """Check what is held."""
         super().__post_init__()
         require_a("elasticity", self.elasticity, "Elasticity")
         with within("elasticity"):
@@ -61,17 +60,14 @@ class _Held(WholeLawJoint):
 
     @property
     def springs(self) -> Elasticity:
-        """Those of `elasticity`."""
         return self.elasticity
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """One, which always holds."""
         return ("springs",)
 
     @cached_property
     def resultant(self) -> tuple[float, ...]:
-        """Numbers by which compiled code knows the springs; see `contact.elastic`."""
         head = resultant.bearing_numbers(
             rollers=False, count=0, stiffness=0.0, radius=0.0, reach=0.0, distance=0.0, ratio=0.0,
             rows=(), damping=self.elasticity.damping_time,
@@ -80,7 +76,6 @@ class _Held(WholeLawJoint):
 
     @property
     def law(self) -> int:
-        """Springs alone."""
         return _LAWS[self.free]
 
     @property
@@ -89,39 +84,31 @@ class _Held(WholeLawJoint):
         return resultant.ElementContact(1.0)
 
     def contact_properties(self, contact: int) -> ContactProperties:
-        """The stiffest direction."""
         return ContactProperties(float(np.diag(self.elasticity.stiffness)[:2].max()), 1.0)
 
     @property
     def clearances(self) -> dict[str, float]:
-        """None."""
         return {}
 
     @property
     def radial_room(self) -> float:
-        """Nothing is free."""
         return 0.0
 
     @property
     def search_room(self) -> float:
-        """What 1 N displaces across [m]."""
         return 1.0 / float(np.diag(self.elasticity.stiffness)[:2].max())
 
     @property
     def depth_limit(self) -> float:
-        """A tenth of a metre: far beyond what a joint gives way."""
         return 0.1
 
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
-        """Anywhere: nothing hits."""
         return True
 
     def play(self, second_order: bool = True) -> Play:
-        """Nothing is free."""
         return NO_PLAY
 
     def directions(self) -> np.ndarray:
-        """See `Clearance.directions`: where forces displace it, or else couples at its rim."""
         ways = [RELATIVE.index(one) for one in self.freedoms]
         ways = [row for row in ways if row != self.free]
         forces = [row for row in ways if row < 3]
@@ -136,17 +123,14 @@ class _Held(WholeLawJoint):
         return Outline("cylinder", size, (0.0, 0.0, 0.0), walls=True)
 
     def scaled(self, factor: float) -> _Held:
-        """As it is: it has no clearance."""
         return self
 
     @property
     def words(self) -> str:
-        """Stiffness, for a line of text."""
         return f"compliant, {self.elasticity.words}"
 
     @property
     def play_words(self) -> str:
-        """See `Clearance.play_words`."""
         return "no play"
 
 
@@ -213,7 +197,6 @@ class CompliantMount(_Held):
     ``pitch`` (about y), ``roll`` (about x). Their stiffness has no effect."""
 
     def __post_init__(self) -> None:
-        """Check what is locked."""
         super().__post_init__()
         object.__setattr__(self, "locked", tuple(self.locked))
         for one in self.locked:
@@ -224,12 +207,10 @@ class CompliantMount(_Held):
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        """Those that are not locked."""
         return tuple(one for one in VIRTUAL_LINK if one not in self.locked)
 
     @property
     def words(self) -> str:
-        """Stiffness, for a line of text."""
         if not self.locked:
             return super().words
         diagonal = np.diag(self.elasticity.stiffness)
@@ -241,7 +222,6 @@ class CompliantMount(_Held):
 
     @property
     def search_room(self) -> float:
-        """What 1 N displaces across, or, where that is locked, a point of the rim it bends [m]."""
         if not {"x", "y"} <= set(self.locked):
             return super().search_room
         return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())

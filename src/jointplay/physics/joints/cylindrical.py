@@ -100,7 +100,6 @@ class CylindricalClearance(RoundClearance):
     """How far the rod slides, either way [m]; a limit in URDFs that are written, no force."""
 
     def __post_init__(self) -> None:
-        """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
         shortest = 2.0 * math.sqrt(self.ri * self.cr)  # as for a journal: docs/theory.md
         if self.bearing_length <= shortest:
@@ -113,30 +112,24 @@ class CylindricalClearance(RoundClearance):
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """One at each end of the bushing."""
         return "edge_A", "edge_B"
 
     def contact_properties(self, contact: int) -> ContactProperties:
-        """Those of a rim in a bore: each edge stands for half of the bushing's length."""
         return self.round_contact(
             journal_length=self.bearing_length, contact_length=self.bearing_length / 2
         )
 
     @property
     def outline(self) -> Outline:
-        """A cylinder in a bore without walls; of the rod, what is within the bushing."""
         size = (self.rj, self.rj, self.bearing_length / 2)
         return Outline("cylinder", size, (self.cr, self.cr, 0.0))
 
     @property
     def travel(self) -> dict[str, float]:
-        """The stroke along."""
         return super().travel | {"z": self.stroke}
 
     def play(self, second_order: bool = True) -> JournalPlay:
-        """A disc at each end, of the axis; leaning leaves it less room, so no order widens it."""
         return JournalPlay(self.cr, 0.0, self.bearing_length, 0.0, radius=self.rj)
 
     def arm(self, centre: np.ndarray) -> float:
-        """From the rod's centre to the farther end of the bushing, at most [m]."""
         return super().arm(centre) + float(np.linalg.norm(centre))

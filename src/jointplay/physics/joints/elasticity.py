@@ -69,7 +69,6 @@ class Elasticity(Described):
     """Points (angle [rad], moment [N m]) about z."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         check_fields(self)
         names = dict.fromkeys(DIRECTIONS)
         for name in (f"{one}_curve" for one in names):

@@ -106,7 +106,6 @@ class ElementPlay(Play):
 
     @cached_property
     def reach(self) -> tuple[float, float]:
-        """To the corners of the elements' walls."""
         x, y, z, roll, pitch = self.support(np.eye(6)[:5]).value
         back = self.support(-np.eye(6)[2:3]).value[0]
         gap = 1.0 / math.cos(math.pi / self.count)
@@ -114,7 +113,6 @@ class ElementPlay(Play):
 
     @property
     def cones(self) -> Cones:
-        """A cone for each ball, a wall for each roller."""
         if self.empty:
             return Cones(np.zeros((6, 1)), (Cone(np.eye(1), np.zeros(1), 1.0),))
         if self._start.any():
@@ -150,7 +148,6 @@ class ElementPlay(Play):
         return points * self._units, forces * size / room[0]
 
     def support(self, loads: np.ndarray) -> Support:
-        """By the cones of all elements."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         point = np.zeros((len(loads), 6))
         if not self.empty:
@@ -159,7 +156,6 @@ class ElementPlay(Play):
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        """The elements that bear the loads; nothing rubs."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         walls, centres, _ = self._walls
         n, k = len(loads), len(walls)

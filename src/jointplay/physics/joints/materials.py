@@ -136,7 +136,6 @@ class Oil:
     """Relative fall of the density with temperature [1/K]."""
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_fields(self)
         if self.kinematic_100 >= self.kinematic_40:
             raise JointplayError(

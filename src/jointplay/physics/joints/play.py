@@ -163,7 +163,6 @@ class JournalPlay(Play):
 
     @property
     def cones(self) -> Cones:
-        """A disc for each rim; between the walls as much as their lean leaves."""
         way = _FAR * self.across if math.isinf(self.along) else self.along
         leans = not math.isinf(self.length)
         count = (4 if leans else 2) + (way > 0.0)
@@ -353,23 +352,19 @@ class BallPlay(Play):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """C, and no rotation."""
         return self.radius, 0.0
 
     @property
     def cones(self) -> Cones:
-        """One ball."""
         return Cones(self.radius * np.eye(6, 3), (Cone(np.eye(3), np.zeros(3), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
-        """Along the force."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         point = np.zeros((len(loads), 6))
         point[:, :3] = self.radius * _unit(loads[:, :3])
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        """One contact, in the direction of the force."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         out = _unit(loads[:, :3])
         some = np.eye(3)[np.abs(out).argmin(axis=1)]
@@ -396,7 +391,6 @@ class BlockPlay(Play):
 
     @property
     def cones(self) -> Cones:
-        """Plane walls, half of those of each clearance with each sign of its two turns."""
         parts: list[tuple[np.ndarray, list[float]]] = []
         for place, size in ((0, self.clearances[0]), (1, self.clearances[1])):
             if size > 0.0:
@@ -428,13 +422,11 @@ class BlockPlay(Play):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Into a corner; corners of the slider on opposite walls."""
         x, y = self.clearances
         lean = math.hypot(x * self.turns[1], y * self.turns[0]) / self.arms[2]
         return math.hypot(x, y), math.hypot(lean, self._yaw)
 
     def support(self, loads: np.ndarray) -> Support:
-        """What is left of the clearance after yaw goes where it gains most."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         best = Support(np.full(len(loads), -np.inf), np.zeros((len(loads), 6)))
         for yaw in sorted({0.0, self._yaw}):

@@ -59,7 +59,6 @@ class PrismaticClearance(SlidingClearance):
     """Motion in the x-z plane only: four corners, no play across y."""
 
     def __post_init__(self) -> None:
-        """Check the dimensions."""
         super().__post_init__()
         self.refuse_line_contact()
         if self.clearance_y is None:
@@ -78,7 +77,6 @@ class PrismaticClearance(SlidingClearance):
                 )
 
     def warmed(self, journal: float, bearing: float) -> Self:
-        """See `Clearance.warmed`: slider and guide grow freely, by their materials' expansions."""
         inner, outer = self._growths(journal, bearing)
         grown: dict[str, Any] = {
             name: getattr(self, name) * (1.0 + inner) for name in ("length", "width", "height")
@@ -105,7 +103,6 @@ class PrismaticClearance(SlidingClearance):
         return self.hertz(self.corner_radius)
 
     def contact_properties(self, contact: int) -> ContactProperties:
-        """The same for all corners."""
         return self.contact(
             self.hertz_stiffness, bearing_radius=math.inf, journal_radius=self.corner_radius
         )
@@ -132,12 +129,10 @@ class PrismaticClearance(SlidingClearance):
 
     @property
     def shape(self) -> Shape:
-        """A block."""
         return Shape.BLOCK
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """Half widths of the guide across x and y [m]; then point, axis and side per contact."""
         guide = (self.width / 2 + self.clearance, self.height / 2 + self.cy)
         places = (
             number for _, point, wall, side in self._places for number in (*point, wall, side)
@@ -146,33 +141,27 @@ class PrismaticClearance(SlidingClearance):
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Wall, end, and side: ``x+_A_y-`` is the corner at end A and -y, on the wall at +x."""
         return tuple(name for name, *_ in self._places)
 
     @property
     def rooms(self) -> tuple[float, ...]:
-        """Clearance across each contact's wall [m]."""
         return tuple((self.clearance, self.cy)[wall] for _, _, wall, _ in self._places)
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        """All six but for those that are locked."""
         turns = () if self.lock_tilt else ("pitch",) if self.planar else VIRTUAL_LINK[3:]
         return ("x", *(() if self.planar else ("y",)), "z", *turns)
 
     @property
     def outline(self) -> Outline:
-        """A block in a guide."""
         size = (self.width / 2, self.height / 2, self.length / 2)
         return Outline("block", size, (self.clearance, self.cy, 0.0), not self.planar)
 
     @property
     def clearances(self) -> dict[str, float]:
-        """Across x, and across y unless planar [m]."""
         return {"clearance": self.clearance} | ({} if self.planar else {"clearance_y": self.cy})
 
     def directions(self) -> np.ndarray:
-        """At each contact, along its wall's normal."""
         rows = np.zeros((len(self.contacts), 6))
         for row, (_, point, wall, side) in zip(rows, self._places, strict=True):
             row[wall] = -side

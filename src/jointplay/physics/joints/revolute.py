@@ -82,7 +82,6 @@ class RevoluteClearance(RoundClearance):
     """
 
     def __post_init__(self) -> None:
-        """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
         if self.walls and self.axial_clearance is None and self.journal_length is None:
             object.__setattr__(self, "axial_clearance", self.cr)
@@ -130,7 +129,6 @@ class RevoluteClearance(RoundClearance):
             )
 
     def _warmed_lengths(self, journal: float, bearing: float) -> dict[str, Any]:
-        """See `RoundClearance._warmed_lengths`."""
         length, between = self.lj * journal, self.li * bearing
         if self.walls:
             self._require_room("axial clearance", self.ca, 0.5 * (between - length))
@@ -170,7 +168,6 @@ class RevoluteClearance(RoundClearance):
 
     @property
     def words(self) -> str:
-        """Clearances and bore, for a line of text."""
         return (
             f"radial {readable(self.cr, 'm')}, axial {readable(self.ca, 'm')}, "
             f"bearing {2e3 * self.ri:g} x {1e3 * self.li:g} mm"
@@ -213,33 +210,28 @@ class RevoluteClearance(RoundClearance):
         return self.round_contact(self.axial_stiffness, journal_length=self.lj, contact_length=0.0)
 
     def contact_properties(self, contact: int) -> ContactProperties:
-        """Those of the radial or of the axial contacts."""
         radial = self.contacts[contact].startswith("radial")
         return self.radial_contact if radial else self.axial_contact
 
     @property
     def film(self) -> tuple[FilmLaw, FilmProperties] | None:
-        """The lubricant in the radial clearance, along the whole journal."""
         if self.lubricant is None:
             return None
         return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, len(self._worn_widths))
 
     @property
     def hinge(self) -> Hinge:
-        """The journal about its axis."""
         axial = self.ca if self.walls else 0.0
         return Hinge(self.rj, self.lj, not self.lock_tilt, self.cr, axial)
 
     @property
     def wear(self) -> BoreWear | None:
-        """Of the bore, if a wear rate is given."""
         if self.wear_rate is None:
             return None
         profile = None if self.worn is None else np.array(self.worn)
         return BoreWear(self.wear_rate, self.ri, self.rj, self._worn_widths, profile)
 
     def with_worn(self, profile: np.ndarray) -> Self:
-        """See `Clearance.with_worn`."""
         return replace(self, worn=profile.tolist())
 
     @property
@@ -249,37 +241,31 @@ class RevoluteClearance(RoundClearance):
 
     @property
     def shape(self) -> Shape:
-        """Two rims, or one cylinder if they cannot tilt; in a round or a worn bore."""
         if self.worn is not None:
             return Shape.WORN_ALIGNED_CYLINDER if self.lock_tilt else Shape.WORN_CYLINDER
         return Shape.ALIGNED_CYLINDER if self.lock_tilt else Shape.CYLINDER
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """R_i, R_j and the half lengths [m]; then the worn profile, if any."""
         rows = [] if self.worn is None else [geometry.worn_bore(row) for row in np.array(self.worn)]
         return self.ri, self.rj, self.li / 2, self.lj / 2, *(x for row in rows for x in row)
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Radial first, then axial if there are end walls."""
         radial = ("radial",) if self.lock_tilt else ("radial_A", "radial_B")
         return radial + (("axial_A", "axial_B") if self.walls else ())
 
     @property
     def rooms(self) -> tuple[float, ...]:
-        """C_r or C_a [m]."""
         return tuple(self.cr if name.startswith("radial") else self.ca for name in self.contacts)
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        """All six but for those that are locked."""
         locked = ("z",) * self.lock_axial + ("pitch", "roll") * self.lock_tilt
         return tuple(name for name in VIRTUAL_LINK if name not in locked)
 
     @property
     def outline(self) -> Outline:
-        """A cylinder in a bore."""
         return Outline(
             "cylinder",
             (self.rj, self.rj, self.lj / 2),
@@ -290,10 +276,8 @@ class RevoluteClearance(RoundClearance):
 
     @property
     def travel(self) -> dict[str, float]:
-        """Without walls, the bore's length along."""
         return super().travel | ({} if self.walls else {"z": self.li})
 
     @property
     def clearances(self) -> dict[str, float]:
-        """C_r, and C_a between walls [m]."""
         return super().clearances if self.walls else {"radial_clearance": self.cr}

@@ -33,36 +33,29 @@ class SphericalClearance(RoundClearance):
     ideal_freedoms: ClassVar[tuple[str, ...]] = VIRTUAL_LINK[3:]
 
     def __post_init__(self) -> None:
-        """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
         self.refuse_line_contact()
 
     @property
     def shape(self) -> Shape:
-        """A ball."""
         return Shape.BALL
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """R_i and R_j [m]."""
         return self.ri, self.rj
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """One, wherever the ball touches."""
         return ("socket",)
 
     @property
     def outline(self) -> Outline:
-        """A ball in a socket."""
         return Outline("ball", (self.rj,) * 3, (self.cr,) * 3)
 
     @property
     def room_to_start(self) -> dict[str, float]:
-        """C / sqrt(3) each, so that every corner of the box is inside the socket."""
         return dict.fromkeys(VIRTUAL_LINK[:3], self.cr / np.sqrt(3.0))
 
     @property
     def travel(self) -> dict[str, float]:
-        """C, and rotations that are free: half of the turn that the coordinates can tell."""
         return super().travel | {"pitch": math.pi / 4, "roll": math.pi / 2}

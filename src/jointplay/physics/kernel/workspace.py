@@ -83,7 +83,6 @@ class Workspace:
         own_acceleration: bool,
         loads: Sequence[LoadSite] = (),
     ) -> None:
-        """Allocate, and fill in the record."""
         self.run = np.zeros(1, layout.RUN)
         self._kept: list[np.ndarray] = []  # what records point to must live as long
         self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
