@@ -159,7 +159,6 @@ class Sampling:
         workspace: Workspace,
         step: float,
     ) -> None:
-        """Make the samplers."""
         self._workspace = workspace
         self._asked = -1
         """Step at which they were asked last."""
@@ -171,7 +170,6 @@ class Sampling:
             self._members.append((load, site, steps, load.sampler()))
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
         return bool(self._members)
 
     def steps_until_next(self, step: int) -> int | None:
@@ -188,14 +186,12 @@ class Sampling:
         return {"asked": self._asked, "states": states}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Let the controllers go on with these states."""
         self._asked = int(memory["asked"])
         for (_, _, _, sampler), state in zip(self._members, memory["states"], strict=True):
             if state is not None:
                 cast(Any, sampler).recall(state)
 
     def is_due(self, step: int) -> bool:
-        """Whether a sample is due at `step`."""
         return any(step % every == 0 for _, _, every, _ in self._members)
 
     def sample(self, q: np.ndarray, v: np.ndarray, jumps: bool) -> None:
@@ -245,7 +241,6 @@ class Events:
         step: float,
         record_every: int,
     ) -> None:
-        """Sort what will happen."""
         self._mechanism, self._model, self._every = mechanism, model, record_every
         self.phases = [Phase(0, mechanism.model.copy())]
         planned: list[tuple[int, Payload, bool]] = []
@@ -264,24 +259,20 @@ class Events:
         return self._planned[-1][0] if self._planned else None
 
     def apply_due_events(self, w: Workspace) -> None:
-        """Pick and release what is due in the state of a workspace."""
         while self._planned and self._planned[-1][0] <= w.steps:
             _, payload, picked = self._planned.pop()
             self._exchange(w, payload, picked)
 
     def memory(self) -> list[tuple[int, float]]:
-        """Row and energy of each phase so far, for a checkpoint."""
         return [(phase.row, phase.energy) for phase in self.phases]
 
     def recall(self, memory: Sequence[Sequence[float]]) -> None:
-        """Let what happened before a checkpoint have happened."""
         for row, energy in list(memory)[len(self.phases) :]:
             _, payload, picked = self._planned.pop()
             bodies = self._change(payload, picked)
             self.phases.append(Phase(int(row), bodies, float(energy)))
 
     def _change(self, payload: Payload, picked: bool) -> pin.Model:
-        """Change the inertias of the run's model; returns the bodies that then are."""
         bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
         frame = bodies.frames[frame_index(bodies, payload.frame)]
         body = frame.placement.act(payload.body)
@@ -309,7 +300,6 @@ class Events:
 
 
 def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
-    """Kinetic and potential energy [J]."""
     data = model.createData()
     kinetic = pin.computeKineticEnergy(model, data, q, v)
     return float(kinetic + pin.computePotentialEnergy(model, data, q))
@@ -341,7 +331,6 @@ class ReactionLoads:
         workspace: Workspace,
         step: float,
     ) -> None:
-        """Find the joints and their axes."""
         self._workspace = workspace
         self.every = max(round(REACTION_S / step), 1)
         self._members = []
@@ -357,26 +346,21 @@ class ReactionLoads:
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
         return bool(self._members)
 
     def steps_until_next(self, step: int) -> int | None:
-        """Steps from `step` until they are found again; None if never."""
         return self.every - step % self.every if self._members else None
 
     def is_due(self, step: int) -> bool:
-        """Whether they are found at `step`."""
         return bool(self._members) and step % self.every == 0
 
     def memory(self) -> list[Any] | None:
-        """Time and state of the last look, for a checkpoint."""
         if self._before is None:
             return None
         time, q, v = self._before
         return [time, q.tolist(), v.tolist()]
 
     def recall(self, memory: Sequence[Any] | None) -> None:
-        """Go on from that look."""
         if memory is not None:
             time, q, v = memory
             self._before = float(time), np.array(q, float), np.array(v, float)
@@ -421,7 +405,6 @@ class ReactionLoads:
         ]
 
     def _external(self, model: pin.Model, data: pin.Data, q: np.ndarray) -> pin.StdVec_Force:
-        """Wrenches of loads between frames, on the bodies and in their joints' frames."""
         if not self._pushers:
             return self._none
         forces = pin.StdVec_Force()
@@ -477,7 +460,6 @@ class LoadSchedule:
         workspace: Workspace,
         step: float,
     ) -> None:
-        """Find them."""
         self._workspace, self._model = workspace, model
         self._sampling = Sampling(loads, sites, workspace, step)
         self._reactions = ReactionLoads(loads, sites, mechanism, workspace, step)
@@ -488,13 +470,11 @@ class LoadSchedule:
                 self._servos.append(_steps_in(period, step, "a servo"))
 
     def steps_until_next(self, step: int) -> int | None:
-        """Steps from `step` until one of them looks again; None if none ever does."""
         waits = [self._sampling.steps_until_next(step), self._reactions.steps_until_next(step)]
         waits += [every - step % every for every in self._servos]
         return min((due for due in waits if due is not None), default=None)
 
     def is_due(self, step: int) -> bool:
-        """Whether one of them looks at `step`."""
         return self._sampling.is_due(step) or self._reactions.is_due(step)
 
     def start(self, loop: TimeLoop) -> None:
@@ -529,6 +509,5 @@ class LoadSchedule:
         return {"sampling": self._sampling.memory(), "reactions": self._reactions.memory()}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on as those that had this memory."""
         self._sampling.recall(memory["sampling"])
         self._reactions.recall(memory["reactions"])

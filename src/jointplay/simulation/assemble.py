@@ -92,12 +92,10 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
 
 
 def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
-    """Write a law's parameters, checked, into the beginning of a row of zeros."""
     row[: len(parameters)] = check_parameters(parameters, law.name)
 
 
 def _link_masses(mechanism: Mechanism, name: str) -> str:
-    """The two links of a joint with clearance, with their masses."""
     sides = mechanism.bearing_frame(name)[0], mechanism.journal_frame(name)[0]
     if name in mechanism.loops:
         loop = mechanism.loops[name]
@@ -165,7 +163,6 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
 
 
 def _check_step_resolves(step: float, duration: float, impact: str) -> None:
-    """Refuse a step in which an impact passes unseen."""
     if duration < MIN_CONTACT_STEPS * step:
         raise JointplayError(
             f"step {step:g} s is too large for {impact} lasts {duration:.2g} s, so take at most "

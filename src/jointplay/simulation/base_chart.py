@@ -61,7 +61,6 @@ class BaseChart:
     def __init__(
         self, mechanism: Mechanism, model: pin.Model, workspace: Workspace, step: float
     ) -> None:
-        """Begin with the chart of the mechanism."""
         self._joint, self._model, self._workspace = mechanism.base_joint, model, workspace
         self._every = max(round(LOOK_S / step), 1)
         self._chart = np.eye(3)
@@ -73,11 +72,9 @@ class BaseChart:
         """Records whose angles are counted from the pose of the URDF."""
 
     def __bool__(self) -> bool:
-        """Whether the base is free."""
         return self._joint > 0
 
     def steps_until_next(self, step: int) -> int | None:
-        """Steps from `step` until the next look; None if there is none."""
         return self._every - step % self._every if self else None
 
     def replace_if_due(self, loop: TimeLoop) -> bool:
@@ -129,14 +126,12 @@ class BaseChart:
         return q, v
 
     def memory(self) -> dict[str, Any] | None:
-        """What a checkpoint holds."""
         if not self._moved:
             return None
         last = None if self._last is None else self._last.tolist()
         return {"chart": self._chart.tolist(), "last": last, "converted": self._converted}
 
     def recall(self, memory: Mapping[str, Any] | None) -> None:
-        """Go on with the chart that had this memory."""
         if memory is not None:
             self._set(np.array(memory["chart"], float))
             self._last = None if memory["last"] is None else np.array(memory["last"], float)

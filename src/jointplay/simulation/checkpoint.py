@@ -134,7 +134,6 @@ def _restore(run: Run, arrays: dict[str, np.ndarray], head: dict[str, Any]) -> N
 
 @contextmanager
 def _naming_checkpoint(path: Path) -> Iterator[None]:
-    """Say of errors in the block which checkpoint they are about."""
     try:
         yield
     except JointplayError as error:

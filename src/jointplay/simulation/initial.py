@@ -119,7 +119,6 @@ class InitialState:
         self.q = assemble(mechanism, self.q, self.led, offsets)
 
     def move(self) -> None:
-        """Give the configuration the speeds that fit."""
         self.v = consistent_velocity(
             self.mechanism, self.q, self.motion_speed, self.moving, self.led
         )

@@ -72,7 +72,6 @@ class TimeLoop(ABC):
         method: Integrator,
         constraints: list[pin.RigidConstraintModel],
     ) -> None:
-        """Keep what the loop works on."""
         self.model, self.data, self.workspace, self.method = model, data, workspace, method
         self._models = pin.StdVec_RigidConstraintModel()
         self._models.extend(constraints)
@@ -101,11 +100,9 @@ class TimeLoop(ABC):
 
     @property
     def compiled(self) -> bool:
-        """Whether this process has all compiled code that the loop calls."""
         return all(entry_of(command).signatures for command in self.commands)
 
     def compile(self) -> None:
-        """Compile that code, or load it."""
         for command in self.commands:
             compiled(command)
 
@@ -126,11 +123,9 @@ class TimeLoop(ABC):
         return None
 
     def memory(self) -> dict[str, float]:
-        """What is known beside the workspace, for a checkpoint."""
         return {}
 
     def recall(self, memory: Mapping[str, float]) -> None:
-        """Go on as the loop that had this memory."""
         return None
 
     @abstractmethod
@@ -200,7 +195,6 @@ class MultiRate(TimeLoop):
     """Macro steps that an error estimate chooses are no longer than this [s]."""
 
     def __init__(self, *args: Any, macro_step: float | None = None) -> None:
-        """Prepare the calls."""
         super().__init__(*args)
         w, run = self.workspace, self.workspace.run
         self._dt = float(run["dt"][0])
@@ -259,37 +253,30 @@ class MultiRate(TimeLoop):
         _inverse(self.model, self.data)
 
     def begin(self) -> None:
-        """Evaluate forces and acceleration, and set off half a step before."""
         w, self._planned_on = self.workspace, False
         w.execute(Command.RESTART)
         self._run_pinocchio(w.q, w.v)
         w.execute(Command.START_HALF_STEP)
 
     def synchronize(self) -> None:
-        """Find the velocity at the present instant, if a step has led to it."""
         if not self.workspace.run["fresh"][0]:
             self.workspace.execute(Command.SYNCHRONIZE)
 
     def velocity(self) -> np.ndarray:
-        """From those half a step ago, with the last acceleration."""
         w = self.workspace
         velocity: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
         return velocity
 
     def look(self) -> None:
-        """Find the velocity at the present instant, for a moment."""
         self.synchronize()
 
     def memory(self) -> dict[str, float]:
-        """Whether the next macro step is planned already."""
         return {"planned_on": float(self._planned_on)}
 
     def recall(self, memory: Mapping[str, float]) -> None:
-        """Go on with the macro step that was planned."""
         self._planned_on = bool(memory["planned_on"])
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
-        """Do `steps` steps, or fewer; a stretch that paused is taken up again first."""
         run, (q, v) = self.workspace.run, self._middle
         enter, advance = compiled(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
@@ -308,7 +295,6 @@ class MultiRate(TimeLoop):
         return bool(state == REACHED)
 
     def finish(self) -> None:
-        """Record the last state."""
         self.workspace.execute(Command.RECORD_LAST_STATE)
 
 
@@ -328,7 +314,6 @@ class Adaptive(MultiRate):
     def __init__(
         self, *args: Any, macro_step: float | None, tolerance: float, highest: float
     ) -> None:
-        """Prepare the calls, and the room for states to come back to."""
         super().__init__(*args, macro_step=macro_step)
         run = self.workspace.run
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
@@ -342,7 +327,6 @@ class Adaptive(MultiRate):
 
     @property
     def commands(self) -> tuple[Command, ...]:
-        """One of each compiled entry that the loop calls."""
         return (*super().commands, self.advancing)
 
 
@@ -350,14 +334,12 @@ class SingleRate(TimeLoop):
     """Explicit methods: Pinocchio at every stage."""
 
     def __init__(self, *args: Any) -> None:
-        """Prepare the calls."""
         super().__init__(*args)
         w = self.workspace
         self._call = self._dynamics(w.q, w.v, w.tau)
         self._begun = False
 
     def begin(self) -> None:
-        """Evaluate forces and acceleration."""
         self.workspace.execute(Command.REFRESH if self._begun else Command.BEGIN)
         self._begun = True
         if self.workspace.needs_jacobians:
@@ -367,19 +349,15 @@ class SingleRate(TimeLoop):
         dynamics(*state)
 
     def synchronize(self) -> None:
-        """Complete the work of the last step."""
         self.workspace.execute(Command.COMPLETE_STEP)
 
     def memory(self) -> dict[str, float]:
-        """Whether the loop has begun."""
         return {"begun": float(self._begun)}
 
     def recall(self, memory: Mapping[str, float]) -> None:
-        """Do not begin from the start again."""
         self._begun = bool(memory["begun"])
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
-        """Do `steps` steps, or fewer."""
         if pause is not None:
             steps = min(steps, max(pause - self.workspace.steps, 1))
         enter, run = compiled(self.method.command), self.workspace.run
@@ -398,5 +376,4 @@ class SingleRate(TimeLoop):
         return True
 
     def finish(self) -> None:
-        """Record the last state."""
         self.workspace.execute(Command.RECORD)

@@ -13,7 +13,6 @@ class Bar:
     """Progress by simulated time: speed relative to real time, and time left."""
 
     def __init__(self, total: float, show: bool, label: str = "", begin: float = 0.0) -> None:
-        """Show nothing unless `show`; `total` is the time to simulate, from `begin` on [s]."""
         layout = (
             "{desc}{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, "
             "{remaining} left"
@@ -35,7 +34,6 @@ class Bar:
         self._started = time.perf_counter()
 
     def update(self, now: float) -> None:
-        """Say that the run has got to the time `now` [s]."""
         if not math.isfinite(now):
             return
         if self._whole is not None:
@@ -48,7 +46,6 @@ class Bar:
         self._bar.update(now - self._bar.n)
 
     def close(self) -> None:
-        """Leave the bar as it is."""
         if self._bar is not None:
             self._bar.close()
 
@@ -57,16 +54,13 @@ class Writing:
     """Progress by records written."""
 
     def __init__(self, total: int, show: bool) -> None:
-        """Show nothing unless `show`; `total` is how many there are."""
         layout = "writing the histories {percentage:3.0f}%|{bar}| {remaining} left"
         self._bar: Any = ProgressBar(total=total, bar_format=layout) if show else None
 
     def update(self, records: int) -> None:
-        """Say that so many more are written."""
         if self._bar is not None:
             self._bar.update(records)
 
     def close(self) -> None:
-        """Leave the bar as it is."""
         if self._bar is not None:
             self._bar.close()

@@ -147,7 +147,6 @@ class Moment:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Names of the coordinates."""
         return tuple(self.mechanism.coordinates)
 
     def position(self, name: str) -> float:
@@ -256,7 +255,6 @@ class Run:
         progress: bool = False,
         records: Path | Callable[[Records], None] | None = None,
     ) -> None:
-        """Check the numbers, place the journals, tabulate the drives."""
         require_a("simulation", simulation, "Simulation")
         try:
             self._prepare(simulation, progress, records)
@@ -361,7 +359,6 @@ class Run:
         self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
 
     def _overflow(self, records: Path | Callable[[Records], None], macro: float) -> Overflow:
-        """Have the records go elsewhere as they are made, if they take too much memory."""
         step, every = self.simulation.step, self.simulation.record_every
         numbers = self.total_steps // every + 2, CHUNK + math.ceil(macro / step) + 2
         made: Overflow
@@ -374,7 +371,6 @@ class Run:
 
     @property
     def on_disk(self) -> DiskRecords | None:
-        """The file to which records go that memory has no room for."""
         return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
     def _start_at_rest(
@@ -465,7 +461,6 @@ class Run:
 
     @property
     def phases(self) -> list[Phase]:
-        """The stretches so far in which the bodies keep their inertias."""
         return self._events.phases
 
     def displace(self, distance: Sequence[float]) -> None:
@@ -555,7 +550,6 @@ class Run:
         )
 
     def judgement(self) -> Judgement:
-        """How the run began, and what its contacts did before it was judged."""
         start = "centred" if self.rest is None or not self.rest.solved else "rest"
         return Judgement(
             start,
@@ -649,7 +643,6 @@ class Run:
                 yield self.moment()
 
     def moment(self) -> Moment:
-        """The present instant, to be read."""
         self.begin()
         return moment_of(
             self.workspace, self._loop, self.mechanism, self.method.single_rate, self._chart
@@ -688,7 +681,6 @@ class Run:
             self._begun, self._whole = False, True
 
     def _state(self) -> tuple[bytes, bytes]:
-        """q and v, to be compared bit by bit."""
         return self.workspace.q.tobytes(), self.workspace.v.tobytes()
 
     def _check_unfinished(self) -> None:
@@ -711,7 +703,6 @@ class Run:
         return checkpoint.save(self, Path(path))
 
     def memory(self) -> dict[str, Any]:
-        """What a checkpoint holds beside the workspace."""
         return {
             "begun": self._begun,
             "whole": self._whole,
@@ -727,7 +718,6 @@ class Run:
         }
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on as the run that had this memory; its workspace has been restored."""
         self._events.recall(memory["events"])
         self._loop.recall(memory["loop"])
         self._whole, self._left = bool(memory["whole"]), self._state()
@@ -779,7 +769,6 @@ class Run:
         return good
 
     def _do_what_is_due(self, due: int | None, judged: int) -> None:
-        """After a stretch; `due` is the step of the next event, `judged` that of `judged_from`."""
         w = self.workspace
         if self._unjudged is None and w.steps >= judged > 0:
             self._unjudged = w.contact_statistics()
@@ -793,7 +782,6 @@ class Run:
             self._watch.start(self._loop)
 
     def _set_reference_block(self) -> None:
-        """Let the drives go by the part of the reference that holds the present time."""
         if self._reference.go_to(self.workspace.time):
             self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
@@ -812,7 +800,6 @@ class Run:
         return True
 
     def message(self, status: Status) -> str:
-        """One line on how the run ended."""
         return end_message(self.mechanism, self.workspace, status, list(self.simulation.loads))
 
 
@@ -825,7 +812,6 @@ _said = threading.Event()
 
 @contextmanager
 def _saying_if_long(say: bool) -> Iterator[None]:
-    """Within the block kernels are loaded; what is going on is said if they are compiled."""
     words = "compiling the kernels, half a minute or two; the next start loads them"
 
     def tell() -> None:

@@ -90,7 +90,6 @@ def run_and_save(
 
 
 def _stop_on_request(run: Run) -> None:
-    """Have `run` stop between two stretches when this process is asked to stop."""
 
     @contextmanager
     def guard() -> Iterator[None]:
@@ -105,7 +104,6 @@ def _stop_on_request(run: Run) -> None:
 
 
 def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
-    """What writes a checkpoint now and then, to be called between the stretches of a run."""
     last = time.monotonic()
 
     def write_if_due() -> bool:
@@ -119,7 +117,6 @@ def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
 
 
 def _write_checkpoint(run: Run, kept: Path) -> None:
-    """Write a checkpoint and say so; if it cannot be, say why."""
     try:
         run.checkpoint(kept)
     except JointplayError as error:
@@ -136,7 +133,6 @@ def _save_from_disk(
     overwrite: bool,
     progress: bool,
 ) -> None:
-    """Write the result of a run whose records are on disk, a portion in memory at a time."""
     assert run.on_disk is not None
     w, loads = run.workspace, run.simulation.loads
     on_disk = run.on_disk.write_to_disk()

@@ -52,7 +52,6 @@ class Simulation(Overview, Inputs):
     """
 
     def __post_init__(self) -> None:
-        """Read what is written as in files; complete the motion."""
         require_a("mechanism", self.mechanism, "Mechanism")
         if self.motion is not None:
             require_a("motion", self.motion, "Motion")
@@ -77,7 +76,6 @@ class Simulation(Overview, Inputs):
             object.__setattr__(self, "state", left)
 
     def facts(self) -> tuple[str, dict[str, str]]:
-        """The mechanism; how long, how finely, and what else is given."""
         headline, facts = self.mechanism.facts()
         if self.motion is not None:
             motion, joints = self.motion, few(list(self.motion.joints))
@@ -143,7 +141,6 @@ class Simulation(Overview, Inputs):
         return start
 
     def _simulated_time(self) -> float:
-        """Duration [s]; not a number where neither `duration` nor the motion gives one."""
         if self.duration is not None:
             return float(self.duration)
         return math.nan if self.motion is None else float(self.motion.duration)
@@ -291,7 +288,6 @@ def simulate(
 
 
 def _settling_time(simulation: Simulation, settle: float | str, duration: float) -> float:
-    """Time in which a motion settles [s], of seconds or of turns."""
     if not isinstance(settle, str):
         return require_non_negative("settle", settle, "s", ("settle",))
     match = _TURNS.fullmatch(settle)

@@ -51,7 +51,6 @@ class Spool:
     """
 
     def __init__(self, path: Path, columns: int, rows: int = 0, name: str | None = None) -> None:
-        """Open the file."""
         self.path, self._columns, self.rows = path, columns, rows
         self.name = name or secrets.token_hex(8)
         self._head = head = RECORDS + self.name.encode() + b"\n"
@@ -93,7 +92,6 @@ class Spool:
         self.rows += len(records)
 
     def sync(self) -> None:
-        """Have all records survive a power failure."""
         with suppress(OSError):
             os.fsync(self._file.fileno())
 
@@ -111,12 +109,10 @@ class Spool:
             yield Records(numbers.reshape(count, self._columns), fields, first)
 
     def close(self) -> None:
-        """Let go of the file."""
         with suppress(OSError):
             self._file.close()
 
     def remove(self) -> None:
-        """Delete the file."""
         self.close()
         files.remove_own(self.path, self._head)
 
@@ -142,7 +138,6 @@ class Overflow(ABC):
     """
 
     def __init__(self, workspace: Workspace, records: int, most: int) -> None:
-        """Make room in memory for some."""
         self._workspace, self._most = workspace, most
         size = workspace.record.strides[0]
         room = max(RECORD_BYTES // size, 2 * most)
@@ -152,7 +147,6 @@ class Overflow(ABC):
         workspace.reserve_records(room if self.needed else records)
 
     def before_stretch(self) -> None:
-        """Make room for the records of a stretch."""
         w = self._workspace
         if self.needed and int(w.run["rows"][0]) - w.rows < self._most:
             self.empty()
@@ -190,7 +184,6 @@ class DiskRecords(Overflow):
     """
 
     def __init__(self, path: Path, workspace: Workspace, records: int, most: int) -> None:
-        """Nothing is there yet."""
         files.check_own(path, RECORDS, "file of records")
         self.path = path
         self.name: str | None = None
@@ -219,7 +212,6 @@ class DiskRecords(Overflow):
         return spool
 
     def remove(self) -> None:
-        """Delete the records on disk."""
         if self._spool is not None:
             self._spool.remove()
         self._spool = None
@@ -236,7 +228,6 @@ class PassedRecords(Overflow):
     def __init__(
         self, taker: Callable[[Records], None], workspace: Workspace, records: int, most: int
     ) -> None:
-        """Nothing is there yet."""
         self._taker, self._passed = taker, 0
         self._left = np.empty((0, workspace.record.shape[1]))
         super().__init__(workspace, records, most)

@@ -122,7 +122,6 @@ def _wrench(shape, dimensions, count, law, parameters, pose, out):
 
 @njit(cache=True, error_model="numpy")
 def _energy(shape, dimensions, count, law, parameters, pose, nodes, weights):
-    """Energy that the contacts store at a pose [J]."""
     total = 0.0
     for k in range(count):
         gap = touch(shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)[0]
@@ -169,7 +168,6 @@ def _stiffness(shape, dimensions, count, law, parameters, pose, shift, turn):
 
 @lru_cache(maxsize=256)
 def _springs(joint: Clearance, contact: int) -> tuple[np.ndarray, np.ndarray]:
-    """Forces [N] and depths [m] of a contact."""
     parameters = joint.normal.parameters(joint.contact_properties(contact))
     depths = np.geomspace(1e-10, joint.depth_limit, 600)
     forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
@@ -189,11 +187,9 @@ class ElasticJoint:
     """
 
     def __new__(cls, joint: Clearance) -> ElasticJoint:
-        """Take what belongs to the kind of contact."""
         return object.__new__(cls if joint.resultant is None else _ElasticElements)
 
     def __init__(self, joint: Clearance) -> None:
-        """Gather what the compiled functions need."""
         count = len(joint.contacts)
         parameters = np.zeros((count, MAX_PARAMETERS))
         for k in range(count):
@@ -244,11 +240,9 @@ class _ElasticElements(ElasticJoint):
         return elastic.answers(self._law, self._numbers, poses, self._cage)
 
     def energy(self, pose: np.ndarray) -> float:
-        """See `ElasticJoint.energy`."""
         return float(self._look(pose[None])[0, resultant.ENERGY])
 
     def smallest_gap(self, pose: np.ndarray) -> float:
-        """See `ElasticJoint.smallest_gap`."""
         return -float(self._look(pose[None])[0, resultant.DEEPEST])
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
@@ -270,7 +264,6 @@ class _ElasticElements(ElasticJoint):
         return max(float(found[resultant.SUM]), moment)
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
-        """See `ElasticJoint.stiffness`."""
         size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
         poses = []
         for axis in range(6):
@@ -333,7 +326,6 @@ class StaticLoads:
     def __init__(
         self, loads: Mapping[str, Load], mechanism: Mechanism, sites: Sequence[LoadSite]
     ) -> None:
-        """Find where they act."""
         self._members = [
             _StaticLoad(load, site, mechanism.model.nv)
             for load, site in zip(loads.values(), sites, strict=True)
@@ -385,26 +377,22 @@ class _StaticLoad:
         self._every = np.eye(nv)
 
     def place(self, data: pin.Data, q: np.ndarray) -> np.ndarray:
-        """What its law sees."""
         if self.site.carriers is None:
             return q[list(self.site.inputs)]
         return relative_pose(data, self.site.carriers)
 
     def jacobian(self, data: pin.Data) -> np.ndarray:
-        """Rates that its law sees, per velocity."""
         if self.site.carriers is None:
             return self._every[list(self.site.inputs)]
         assert self.site.signs is not None
         return relative_motion(data, self.site.carriers, self.site.signs)
 
     def force_jacobian(self, data: pin.Data) -> np.ndarray:
-        """What its law's answer acts on."""
         if self.site.carriers is None:
             return self._every[list(self.site.outputs)]
         return self.jacobian(data)
 
     def force(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Its law's, at time 0."""
         out = np.zeros(self.site.size)
         given = [np.ascontiguousarray(one, float) for one in (x, rate, self.site.numbers)]
         self._law(0.0, *(one.ctypes.data_as(_NUMBERS) for one in (*given, out)))
@@ -553,7 +541,6 @@ class StaticEquilibrium:
         acceleration: np.ndarray,
         given: Collection[int] = (),
     ) -> None:
-        """Find what may move, and what acts on it."""
         self._mechanism, self._model, self._data = mechanism, bodies, bodies.createData()
         self._start, self._speed = q.copy(), v.copy()
         self._acceleration, self._loads = acceleration, loads
@@ -631,7 +618,6 @@ class StaticEquilibrium:
         reference: np.ndarray,
         drives: Mapping[str, Drive],
     ) -> set[int]:
-        """Make springs of the drives; returns the coordinates that they hold."""
         mechanism = self._mechanism
         nu = len(reference) // 3
         sprung: set[int] = set()
@@ -758,7 +744,6 @@ class StaticEquilibrium:
         return relative_motion(self._data, self._frames[name], self._signs[name])
 
     def wrenches(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """What each joint with clearance bears in configuration q; see `ElasticJoint.wrench`."""
         pin.forwardKinematics(self._model, self._data, q)
         return {name: one.wrench(self._pose(name)) for name, one in self._elastic.items()}
 
@@ -898,7 +883,6 @@ class StaticEquilibrium:
         names: Collection[str] | None = None,
         at: Collection[int] = (),
     ) -> tuple[np.ndarray, float, float, int]:
-        """Newton's method in a trust region; returns q, residual [N], load [N] and trials."""
         names = self._elastic if names is None else names
         ways, rooms = self.basis * self.scale, self._rooms
         if at:

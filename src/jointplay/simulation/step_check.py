@@ -100,7 +100,6 @@ def _difference(
     factor: float,
     progress: bool,
 ) -> StepError:
-    """Largest difference to the run with `factor` times the step."""
     simulation = run.simulation
     macro, tolerance = simulation.macro_step, simulation.tolerance
     every = simulation.record_every * max(len(result.time) // _MOST_ROWS, 1)
@@ -134,7 +133,6 @@ def _difference(
 
 
 def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
-    """Largest distance of two runs at the times that both recorded."""
     step = run.simulation.step
     ours, theirs = (np.round(one.time / step).astype(np.int64) for one in (result, other))
     _, here, there = np.intersect1d(ours, theirs, return_indices=True)

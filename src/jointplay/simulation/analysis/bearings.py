@@ -127,14 +127,12 @@ class BearingLife:
         return self.swing < self.spacing
 
     def __str__(self) -> str:
-        """One line."""
         most = f"largest element load {alone(self.largest_load)} N"
         share = f"{self.most_loaded} of {self.elements} elements loaded at most"
         return f"{most}, {share}; life L10 {self.lasting}"
 
     @property
     def lasting(self) -> str:
-        """How long the bearing lasts, in words."""
         if math.isinf(self.revolutions):
             return "unlimited: it does not turn under load"
         if self.hours > CENTURY_H:

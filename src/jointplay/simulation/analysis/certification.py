@@ -177,7 +177,6 @@ def _find_errors(
     strict: bool,
     claims: bool,
 ) -> Certificate:
-    """The figures of a run with the errors that further runs show."""
     require_a("source", source, "Simulation", "Result")
     if isinstance(source, Simulation):
         simulation, result = source, source.run(progress, estimate=False)
@@ -321,7 +320,6 @@ def _approaches_slowly(simulation: Simulation) -> bool:
 
 
 def _with_finer_steps(simulation: Simulation, times: int) -> Simulation:
-    """With equal steps so many times smaller, and records at the same times."""
     return replace(
         simulation,
         tolerance=None,
@@ -331,7 +329,6 @@ def _with_finer_steps(simulation: Simulation, times: int) -> Simulation:
 
 
 def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
-    """The settings of a run in a few words."""
     if simulation.tolerance is None:
         how = f"step {1e6 * simulation.step:.3g} us"
     else:
@@ -420,7 +417,6 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
 
 
 def _fits(result: Result) -> bool:
-    """Whether memory may hold all histories of a result."""
     return result.dataset.nbytes <= spool.MOST_BYTES
 
 
@@ -462,7 +458,6 @@ class _Headline:
     def __init__(
         self, time: np.ndarray, judge_from: float, ideal: Result | None, soft: set[str]
     ) -> None:
-        """Nothing is known yet."""
         self._judge_from, self._soft = judge_from, soft
         self._ideal = None if ideal is None else Reference(ideal)
         judged = time[time >= judge_from]
@@ -477,7 +472,6 @@ class _Headline:
         self._play = False
 
     def watch(self, run: Run) -> None:
-        """Be ready for records of this run."""
         self._run = run
         self._builder = HistoryBuilder(
             run.mechanism,
@@ -488,18 +482,15 @@ class _Headline:
         )
 
     def take(self, records: Records) -> None:
-        """Add records of the run that is watched."""
         self.add(self._builder.portion(records, self._run.phases))
 
     def finish(self, run: Run) -> dict[str, Measured]:
-        """The figures of the run that was watched, at its end."""
         assert isinstance(run.overflow, spool.PassedRecords)
         run.overflow.finish()
         audit = self._builder.audit(run.workspace, run.judgement())
         return self.measured(audit.judged_impacts)
 
     def add(self, part: xr.Dataset) -> None:
-        """Add the next histories."""
         judged = part["time"].values >= self._judge_from
         self._play = "joint" in part.dims
         if self._play:
@@ -541,7 +532,6 @@ class _Headline:
         self._seen += int(np.count_nonzero(judged))
 
     def measured(self, impacts: int | None) -> dict[str, Measured]:
-        """All figures, `impacts` among them."""
         found = {name: history.measured() for name, history in self._histories.items()}
         if self._play:
             found["impacts"] = Measured(float(impacts or 0), "", np.empty(0))
@@ -565,7 +555,6 @@ class _History:
     """
 
     def __init__(self, how: str, unit: str, count: int) -> None:
-        """Nothing is known yet."""
         self._how, self._unit = how, unit
         each, more = divmod(count, STRETCHES)
         self._ends = np.cumsum([each + (k < more) for k in range(STRETCHES)])
@@ -574,7 +563,6 @@ class _History:
         self._seen, self._total = 0, 0.0
 
     def add(self, sizes: np.ndarray) -> None:
-        """The next ones."""
         stretches = np.split(sizes, np.clip(self._ends[:-1] - self._seen, 0, len(sizes)))
         for k, part in enumerate(stretches):
             self._largest[k] = part.max(initial=self._largest[k])
@@ -587,7 +575,6 @@ class _History:
         self._left = sizes[even:].copy()
 
     def measured(self) -> Measured:
-        """What it comes to."""
         if self._how == "peak":
             return Measured(float(self._largest.max()), self._unit, self._largest, math.inf)
         value = math.sqrt(self._total / self._seen)

@@ -108,7 +108,6 @@ class Verdict:
     numbers: str
 
     def row(self) -> tuple[str, ...]:
-        """Cells of the claims table."""
         return str(self.claim), self.statement, self.condition, self.holds, self.numbers
 
 

@@ -62,7 +62,6 @@ class Comparison:
 
     @property
     def table(self) -> Table:
-        """The figures of both, and whether they differ by more than their errors."""
         first, second = self.labels
         words = {True: "yes", False: "no", None: "not known"}
         return Table(
@@ -77,7 +76,6 @@ class Comparison:
 
     @property
     def inputs_table(self) -> Table:
-        """The inputs that differ."""
         rows = []
         for place, was, now in self.inputs:
             rows.append(
@@ -86,13 +84,11 @@ class Comparison:
         return Table.of([(head, "") for head in ("input", *self.labels)], rows)
 
     def __str__(self) -> str:
-        """The answer, what differs in the inputs, and the figures, as text."""
         inputs = str(self.inputs_table) if self.inputs else "none"
         return "\n".join([self.answer, "", "inputs that differ:", inputs, "", str(self.table)])
 
     @property
     def answer(self) -> str:
-        """One sentence: by how much the tool error, or else the largest force, differs."""
         first, second = self.labels
         wanted = [one for one in self.pairs if one.name == "peak tool error"] or [
             one for one in self.pairs if one.name.startswith("peak joint force")

@@ -120,7 +120,6 @@ def _tool(
 
 
 def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
-    """The error that is seen from a free base, which play moves too."""
     mechanism = result.simulation.mechanism
     if mechanism.free_base is None:
         return []
@@ -133,7 +132,6 @@ def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
 
 
 def _cause(result: Result) -> str:
-    """What parts a mechanism from the ideal one, and where."""
     mechanism = result.simulation.mechanism
     joints, gears = mechanism.clearance, mechanism.gears
     hinged = hinges(result)

@@ -129,7 +129,6 @@ class Reference:
     """
 
     def __init__(self, run: Result) -> None:
-        """Nothing is interpolated yet."""
         self._run = run
         last = float(run.time[-1])
         # Times that are multiples of another step differ in their last bits.
@@ -190,7 +189,6 @@ def rotations(quaternions: np.ndarray) -> Rotation:
 
 
 def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
-    """The ideal tool's motion at any time that its run covers."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline  # takes long to import
     from scipy.spatial.transform import RotationSpline
 

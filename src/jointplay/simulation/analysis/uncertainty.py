@@ -62,17 +62,14 @@ class Until:
     """Samples after which it ends in any case."""
 
     def __post_init__(self) -> None:
-        """Refuse values out of range."""
         for word in ("precision", "probability", "confidence"):
             require_share(word, getattr(self, word))
         require_whole("most", self.most, 2)
 
     def estimate(self, values: np.ndarray) -> IntervalEstimate:
-        """The statistic of the values there are."""
         return estimate(values, self.statistic, self.probability, self.confidence)
 
     def reached(self, values: np.ndarray) -> bool:
-        """Whether the values there are give the precision."""
         return self.estimate(values).relative <= self.precision
 
 
@@ -188,7 +185,6 @@ class SobolIndices:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Of its table: the quantities, their first-order and their total indices."""
         return (
             Column("input", self.names),
             Column("first-order", self.first, digits=3, errors=self.first_confidence),
@@ -197,7 +193,6 @@ class SobolIndices:
 
     @property
     def table(self) -> Table:
-        """A row for each quantity."""
         return Table(self.columns)
 
 

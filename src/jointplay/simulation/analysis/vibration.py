@@ -29,7 +29,6 @@ class Band:
 
     @property
     def range(self) -> str:
-        """From where to where, in words."""
         low, high = (
             f"{edge:g} Hz" if edge < 1000.0 else f"{edge / 1000.0:g} kHz"
             for edge in (self.low, self.high)
@@ -70,7 +69,6 @@ class Rattle:
         return self.lost / self.duration
 
     def __str__(self) -> str:
-        """One line: rate, energy, power, and the bands."""
         words = f"rattle: {_three(self.rate)} impacts a second"
         if self.impacts:
             words += f" of {_three(self.energy, 'J')} each, {_three(self.power, 'W')}"
@@ -131,5 +129,4 @@ def _bands(result: Result, ideal: Result | None) -> tuple[Band, ...]:
 
 
 def _three(value: float, unit: str = "") -> str:
-    """A value to three digits."""
     return readable(float(f"{value:.3g}"), unit)

@@ -73,7 +73,6 @@ class Load(Described, ABC):
     """Whether its answer at rest is the slope of an energy: a spring's."""
 
     def __post_init__(self) -> None:
-        """Check the fields."""
         check_fields(self)
 
     @abstractmethod
@@ -129,7 +128,6 @@ class OnJoint(Load):
         return Site(at, at)
 
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """The torque on the joint's child."""
         return (Series("torque", answers[:, 0], "N m or N"),)
 
 

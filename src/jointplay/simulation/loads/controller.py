@@ -91,7 +91,6 @@ class Controller(OfFunction, Load):
     """What it measures: ``link``, ``motor``, or ``both``."""
 
     def __post_init__(self) -> None:
-        """Check everything."""
         if isinstance(self.joints, str) or not self.joints:
             raise JointplayError(
                 f"a controller needs the names of its joints, got {self.joints!r}", ("joints",)
@@ -109,29 +108,24 @@ class Controller(OfFunction, Load):
             check_arguments(function, ("time", "q", "v", "p"))
 
     def site(self, mechanism: Mechanism) -> Site:
-        """Coordinates that the encoders see, and those that the motors turn."""
         links = tuple(mechanism.coordinate(name) for name in self.joints)
         motors = tuple(mechanism.motor(name) for name in self.joints)
         measured = {"link": links, "motor": motors, "both": links + motors}[self.encoder]
         return Site(measured, motors)
 
     def law(self) -> Callable[..., None]:
-        """The user's own, or the last sample held."""
         return self.function if self.period is None else _held
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """The user's own, or those of `_held`."""
         if self.period is None:
             return np.array([*self.parameters, 0.0])
         n = len(self.joints)
         return np.array([n, -1.0, *np.zeros(2 * n)])
 
     def driven(self) -> tuple[str, ...]:
-        """Its joints."""
         return self.joints
 
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """The torque of each joint."""
         return [
             Series(f"torque.{name}", answers[:, k], "N m or N")
             for k, name in enumerate(self.joints)

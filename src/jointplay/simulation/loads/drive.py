@@ -72,7 +72,6 @@ class JointFriction(Described):
     """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
 
     def __post_init__(self) -> None:
-        """Check all values."""
         check_fields(self)
         if self.static is not None and self.static < self.coulomb:
             raise JointplayError(
@@ -128,7 +127,6 @@ class ComputedTorque(Drive):
     """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
 
     def __post_init__(self) -> None:
-        """Check all values."""
         check_fields(self)
         for name, words, most, unit in (
             ("bandwidth", "bandwidth", FASTEST, " rad/s"),
@@ -172,7 +170,6 @@ class Torque(Drive):
     """[N m, or N for prismatic joints]."""
 
     def __post_init__(self) -> None:
-        """Check the points."""
         check_fields(self)
         if len(self.times) != len(self.values) or not self.times:
             raise JointplayError(
@@ -236,7 +233,6 @@ class Servo(Drive):
     """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
 
     def __post_init__(self) -> None:
-        """Take what the catalogue has, and check all values."""
         given = {} if self.catalogue is None else _servo(self.catalogue)
         for name, item in given.items():
             if name != "armature" and getattr(self, name) is None:

@@ -55,7 +55,6 @@ class LoadedFriction(OnJoint):
     """Mean radius of the face that takes the force along the axis [m]."""
 
     def site(self, mechanism: Mechanism) -> Site:
-        """The joint's coordinate."""
         site = super().site(mechanism)
         if mechanism.loops:
             raise JointplayError(
@@ -77,15 +76,12 @@ class LoadedFriction(OnJoint):
         return site
 
     def law(self) -> Callable[..., None]:
-        """Friction that is known at a time, and how it grows."""
         return _rubbed
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_rubbed`, none transmitted yet."""
         return np.zeros(3)
 
     def implicit(self) -> int:
-        """Always: it falls steeply with speed."""
         return ALWAYS
 
     def friction(self, force: np.ndarray, axis: np.ndarray, slides: bool) -> float:

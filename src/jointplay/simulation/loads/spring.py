@@ -82,7 +82,6 @@ class _Between(OnFrame):
     """[N s/m]."""
 
     def site(self, mechanism: Mechanism) -> Site:
-        """Between both points."""
         return between(
             mechanism,
             frame(mechanism, self.other, self.other_at),
@@ -90,7 +89,6 @@ class _Between(OnFrame):
         )
 
     def implicit(self) -> int:
-        """With a damper."""
         return ALWAYS if self.damping > 0.0 else NEVER
 
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
@@ -119,20 +117,16 @@ class Spring(_Between):
     """Length at which it does not pull [m]."""
 
     def law(self) -> Callable[..., None]:
-        """Force along the line between the points."""
         return _linear
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_linear`."""
         return np.array([self.stiffness, self.damping, self.free_length])
 
     def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """k (length - free length)^2 / 2."""
         stretch = np.linalg.norm(x[:, :3], axis=1) - self.free_length
         return 0.5 * self.stiffness * stretch**2
 
     def steepest(self) -> float:
-        """Slope of the force."""
         return self.stiffness
 
 
@@ -156,7 +150,6 @@ class CurveSpring(_Between):
     """Force at each length [N]."""
 
     def __post_init__(self) -> None:
-        """Check the points."""
         super().__post_init__()
         require_increasing("spring lengths", self.lengths, "m", ("lengths",))
         if len(self.lengths) != len(self.forces) or len(self.lengths) < 2:
@@ -166,15 +159,12 @@ class CurveSpring(_Between):
             )
 
     def law(self) -> Callable[..., None]:
-        """Force along the line between the points."""
         return _curve
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_curve`."""
         return np.array([len(self.lengths), self.damping, *self.lengths, *self.forces])
 
     def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Integral of the force from the first length."""
         nodes, forces = np.array(self.lengths), np.array(self.forces)
         slopes = np.diff(forces) / np.diff(nodes)
         areas = 0.5 * (forces[1:] + forces[:-1]) * np.diff(nodes)
@@ -185,7 +175,6 @@ class CurveSpring(_Between):
         return before[k] + on * (forces[k] + 0.5 * slopes[k] * on)
 
     def steepest(self) -> float:
-        """Largest slope of the curve."""
         return float(np.abs(np.diff(self.forces) / np.diff(self.lengths)).max())
 
 
@@ -218,7 +207,6 @@ class _AtJoint(OnJoint):
     """[N m s/rad or N s/m]."""
 
     def steepest(self) -> float:
-        """Its stiffness."""
         return self.stiffness
 
 
@@ -236,19 +224,15 @@ class TorsionSpring(_AtJoint):
     """Position at which it does not push [rad or m]."""
 
     def law(self) -> Callable[..., None]:
-        """Linear."""
         return _twisted
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_twisted`."""
         return np.array([self.stiffness, self.damping, self.rest], float)
 
     def implicit(self) -> int:
-        """With a damper."""
         return ALWAYS if self.damping > 0.0 else NEVER
 
     def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """k (q - rest)^2 / 2."""
         return 0.5 * self.stiffness * (x[:, 0] - self.rest) ** 2
 
 
@@ -269,7 +253,6 @@ class Stop(_AtJoint):
     """The upper one."""
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         super().__post_init__()
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             raise JointplayError(
@@ -277,7 +260,6 @@ class Stop(_AtJoint):
             )
 
     def law(self) -> Callable[..., None]:
-        """Nothing between the stops."""
         return _stopped
 
     def ends(self, mechanism: Mechanism) -> tuple[float, float]:
@@ -302,15 +284,12 @@ class Stop(_AtJoint):
         return low, high
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_stopped`."""
         return np.array([self.stiffness, self.damping, *self.ends(mechanism)])
 
     def implicit(self) -> int:
-        """With a damper, while it is pressed."""
         return IF_PRESSED if self.damping > 0.0 else NEVER
 
     def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """k depth^2 / 2."""
         lower, upper = numbers[2:4]
         depth = np.maximum(np.maximum(lower - x[:, 0], x[:, 0] - upper), 0.0)
         return 0.5 * self.stiffness * depth**2

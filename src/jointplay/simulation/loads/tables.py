@@ -65,7 +65,6 @@ class Reference:
         ahead: int,
         progress: bool,
     ) -> None:
-        """Tabulate the first blocks."""
         self._rows, self.nodes, self._ideal = rows, nodes, ideal
         self._block = max(BLOCK_NODES, ahead)
         if nodes <= 2 * self._block:
@@ -89,11 +88,9 @@ class Reference:
         return True
 
     def memory(self) -> dict[str, Any]:
-        """What a checkpoint holds: how the ideal mechanism's loops are closed."""
         return {} if self._ideal is None else self._ideal.memory()
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on as the one that had this memory."""
         if self._ideal is not None and memory:
             self._ideal.recall(memory)
 
@@ -249,7 +246,6 @@ def _effort(
     velocity: np.ndarray,
     acceleration: np.ndarray,
 ) -> np.ndarray:
-    """Effort of a drive that also turns its rotor and overcomes its joint's friction."""
     effort: np.ndarray = ideal + rotor * acceleration + losses.torque(velocity)
     return effort
 
@@ -266,7 +262,6 @@ def servo_row(servo: Servo, column: int, at: int, encoder: int, limit: float) ->
 
 
 def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) -> list[np.ndarray]:
-    """Records of the joints that have friction."""
     return [
         friction_row(
             mechanism.coordinate(name),

@@ -94,11 +94,9 @@ class _Pushing(OnFrame):
     """What all wrenches have in common."""
 
     def site(self, mechanism: Mechanism) -> Site:
-        """The point of the frame, against the ground."""
         return between(mechanism, frame(mechanism, WORLD), frame(mechanism, self.frame, self.at))
 
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """Force, and moment about the point, in world axes."""
         return [
             Series(name, answers[:, k], unit)
             for k, (name, unit) in enumerate(zip(_COMPONENTS, _UNITS, strict=True))
@@ -114,7 +112,6 @@ class _InAxes(_Pushing):
     """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def law(self) -> Callable[..., None]:
-        """Linear between the times of a table."""
         return _given
 
 
@@ -134,7 +131,6 @@ class Wrench(_InAxes):
     """[N m]."""
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_given`: a table of one row."""
         turns = self.axes == "frame"
         return np.array([1.0, turns, 0.0, *self.force, *self.moment], float)
 
@@ -158,7 +154,6 @@ class WrenchOverTime(_InAxes):
     """Moment at each time [N m]; none if not given."""
 
     def __post_init__(self) -> None:
-        """Check the table."""
         super().__post_init__()
         require_increasing("wrench times", self.times, "s", ("times",))
         for name, rows in (("forces", self.forces), ("moments", self.moments)):
@@ -170,7 +165,6 @@ class WrenchOverTime(_InAxes):
             raise JointplayError("a wrench over time needs times, and forces or moments for each")
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_given`."""
         n = len(self.times)
         parts = [np.array(rows or np.zeros((n, 3)), float) for rows in (self.forces, self.moments)]
         table = np.hstack(parts).ravel()
@@ -211,7 +205,6 @@ class WrenchFunction(OfFunction, _Pushing):
     """Numbers that the function finds in p."""
 
     def __post_init__(self) -> None:
-        """Check signature and numbers."""
         super().__post_init__()
         self._keep_function(self.function)
 
@@ -219,9 +212,7 @@ class WrenchFunction(OfFunction, _Pushing):
         check_arguments(function, ("time", "pose", "twist", "p", "out"))
 
     def law(self) -> Callable[..., None]:
-        """The user's own."""
         return self.function
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """The user's own."""
         return np.array([*self.parameters, 0.0])

@@ -97,7 +97,6 @@ class Target(NamedTuple):
     """Rotation matrix; None: any."""
 
     def __str__(self) -> str:
-        """The place."""
         x, y, z = self.position
         return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
 
@@ -142,7 +141,6 @@ class Arm:
         start: Mapping[str, float],
         driven: Sequence[str] | None,
     ) -> None:
-        """Refuse robots that cannot be led by one frame."""
         self.ideal = ideal = mechanism.ideal()
         self.names = ideal.coordinates
         balls = [name for name in ideal.joints if name not in ideal.coordinates]
@@ -268,7 +266,6 @@ class Arm:
         return tuple(chosen)
 
     def pose(self, q: np.ndarray) -> pin.SE3:
-        """Of the frame in the world."""
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.frame)
 
@@ -737,7 +734,6 @@ def _waypoints(
     positions: Sequence[Sequence[float]] | np.ndarray,
     orientations: Sequence[Sequence[float]] | np.ndarray | None,
 ) -> tuple[np.ndarray, list[Target]]:
-    """Checked times (n,), and where the frame shall be at each."""
     given = {"times": times, "positions": positions}
     if orientations is not None:
         given["orientations"] = orientations
@@ -779,7 +775,6 @@ def _solve(
     random: np.random.Generator,
     first: bool = False,
 ) -> np.ndarray:
-    """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
     solution = arm.approach(seed, target)
     if not solution.reached and arm.ideal.loops:
         solution = arm.search(seed, target)
@@ -792,7 +787,6 @@ def _solve(
 
 
 def _require_regular(arm: Arm, q: np.ndarray, target: Target, what: str) -> None:
-    """Raise in a singular configuration; `what` names it."""
     smallest = arm.manoeuvrability(q, target.turn is not None)
     if smallest < SINGULAR_M:
         raise JointplayError(_singular(arm, what, target, smallest))
@@ -816,7 +810,6 @@ def _otherwise(
     random: np.random.Generator,
     first: bool,
 ) -> Found:
-    """Another solution for the first waypoint, else the reason why there is none."""
     restarts: Iterable[int] = ProgressBar(
         range(_RESTARTS),
         f"looking for {what}",
@@ -874,7 +867,6 @@ def _way(begin: Target, end: Target) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
-    """Configurations that are solved on the line between two targets at their times."""
     way, axis = _way(first[1], last[1])
     size = float(np.linalg.norm([*way, *(ANGLE_ARM_M * axis)]))
     # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
@@ -891,7 +883,6 @@ def _line(
     number: int,
     random: np.random.Generator,
 ) -> Iterator[tuple[float, np.ndarray]]:
-    """`count` times and configurations on the line to waypoint `number`."""
     begin, before = targets[0]
     base = arm.freedoms(q)
     way, axis = _way(*targets)

@@ -36,7 +36,6 @@ class CompleteMotion:
     """What each joint follows that mimics another."""
 
     def notes(self) -> list[str]:
-        """What was added in words, a line for each kind."""
         lines = []
         if self.held:
             places: dict[float, list[str]] = {}

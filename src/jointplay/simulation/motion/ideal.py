@@ -77,7 +77,6 @@ class IdealMotion:
         start: np.ndarray,
         speed: np.ndarray | None = None,
     ) -> None:
-        """Assemble the ideal mechanism at the start of the motion."""
         self._ideal = ideal = mechanism.ideal()
         self._motion = motion
         self._order = [motion.joints.index(name) for name in driven]
@@ -106,7 +105,6 @@ class IdealMotion:
             self._free_base(q, mass, first)
 
     def _free_base(self, q: np.ndarray, mass: np.ndarray, speed: np.ndarray) -> None:
-        """Take what a base that gives way leaves of inertias, and the momentum at the start."""
         mass = np.triu(mass) + np.triu(mass, 1).T
         moved = mass[_BASE, self._at]
         self.inertia = self.inertia - np.einsum(
@@ -148,7 +146,6 @@ class IdealMotion:
         return effort
 
     def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
-        """By inverse dynamics at each of the times."""
         model, data, at = self._ideal.model, self._ideal.data, self._at
         effort = np.empty((len(times), len(at)))
         for first in _shown(range(0, len(times), _PORTION), progress):
@@ -163,11 +160,9 @@ class IdealMotion:
         return effort
 
     def memory(self) -> dict[str, list[float]]:
-        """Configurations from which loops are closed further on, for a checkpoint."""
         return {str(node): q.tolist() for node, q in self._closed.items()}
 
     def recall(self, memory: Mapping[str, Sequence[float]]) -> None:
-        """Go on as the one that had this memory."""
         self._closed = {int(node): np.array(q, float) for node, q in memory.items()}
 
     def _with_free_base(self, times: np.ndarray, progress: bool) -> np.ndarray:
@@ -269,7 +264,6 @@ class IdealMotion:
 
 
 def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
-    """`things`, with a bar of how many have been taken if that takes long."""
     if not progress:
         return things  # and nothing of ProgressBar: see `simulation.progress`
     bar: Iterable[int] = ProgressBar(

@@ -95,7 +95,6 @@ class Motion(Described):
         interpolation: str = INTERPOLATIONS[0],
         given: Sequence[float] | np.ndarray | None = None,
     ) -> None:
-        """Check the waypoints and fit the curve."""
         require_a("joints", joints, "Iterable")
         object.__setattr__(self, "joints", tuple(joints))
         object.__setattr__(self, "interpolation", interpolation)
@@ -116,7 +115,6 @@ class Motion(Described):
             )
 
     def _check(self) -> None:
-        """Raise on waypoints of wrong shape or order."""
         if len(set(self.joints)) != len(self.joints):
             raise JointplayError(f"a joint appears twice in the motion: {', '.join(self.joints)}")
         if self.times.ndim != 1 or self.positions.shape != (len(self.times), len(self.joints)):
@@ -142,7 +140,6 @@ class Motion(Described):
             )
 
     def _fit(self) -> Any:
-        """Piecewise polynomial through the waypoints."""
         from scipy.interpolate import BPoly, PPoly, make_interp_spline  # takes long to import
 
         if self.interpolation == "rest-to-rest":
@@ -179,7 +176,6 @@ class Motion(Described):
 
     @property
     def summary(self) -> str:
-        """Number of waypoints, and the way between them."""
         number = len(self.waypoints[0])
         through = f" through {len(self.times)} points" if number < len(self.times) else ""
         return f"{number} waypoints, {self.interpolation}{through}"
@@ -285,15 +281,12 @@ class Motion(Described):
             raise JointplayError(f"{path}: {error}") from None
 
     def __eq__(self, other: object) -> bool:
-        """Whether joints, waypoints and interpolation are the same."""
         return isinstance(other, Motion) and self.describe() == other.describe()
 
     def __hash__(self) -> int:
-        """Equal motions hash alike."""
         return hash((self.joints, self.times.tobytes(), self.positions.tobytes()))
 
     def __repr__(self) -> str:
-        """Joints, number of waypoints, duration, and the way between them."""
         return (
             f"<jointplay Motion: {few(list(self.joints))}; {len(self.waypoints[0])} waypoints in "
             f"{self.duration:g} s, {self.interpolation}>"

@@ -232,7 +232,6 @@ def _check_schemas(schemas: Iterable[Any]) -> None:
 
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
-    """Kind and name of the topic to read, of all topics with their kinds."""
     fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, STATE)}
     if topic is not None:
         if topic not in fit:

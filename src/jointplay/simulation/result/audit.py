@@ -221,7 +221,6 @@ class Audit(Described):
         return self.headline_with(None)
 
     def headline_with(self, certificate: Certificate | None) -> str:
-        """The same, with the error of the largest force if `certificate` has it."""
         began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual is not None:
             reason = "" if self.start == "rest" else ", because no equilibrium was found"
@@ -246,7 +245,6 @@ class Audit(Described):
         )
 
     def _step_too_large(self) -> str:
-        """What to say of a step that another step contradicts."""
         relative = self.relative_step_error
         if relative is None or not math.isfinite(relative):
             return "with half the step the run ends differently: reduce the step"
@@ -259,11 +257,9 @@ class Audit(Described):
         )
 
     def __str__(self) -> str:
-        """Figures, then warnings, one a line."""
         return self.words()
 
     def words(self, certificate: Certificate | None = None) -> str:
-        """The same, with the errors that `certificate` has."""
         percent = 100 * self.relative_energy_residual
         lines = [
             f"  energy residual: {_told(self.energy_residual, 'J')}, "
@@ -359,7 +355,6 @@ class Auditor:
     def __init__(
         self, mechanism: Mechanism, simulation: Mapping[str, Any], judged_from: float
     ) -> None:
-        """Nothing has passed yet."""
         self._mechanism, self._simulation = mechanism, simulation
         self._judged_from = judged_from
         self._start: np.ndarray | None = None
@@ -436,7 +431,6 @@ class Auditor:
         return [np.concatenate(parts) for parts in zip(*self._worst, strict=True)]
 
     def _forces(self, records: Records) -> None:
-        """Take the largest forces of the joints, and their impulses."""
         if not len(self._peaks):
             return
         peaks = records.recorded("normal_peak")
@@ -466,7 +460,6 @@ class Auditor:
         self._unknown += ((interval * widest) ** 2).sum(axis=0)
 
     def audit(self, workspace: Workspace, judgement: Judgement) -> Audit:
-        """What it comes to, with what the kernels counted in `workspace`."""
         mechanism, simulation = self._mechanism, self._simulation
         statistics = workspace.contact_statistics()
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
@@ -515,7 +508,6 @@ class Auditor:
         )
 
     def _impulse_missed(self, workspace: Workspace) -> float:
-        """See `Audit.impulse_missed`."""
         if self._before is None:
             return 0.0
         impulse = workspace.joints["impulse"]
@@ -524,7 +516,6 @@ class Auditor:
         return float(np.max(missed[whole > 0.0] / whole[whole > 0.0], initial=0.0))
 
     def _friction_step_limit(self) -> float:
-        """See `Audit.friction_step_limit`; implicit methods have none."""
         explicit = integrator(self._simulation["integrator"]).single_rate
         if not explicit or self._start is None:
             return math.inf
@@ -536,7 +527,6 @@ class Auditor:
         return min(steps, default=math.inf)
 
     def _tooth_steps(self) -> float:
-        """See `Audit.tooth_steps`."""
         if self._start is None or self._simulation["tolerance"] is not None:
             return math.inf
         gears = self._mechanism.gears.items()

@@ -91,7 +91,6 @@ class CertifiedFigure(Described):
         return plus_minus(factor * self.value, factor * self.error, self.name in COUNTS)
 
     def __str__(self) -> str:
-        """Value ± error and unit, with the same digits wherever the figure stands."""
         return f"{self.number} {displayed(self.unit)[1]}".rstrip()
 
 
@@ -187,7 +186,6 @@ class Certificate(Described):
     """Whether several finer runs found the errors; else one further run estimated them."""
 
     def __getitem__(self, name: str) -> CertifiedFigure:
-        """The figure `name`."""
         for figure in self.figures:
             if figure.name == name:
                 return figure
@@ -195,7 +193,6 @@ class Certificate(Described):
 
     @property
     def origin(self) -> str:
-        """How the errors were found, in words."""
         how = "certified by" if self.strict else "estimated from"
         return f"{how} {len(self.runs)} further runs"
 
@@ -206,11 +203,9 @@ class Certificate(Described):
 
     @property
     def marked(self) -> list[CertifiedFigure]:
-        """Figures whose error exceeds 5 %."""
         return [figure for figure in self.figures if figure.marked]
 
     def __str__(self) -> str:
-        """One figure a line."""
         lines = [f"  numerical errors, {self.origin}:"] if self.runs else []
         width = max((len(figure.name) for figure in self.headline), default=0)
         for figure in self.headline:

@@ -73,7 +73,6 @@ class HistoryBuilder:
         loads: Mapping[str, Load] | None = None,
         reactions: bool = True,
     ) -> None:
-        """Nothing is made yet."""
         self._mechanism, self._simulation, self._friction = mechanism, simulation, friction
         self._reactions = reactions
         self._acting = BoundLoads(mechanism, loads or {})
@@ -148,7 +147,6 @@ class HistoryBuilder:
         self._orientation = orientation[-1].copy()
 
     def _constraints(self, phase: Phase, q: np.ndarray) -> list[pin.RigidConstraintModel]:
-        """What holds the ideal loops in a phase, found at its first record."""
         if phase.row not in self._held:
             self._held[phase.row] = self._mechanism.constraints(q, 0.0)
         return self._held[phase.row]
@@ -203,7 +201,6 @@ class HistoryBuilder:
         return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
     def audit(self, workspace: Workspace, judgement: Judgement) -> Audit:
-        """What the whole run comes to, all its portions made."""
         return self._auditor.audit(workspace, judgement)
 
     def attributes(

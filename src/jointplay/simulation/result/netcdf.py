@@ -174,7 +174,6 @@ class GrowingDataset:
     """
 
     def __init__(self, file: BinaryIO, first: xr.Dataset) -> None:
-        """Write the first records."""
         import h5py
 
         self._file = file
@@ -232,7 +231,6 @@ class GrowingDataset:
         _seal_file(self._file)
 
     def close(self) -> None:
-        """Let go of the file, finished or not."""
         self._h5.close()
 
 
@@ -261,7 +259,6 @@ def add_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
 
 
 def _seal_file(file: BinaryIO) -> None:
-    """Write the checksum of all that a file holds behind it."""
     file.flush()
     file.seek(0)
     sealed = digest(file)
@@ -281,7 +278,6 @@ class _CheckedFile(io.RawIOBase):
     _error: OSError | None
 
     def check(self) -> None:
-        """Raise what went wrong."""
         self._try(self._inner.flush)
         if self._error is not None:
             raise self._error

@@ -48,7 +48,6 @@ class Result:
     """
 
     def __init__(self, dataset: xr.Dataset, trust: Collection[str] = ()) -> None:
-        """Wrap the dataset of a run."""
         require_a("dataset", dataset, "Dataset")
         self.dataset = dataset
         self.trust = tuple(trust)
@@ -57,11 +56,9 @@ class Result:
         self.message: str = dataset.attrs["message"]
 
     def __getitem__(self, name: str) -> xr.DataArray:
-        """Variable `name` of the dataset."""
         return self.dataset[name]
 
     def __repr__(self) -> str:
-        """Status, size and audit, readable."""
         sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
 
@@ -76,7 +73,6 @@ class Result:
 
     @property
     def judgement(self) -> str:
-        """The audit and, if there is one, the certificate, one line for each figure."""
         certificate = self.certificate
         return self.audit.words(certificate) + (f"\n{certificate}" if certificate else "")
 
@@ -95,7 +91,6 @@ class Result:
         self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
 
     def amend(self, **figures: Any) -> None:
-        """Put figures that were found later into the audit."""
         self.audit = dataclasses.replace(self.audit, **figures)
         self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
@@ -184,7 +179,6 @@ class Result:
         return written
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: how the run ended, its figures, a small picture."""
         page: str = provided("notebook_page")(self)
         return page
 
@@ -295,7 +289,6 @@ class Result:
     def read(
         cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
     ) -> Result:
-        """What `load` and `open` do, with one of the readers of `netcdf`."""
         require_a("path", path, "str", "Path")
         from jointplay.simulation.result.stored import check
 

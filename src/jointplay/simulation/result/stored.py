@@ -69,7 +69,6 @@ def check(dataset: xr.Dataset, path: Path) -> None:
 
 
 def _check_attributes(dataset: xr.Dataset) -> None:
-    """Texts must be texts, the status known, the versions a table, the time taken a number."""
     for name in _TEXTS:
         if not isinstance(dataset.attrs.get(name), str):
             raise JointplayError(f"its attribute {name!r} is missing or not text")
@@ -91,7 +90,6 @@ def _check_attributes(dataset: xr.Dataset) -> None:
 
 
 def _check_certificate(dataset: xr.Dataset) -> None:
-    """Its figures must be such that they can be shown."""
     given = _described(dataset, "certificate", Certificate)
     try:
         for figure in Certificate.from_description(given).figures:
@@ -101,7 +99,6 @@ def _check_certificate(dataset: xr.Dataset) -> None:
 
 
 def _json(name: str, text: Any) -> Any:
-    """The plain data that an attribute holds."""
     try:
         given = json.loads(text)
         json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
@@ -131,7 +128,6 @@ def _require_all(name: str, kind: type, given: Mapping[str, Any]) -> None:
 
 
 def _check_histories(dataset: xr.Dataset, given: Any) -> None:
-    """Histories must be there, along their dimensions, with units, and real numbers."""
     loose = "joint" in dataset.dims
     if loose:
         names = given["mechanism"]["clearance"]
@@ -164,7 +160,6 @@ def _check_histories(dataset: xr.Dataset, given: Any) -> None:
 
 
 def _check_times(dataset: xr.Dataset) -> None:
-    """Times must increase; of a file opened lazily a piece is in memory at a time."""
     if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
         raise JointplayError("it has no times")
     time, before = dataset.variables["time"], -np.inf

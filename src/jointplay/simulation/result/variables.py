@@ -147,7 +147,6 @@ class Records:
 
     @property
     def rows(self) -> int:
-        """How many there are."""
         return len(self.rows_of)
 
     def recorded(self, name: str) -> np.ndarray:
@@ -191,7 +190,6 @@ class BoundLoads:
     """
 
     def __init__(self, mechanism: Mechanism, loads: Mapping[str, Load]) -> None:
-        """Find where they act."""
         self.mechanism, self.loads = mechanism, loads
         self._sites = {name: load.site(mechanism) for name, load in loads.items()}
         self.pairs: dict[Any, tuple[Frame, Frame]] = {}
@@ -250,7 +248,6 @@ class BoundLoads:
         return efforts
 
     def pushes(self, body: Mapping[str, Any], records: Records) -> LoadWrenches:
-        """What the loads pushed on; arguments as in `histories`."""
         n = records.rows
         efforts = np.zeros((n, self.mechanism.model.nv))
         bodies: list[int] = []
