@@ -162,7 +162,6 @@ class Allocation:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Of the choices."""
         return tuple(one.joint for one in self.choices)
 
     @property
@@ -172,7 +171,6 @@ class Allocation:
 
     @property
     def total(self) -> float:
-        """Price of all."""
         return float(self.each("price").sum())
 
     @property
@@ -181,7 +179,6 @@ class Allocation:
         return {(o.joint, o.cause): o.remaining for o in self.choices if o.remaining < 1.0}
 
     def table(self) -> Table:
-        """A row for each; of causes those that matter, first those that were bought first."""
         if not self.whole:
             return replace(self.data(), notes=self._notes())
         small = [abs(o.before) <= _LISTED * self.was and not o.order for o in self.choices]
@@ -195,7 +192,6 @@ class Allocation:
         return replace(shown, totals=more, notes=self._notes())
 
     def data(self) -> Table:
-        """The same of all, in their order."""
         return self._rows(self.choices)
 
     def _rows(self, kept: Sequence[Choice]) -> Table:
@@ -241,7 +237,6 @@ class Allocation:
         return not np.isnan(self.clearance).all()
 
     def _notes(self) -> list[str]:
-        """The outcome, what was given and what was assumed, in lines."""
         if self.whole:
             line = (
                 f"{self.kind} {1e3 * self.error:.4f} mm of {1e3 * self.target:.4f} mm (as it is "
@@ -264,7 +259,6 @@ class Allocation:
         return [line, *self.notes]
 
     def __str__(self) -> str:
-        """The table."""
         return str(self.table())
 
 
@@ -285,7 +279,6 @@ class _Machine:
     def made(
         self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
     ) -> tuple[Mechanism, ErrorModel]:
-        """The mechanism with clearances that remain and bearings that are chosen, and its error."""
         joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
         if self.causes is not None:
             other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
@@ -338,11 +331,9 @@ class _Machine:
         ]
 
     def _offered(self, joint: str, cause: str, gear: bool) -> bool:
-        """Whether a contribution is that of a bearing that is to be chosen."""
         return joint in self.offers and cause in ("play", "elasticity") and not gear
 
     def sizable(self, model: ErrorModel, keep: Collection[str]) -> list[Key]:
-        """Joints and causes whose size can be chosen."""
         found = dict[Key, None]()
         for one in model.contributions:
             free = one.proportional and not {one.joint, one.cause} & {*keep}
@@ -531,7 +522,6 @@ def _allocated(
 
 
 def _remaining(keys: Sequence[Key], x: np.ndarray) -> dict[Key, float]:
-    """What is not as it was."""
     return {key: float(part) for key, part in zip(keys, x, strict=True) if part != 1.0}
 
 
@@ -584,7 +574,6 @@ def _choices(
 
 
 def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
-    """Sums of contributions by joint and cause."""
     found = dict[Key, float]()
     for one, part in zip(model.contributions, parts, strict=True):
         key = one.joint, one.cause
@@ -593,7 +582,6 @@ def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
 
 
 def _words(machine: _Machine, error: Error) -> str:
-    """What an error is."""
     if isinstance(error, Quantile):
         return f"static {100 * error.quantile:g} % quantile, of {SAMPLES} states"
     if isinstance(error, RootMeanSquare):
@@ -608,7 +596,6 @@ def _notes(
     prices: Mapping[str, float],
     limits: Mapping[str, float],
 ) -> list[str]:
-    """What was given and assumed of causes, prices and limits, and which plays stay."""
     given, assumed = told_apart(first, machine.kind)
     notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
     causes = list(dict.fromkeys(cause for _, cause in sizes.keys))
@@ -638,7 +625,6 @@ def _notes(
 def _refusal(
     machine: _Machine, sizes: Sizes, make: Any, unreachable: Unreachable
 ) -> JointplayError:
-    """What prevents a target."""
     count, text = (
         len(sizes.keys),
         f"a target of {1e6 * unreachable.target:.4g} um cannot be reached",
@@ -679,7 +665,6 @@ def _offers(
     keep: Collection[str],
     whole: bool,
 ) -> dict[str, tuple[Offer, ...]]:
-    """What can be bought for each joint whose bearing is to be chosen."""
     rolling = {n: one for n, one in mechanism.clearance.items() if isinstance(one, RollingBearing)}
     for name in given or {}:
         if name not in rolling:
@@ -702,7 +687,6 @@ def _clearances(
     most: float,
     quantile: float | None,
 ) -> Sizes:
-    """Clearances as parts of what they are."""
     if cost not in COSTS:
         raise MissingName("cost", cost, COSTS)
     if quantile is not None and cost == "linear":
@@ -733,7 +717,6 @@ def _check(
     weights: Mapping[str, float],
     limits: Mapping[str, float],
 ) -> None:
-    """Refuse names that there are not, and numbers that cannot be."""
     joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
     known = [*CAUSES, *(causes or {})]
     if causes is None and limits:
@@ -760,7 +743,6 @@ def _check(
 
 
 def _refuse_nothing(mechanism: Mechanism, whole: bool) -> None:
-    """Say why nothing can be allocated."""
     if whole:
         raise JointplayError("no cause is left that may be improved: keep fewer")
     for name, joint in mechanism.clearance.items():

@@ -62,12 +62,10 @@ class JointAt:
 
     @property
     def mount(self) -> bool:
-        """Whether it cannot move, and gives way."""
         return self.name in self.mechanism.mounts
 
     @property
     def slides(self) -> bool:
-        """Whether it slides."""
         return not self.mount and self.mechanism.description.joints[self.name].slides
 
     @property
@@ -77,11 +75,9 @@ class JointAt:
 
     @property
     def unit(self) -> str:
-        """Unit of that component."""
         return "m" if self.slides else "rad"
 
     def driven(self, size: float) -> tuple[float, ...]:
-        """A displacement of that component alone, six."""
         return tuple(size if k == self.about else 0.0 for k in range(6))
 
     def size(self, key: str) -> tuple[float, str]:
@@ -123,7 +119,6 @@ class Play(Cause):
     name = "play"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        """Of the joint and of its gear."""
         if joint.name in joint.mechanism.clearance:
             yield play_of_joint(joint.mechanism, joint.name)
         if joint.name in joint.mechanism.gears:
@@ -137,7 +132,6 @@ class Compliance(Cause):
     of_mounts = True
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        """A shift whose stiffness is uncertain."""
         shift, words, parts = np.zeros((len(joint.load), 6)), list[str](), dict[str, str]()
         own = joint.mechanism.clearance.get(joint.name)
         carried = joint.load.copy()
@@ -168,7 +162,6 @@ class Compliance(Cause):
     def _housing(
         self, joint: JointAt, carried: np.ndarray, shift: np.ndarray, parts: dict[str, str]
     ) -> None:
-        """Add what housing and link give way by, without the drive."""
         own = joint.given.joints.get(joint.name, JointErrors())
         if own.elasticity is not None:
             shift += own.elasticity.displacements(carried)
@@ -181,7 +174,6 @@ class Compliance(Cause):
     def _drive(
         self, joint: JointAt, shift: np.ndarray, parts: dict[str, str], words: list[str]
     ) -> None:
-        """Add what gear, shaft and drive give way by."""
         own = joint.given.joints.get(joint.name, JointErrors())
         gear, load = joint.mechanism.gears.get(joint.name), joint.load[:, joint.about]
         if own.torsional_stiffness is None and gear is not None:
@@ -201,7 +193,6 @@ class Encoder(Cause):
     name = "encoder"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        """Half a step, and the whole offset, either way."""
         for key, part, word in (
             ("encoder", 0.5, "resolution"),
             ("zero_offset", 1.0, "zero offset"),
@@ -218,7 +209,6 @@ class GearError(Cause):
     name = "gear error"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        """A wave of unknown phase, with the gear's own amplitude unless another is given."""
         size, origin = joint.size("gear_error")
         words = joint.origin({f"amplitude {size:.4g} {joint.unit}": origin})
         gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
@@ -235,7 +225,6 @@ class Geometry(Cause):
     name = "geometry"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        """Each offset and tilt of its own."""
         offset, offset_from = joint.size("axis_offset")
         tilt, tilt_from = joint.size("axis_tilt")
         words = {f"offset {offset:.4g} m": offset_from, f"tilt {tilt:.4g} rad": tilt_from}
@@ -249,7 +238,6 @@ class Heat(Cause):
     name = "heat"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        """Half of the growth, either way by all of it."""
         heating, heating_from = joint.size("heating")
         expansion, expansion_from = joint.size("expansion")
         grown = 0.5 * heating * expansion * joint.arm
@@ -353,7 +341,6 @@ def _checked(
     remaining: Mapping[tuple[str, str], float],
     causes: Mapping[str, Cause],
 ) -> dict[tuple[str, str], float]:
-    """What remains of causes by joint and cause."""
     known = [*mechanism.joints, *mechanism.mounts]
     parts = {}
     for (name, cause), part in remaining.items():

@@ -111,7 +111,6 @@ class WorstCase(Error):
     """The largest distance of the tool at all."""
 
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
-        """Choose where to look."""
         super().__init__(model, of, now)
         self.convex, self._count = not model.tied, len(now) + 1
         self._sphere = half_sphere(_DIRECTIONS_TIED) if model.tied else model.sphere
@@ -149,7 +148,6 @@ class WorstCase(Error):
         return total
 
     def parts(self, z: np.ndarray) -> np.ndarray:
-        """In the worst direction."""
         self.planes(z)
         return self._worst * self._ratio(z)
 
@@ -158,7 +156,6 @@ class RootMeanSquare(Error):
     """The largest root mean square distance of the tool."""
 
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
-        """Add up means and variances."""
         super().__init__(model, of, now)
         count = len(now) + 1
         self._means = self._by_choice(model.means, count)
@@ -175,7 +172,6 @@ class RootMeanSquare(Error):
         return rows[:, :-1], rows[:, -1]
 
     def parts(self, z: np.ndarray) -> np.ndarray:
-        """The mean's part along the mean, and the variance, over the root mean square."""
         rows, offsets = self.planes(z)
         values = rows @ z + offsets
         at, ratio = int(values.argmax()), self._ratio(z)
@@ -200,7 +196,6 @@ class Quantile(Error):
         quantile: float,
         seed: int,
     ) -> None:
-        """Draw states."""
         if model.tied:
             raise JointplayError(
                 "a quantile is defined for journals that rest independently of each other, but "
@@ -219,7 +214,6 @@ class Quantile(Error):
         return rows[:, :-1], rows[:, -1]
 
     def parts(self, z: np.ndarray) -> np.ndarray:
-        """Where the quantile is largest."""
         each = self._each(z) * self._ratio(z)[:, None]
         return np.asarray(each[:, each.sum(axis=0).argmax()])
 
@@ -278,25 +272,20 @@ class Sizes:
 
     @property
     def power(self) -> int:
-        """Of the reciprocal."""
         return 2 if self.cost == "reciprocal-squared" else 1
 
     @property
     def linear(self) -> bool:
-        """Whether the cost is."""
         return self.cost == "linear"
 
     @property
     def scaled(self) -> np.ndarray:
-        """Price of each at x = 1, reciprocal; or less for each unit of x."""
         return self.weight * (self.unit if self.linear else self.unit**-self.power)
 
     def prices(self, x: np.ndarray) -> np.ndarray:
-        """Of each."""
         return self.scaled * (self.most - x if self.linear else x**-self.power)
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
-        """Derivative of the prices, negative."""
         if self.linear:
             return -self.scaled
         return -self.power * self.scaled * x ** (-self.power - 1)
@@ -332,11 +321,9 @@ class Problem:
         self._tangents = np.geomspace(sizes.least, sizes.most, _TANGENTS)
 
     def free(self) -> np.ndarray:
-        """What would be chosen without a target."""
         return np.concatenate([self.sizes.most, *(np.eye(len(p))[p.argmin()] for p in self.offers)])
 
     def chosen(self, z: np.ndarray) -> list[int]:
-        """Number of the offer for each joint."""
         return [int(z[a:b].argmax()) for a, b in zip(self._ends, self._ends[1:], strict=False)]
 
     def solve(self) -> np.ndarray:
@@ -420,7 +407,6 @@ class Problem:
         return None if found.x is None else np.clip(found.x, low, high)
 
     def _cheapest(self) -> np.ndarray:
-        """The cheapest choice by what is known."""
         if not self.offers:
             return self._sized(np.zeros(0))
         tried: dict[tuple[int, ...], tuple[float, np.ndarray]] = {}
@@ -436,12 +422,10 @@ class Problem:
             self._tangents = np.vstack([self._tangents, z[: self._count]])
 
     def price(self, z: np.ndarray) -> float:
-        """Of a choice."""
         own = np.concatenate([np.zeros(0), *self.offers])
         return float(self.sizes.prices(z[: self._count]).sum() + own @ z[self._count :])
 
     def _taken(self) -> np.ndarray:
-        """The choice by integer programming, with tangents for the prices of sizes."""
         own, row = np.concatenate(self.offers), self._rows[-1, self._count :]
         own = own + _TIE * own.max() * row / max(row.max(), 1e-300)
         rows, room = self._rows / self.target, 1.0 - self._offsets / self.target
@@ -477,7 +461,6 @@ class Problem:
         return np.append(x, taken)
 
     def _linear(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sizes and multipliers by linear programming."""
         sizes = self.sizes
         # The solver's tolerances are absolute: in parts of what each could have alone.
         unit = np.clip(

@@ -76,7 +76,6 @@ class Budget:
 
     @property
     def tool(self) -> str:
-        """Frame whose error this is."""
         return self.mechanism.tool
 
     @cached_property
@@ -116,7 +115,6 @@ class Budget:
 
     @property
     def worst_pose(self) -> int:
-        """Index of the pose with the largest error."""
         return int(self.worst.argmax())
 
 
@@ -138,12 +136,10 @@ class PlayBudget(Budget):
 
     @property
     def relative_to(self) -> str | None:
-        """Body from which it is seen; None: the world."""
         return self.rest_positions.relative_to
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Sources of play, gears last."""
         return self.model.names
 
     @property
@@ -157,7 +153,6 @@ class PlayBudget(Budget):
 
     @property
     def loops(self) -> bool:
-        """Whether closed loops lead the play to the tool."""
         return bool(self.mechanism.loops)
 
     @property
@@ -176,7 +171,6 @@ class PlayBudget(Budget):
 
     @property
     def ranking(self) -> str:
-        """The joints by their share of the worst case, one line; over several poses its range."""
         total = self.worst_parts.sum(axis=1, keepdims=True)
         shares = self.worst_parts / np.maximum(total, 1e-300)
         mean = 100.0 * shares.mean(axis=0)
@@ -247,7 +241,6 @@ class PlayBudget(Budget):
         return np.array([self.rest_positions.interval(i) for i in range(len(self.worst))])
 
     def table(self, pose: int | None = None) -> Table:
-        """The budget at a pose, by default the worst one."""
         at = self.worst_pose if pose is None else pose
         total = max(float(self.worst_parts[at].sum()), 1e-300)
         rests, whole, _ = self.rest_positions.at(at)
@@ -269,7 +262,6 @@ class PlayBudget(Budget):
         )
 
     def _notes(self, at: int) -> list[str]:
-        """What stands below the budget of a pose."""
         rests, whole, loads = self.rest_positions.at(at)
         axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
         lines = [
@@ -307,7 +299,6 @@ class PlayBudget(Budget):
         return ", ".join(words)
 
     def _held(self, at: int) -> list[str]:
-        """Where the tool rests with friction, and how much that matters, lines of text."""
         place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)
         box = [
             f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
@@ -349,7 +340,6 @@ class PlayBudget(Budget):
 
     @property
     def accuracy(self) -> str:
-        """With which error the numbers are known, one line."""
         search = 1.0 / np.cos(covering()) - 1.0
         excess = max(play.excess for play in self.model.plays)
         more = f"{1e6 * self.second_order[self.worst_pose]:.3g} um"
@@ -448,7 +438,6 @@ class ErrorBudget(Budget):
         return float(self.worst[at] - left), float(self.rms[at] - other.rms[0])
 
     def data(self) -> Table:
-        """A row for each contribution at the worst pose."""
         every = self.model.contributions
         one = self._at_worst
         return Table(
@@ -513,7 +502,6 @@ class ErrorBudget(Budget):
         return errors
 
     def table(self) -> Table:
-        """At the worst pose: each joint and cause, shares, and what halving buys."""
         at, one = self.worst_pose, self._at_worst
         same: dict[tuple[str, str], list[int]] = {}
         for i, own in enumerate(self.model.contributions):
@@ -535,7 +523,6 @@ class ErrorBudget(Budget):
         return replace(Table.of(heads, rows), totals=totals, notes=self._notes())
 
     def _notes(self) -> list[str]:
-        """By cause, what is displaced in any case, the exact kinematics, what was given."""
         at = self.worst_pose
         shares = ", ".join(
             f"{cause} {100 * worst / self.worst[at]:.0f} % (variance {100 * share:.0f} %)"
@@ -702,7 +689,6 @@ def _of_causes(
     kind: str | None,
     remaining: Mapping[tuple[str, str], float],
 ) -> ErrorBudget:
-    """The budget of several causes."""
     if mechanism.loops:
         raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: a budget of all causes is for robots without "
@@ -722,7 +708,6 @@ def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = No
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:
-    """Whether a body is on the way from the base to the tool, so that all lead from it outwards."""
     model = mechanism.model
     at, tool = (
         {*model.supports[model.frames[index].parentJoint]}

@@ -62,21 +62,17 @@ class Line(Play):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """To an end."""
         return math.hypot(*self.amplitude[:3]), math.hypot(*self.amplitude[3:])
 
     @property
     def cones(self) -> Cones:
-        """As far either way."""
         return Cones(np.array(self.amplitude)[:, None], (Cone(np.eye(1), np.zeros(1), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
-        """The end at which a load pushes."""
         along = np.asarray(loads, float).reshape(-1, 6) @ self.amplitude
         return Support(np.abs(along), np.sign(along)[:, None] * np.array(self.amplitude))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Of a phase at random, or of ends."""
         part = np.sin(random.uniform(0.0, 2.0 * np.pi, count))
         part = part if self.wave else np.sign(part)
         return np.asarray(part[:, None] * np.array(self.amplitude))
@@ -96,16 +92,13 @@ class Box(Play):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """To a corner."""
         return math.hypot(*self.half[:3]), math.hypot(*self.half[3:])
 
     def support(self, loads: np.ndarray) -> Support:
-        """The corner to which a load pushes."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         return Support(np.abs(loads) @ self.half, np.array(self.half) * np.sign(loads))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Uniformly."""
         return random.uniform(-1.0, 1.0, (count, 6)) * self.half
 
     @property
@@ -123,11 +116,9 @@ class Tilt(Play):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """No displacement, the tilt."""
         return 0.0, self.size
 
     def support(self, loads: np.ndarray) -> Support:
-        """About the moment across the axis."""
         moment = np.asarray(loads, float).reshape(-1, 6)[:, 3:5]
         point = np.zeros((len(moment), 6))
         point[:, 3:5] = self.size * toward(moment, np.zeros_like(moment))
@@ -158,12 +149,10 @@ class Contribution:
 
     @property
     def name(self) -> str:
-        """Joint and part."""
         return self.joint + self.part
 
     @property
     def gear(self) -> bool:
-        """Whether it is that of a gear."""
         return self.part == GEAR
 
 
@@ -214,7 +203,6 @@ class ErrorModel:
         found: Jacobians,
         scale: Sequence[float] | None = None,
     ) -> ErrorModel:
-        """Of contributions at joints whose Jacobians are known."""
         at = [list(joints).index(one.joint) for one in contributions]
         tie = found.tie[at]
         holds = any(
@@ -228,7 +216,6 @@ class ErrorModel:
 
     @classmethod
     def join(cls, models: Sequence[ErrorModel]) -> ErrorModel:
-        """All contributions of models that are not tied, at the same poses; or one of any kind."""
         if len(models) == 1:
             return models[0]
         return cls(
@@ -241,17 +228,14 @@ class ErrorModel:
 
     @property
     def poses(self) -> int:
-        """How many."""
         return self.jacobian.shape[1]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Joints of the contributions, gears told apart."""
         return tuple(one.name for one in self.contributions)
 
     @property
     def plays(self) -> tuple[Play, ...]:
-        """Sets of the contributions that have one."""
         return tuple(one.set for one in self.contributions if one.set is not None)
 
     @property
@@ -264,7 +248,6 @@ class ErrorModel:
         return replace(self, scale=scale)
 
     def subset(self, contributions: Any = slice(None), poses: Any = slice(None)) -> ErrorModel:
-        """Some of the contributions and poses, by indices or slices."""
         at = np.arange(len(self.contributions))[contributions]
         some = tuple(
             one if one.shift is None else replace(one, shift=one.shift[poses])

@@ -102,7 +102,6 @@ class RestPositions:
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """Coefficient of friction by joint with clearance."""
         return {
             name: max(joint.friction.coefficients.values(), default=0.0)
             if self.friction is None
@@ -123,12 +122,10 @@ class RestPositions:
         )
 
     def is_known(self, pose: int) -> bool:
-        """Whether both have been found for a pose."""
         return pose in self._rests and pose in self._intervals
 
     @property
     def words(self) -> str:
-        """Which friction is assumed, for a line of text."""
         values = self.coefficients
         if self.friction is not None or len(set(values.values())) == 1:
             return f"friction ({next(iter(values.values()), 0.0):g} assumed)"

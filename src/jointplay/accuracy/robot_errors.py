@@ -49,7 +49,6 @@ class JointErrors(Described):
     ``tilt_stiffness``."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         check_fields(self)
 
 
@@ -90,7 +89,6 @@ class RobotErrors(Described):
     """What differs at single joints."""
 
     def __post_init__(self) -> None:
-        """Check the values."""
         check_fields(self)
         if self.stiffness_spread is not None and self.stiffness_spread > 1.0:
             raise JointplayError(

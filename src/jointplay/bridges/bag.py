@@ -67,7 +67,6 @@ def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]
 
 
 def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
-    """Topic, kind, frame, key and histories of what is sent at each record."""
     pose = {
         "position": _vector(result["tool_position"].values),
         "orientation": _vector(result["tool_orientation"].values, "wxyz"),
@@ -101,7 +100,6 @@ def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str
 
 
 def _nested(values: dict[str, Any], i: int) -> dict[str, Any]:
-    """Entry i of all histories in a table of tables."""
     return {
         name: _nested(inner, i) if isinstance(inner, dict) else inner[i]
         for name, inner in values.items()

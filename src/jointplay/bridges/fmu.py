@@ -75,7 +75,6 @@ class Inputs:
     """The one that the run made last has."""
 
     def __init__(self, number: float, bandwidth: float = 0.0, damping_ratio: float = 1.0) -> None:
-        """Nothing was given yet."""
         self.values = np.zeros((2 if bandwidth else 1, int(number)))
         self.gains = bandwidth**2, 2.0 * damping_ratio * bandwidth
         self.ideal: Mechanism | None = None
@@ -224,7 +223,6 @@ class Machine:
     log: Callable[..., None]
 
     def __init__(self, **options: Any) -> None:
-        """Read the simulation and declare the variables; what jointplay refuses is the error."""
         super().__init__(**options)
         self.author = "jointplay"
         self.description = f"A machine whose joints have play. {NEEDS}"
@@ -246,7 +244,6 @@ class Machine:
         self._see()
 
     def _see(self) -> None:
-        """Look at the run: what outputs say until the next step."""
         self.moment = self.run.moment()
         mechanism = self.simulation.mechanism
         pin.framesForwardKinematics(mechanism.model, mechanism.data, self.moment.q)
@@ -363,7 +360,6 @@ class Machine:
         self.inputs.values[row, k] = value
 
     def do_step(self, current_time: float, step_size: float) -> Any:
-        """Advance by as many steps as the communication step has."""
         from pythonfmu3 import Fmi3StepResult
         from pythonfmu3.enums import Fmi3Status
 
@@ -395,7 +391,6 @@ class Machine:
         return Fmi3StepResult()
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        """A checkpoint of the run, as text."""
         with files.temporary("fmu") as place:
             path = save(self.run, Path(place) / "state")
             given = None if self.inputs is None else self.inputs.memory()
@@ -403,7 +398,6 @@ class Machine:
         return {"checkpoint": kept, "given": given, "time": self.time}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        """Go back, or on, to a checkpoint."""
         self._start()
         with files.temporary("fmu") as place:
             path = Path(place) / "state"
@@ -415,6 +409,5 @@ class Machine:
         self._see()
 
     def terminate(self) -> None:
-        """Nothing is left to do."""
         with suppress(AttributeError):
             del self.run

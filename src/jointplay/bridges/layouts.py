@@ -72,7 +72,6 @@ def charts(result: Result) -> dict[str, list[Chart]]:
 
 
 def _vector(topic: str, *fields: str) -> tuple[Curve, ...]:
-    """The three numbers of a vector."""
     return tuple(Curve(topic, (*fields, axis), axis) for axis in AXES)
 
 
@@ -106,7 +105,6 @@ def _splitter(parent: ElementTree.Element, way: str, count: int) -> ElementTree.
 
 
 def _plot(area: ElementTree.Element, chart: Chart) -> None:
-    """A chart of PlotJuggler."""
     mode = "XYPlot" if chart.over_each_other else "TimeSeries"
     plot = ElementTree.SubElement(
         area, "plot", {"mode": mode, "style": "Lines", "flip_x": "false", "flip_y": "false"}
@@ -126,7 +124,6 @@ def _plot(area: ElementTree.Element, chart: Chart) -> None:
 
 
 def _colour(curve: Curve, number: int) -> str:
-    """Of an axis, or one after the other."""
     return AXIS_COLOURS.get(curve.label, COLOURS[number % len(COLOURS)])
 
 
@@ -155,7 +152,6 @@ def foxglove(result: Result, suffix: str, progress: bool) -> bytes:
 
 
 def _panel(chart: Chart) -> dict[str, Any]:
-    """A Plot panel."""
     paths = []
     for number, curve in enumerate(chart.curves):
         index = "" if curve.joint is None else f"[{curve.joint}]"
@@ -187,13 +183,11 @@ def _panel(chart: Chart) -> dict[str, Any]:
 
 
 def _rows(each: list[Chart]) -> Iterable[list[Chart]]:
-    """Charts in rows of at most two."""
     for first in range(0, len(each), 2):
         yield each[first : first + 2]
 
 
 def _mosaic(parts: list[Any], way: str) -> Any:
-    """Panels in equal parts, as a tree of pairs."""
     if len(parts) == 1:
         return parts[0]
     half = math.ceil(len(parts) / 2)

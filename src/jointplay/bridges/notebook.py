@@ -79,7 +79,6 @@ def _image(result: Result) -> str:
 
 
 def _chart(result: Result) -> Chart:
-    """Tool over time; beside it the forces in the joints with clearance, or of the drives."""
     tool = result.plot.panel("displacement")
     tool = replace(tool, y=replace(tool.y, name="tool"), columns=0, legend="best")
     title, up = "drive efforts", Axis("effort [N m, N]")

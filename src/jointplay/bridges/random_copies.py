@@ -43,7 +43,6 @@ class Interval:
 
     @property
     def label(self) -> str:
-        """Head of its column."""
         return f"{self.joint} {self.quantity} [{QUANTITIES[self.quantity]}]"
 
 
@@ -114,7 +113,6 @@ def intervals(
 
 
 def _known(identified: Mapping[str, Any]) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Interval and the scenario's value of what was identified, by joint and name."""
     rows = identified.get("unknowns") if isinstance(identified, Mapping) else None
     if not isinstance(rows, list):
         raise JointplayError("this is no file of jointplay identify: it has no list 'unknowns'")

@@ -170,7 +170,6 @@ def _put_link(model: Element, name: str, place: pin.SE3, inertia: pin.Inertia) -
 
 
 def _put_texts(element: Element, /, **values: Any) -> None:
-    """Append an element with a text for each value."""
     for tag, value in values.items():
         put(element, tag).text = written(value)
 
@@ -219,7 +218,6 @@ def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) 
 
 
 def _put_play(root: Element, joint: Element, reduction: Reduction) -> None:
-    """Append the rotor that the joint moves, and the hinge between it and the old child."""
     motor = f"{reduction.joint}_motor"
     child, given = joint.find("child"), joint.find("axis")
     assert child is not None
@@ -240,7 +238,6 @@ def _put_play(root: Element, joint: Element, reduction: Reduction) -> None:
 def _put_control(
     root: Element, mechanism: Mechanism, reductions: Sequence[Reduction], plugin: str
 ) -> None:
-    """Append the tags of ros2_control, or to those that there are."""
     system = root.find("ros2_control")
     if system is None:
         system = put(root, "ros2_control", name=mechanism.description.path.stem, type="system")
@@ -257,7 +254,6 @@ def _put_control(
 
 
 def _put_interfaces(system: Element, joint: str, commands: Sequence[str]) -> None:
-    """A joint that is read, and commanded in these ways."""
     element = put(system, "joint", name=joint)
     for command in commands:
         put(element, "command_interface", name=command)
@@ -305,7 +301,6 @@ def to_json(reductions: Iterable[Reduction], encoder: str = "motor", spread: flo
 
 
 def _ranges(reduction: Reduction, spread: float) -> dict[str, Any]:
-    """Ranges for domain randomisation, and where they come from."""
     ranges: dict[str, Any] = {}
     for name in ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial"):
         value = getattr(reduction, name)
@@ -321,7 +316,6 @@ def _ranges(reduction: Reduction, spread: float) -> dict[str, Any]:
 
 
 def _parameters(reduction: Reduction, encoder: str) -> dict[str, Any]:
-    """The reduction and where the encoder sits, as plain data."""
     check_encoder(encoder)
     return {**reduction.describe(), "encoder": encoder}
 

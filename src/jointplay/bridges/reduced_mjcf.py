@@ -137,7 +137,6 @@ class CompiledRobot:
     def _losses(
         self, name: str, reduction: Reduction | None, servo: Servo | None
     ) -> dict[str, float]:
-        """Friction, damping and rotor of a joint of the URDF; of a loose one, the motor's."""
         numbers = servo_friction(servo)
         if reduction is not None and reduction.dead_band > 0.0:
             return numbers | {"armature": reduction.rotor_inertia}
@@ -271,7 +270,6 @@ def _edit(
     reductions: Sequence[Reduction],
     leaning: Sequence[Reduction],
 ) -> None:
-    """Put hinges of play and lean, the tool and what mimics into the compiled tree."""
     spec.option.gravity = mechanism.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for one in reductions:
@@ -309,14 +307,12 @@ def _edit(
 
 
 def _place(mujoco: Any, model: Any, data: Any, pose: Mapping[str, float]) -> None:
-    """Put joints to positions and compute what follows."""
     for name, value in pose.items():
         data.qpos[model.joint(name).qposadr[0]] = value
     mujoco.mj_forward(model, data)
 
 
 def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Pairs of bodies whose shapes touch."""
     data = mujoco.MjData(model)
     _place(mujoco, model, data, pose)
     pairs: dict[tuple[str, str], None] = {}
@@ -337,7 +333,6 @@ class PlayFound:
 
 
 def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
-    """The model of a written MJCF, without contacts between shapes."""
     try:
         model = mujoco.MjModel.from_xml_string(
             text, {f"{FOLDER}/{k}": v for k, v in meshes.items()}

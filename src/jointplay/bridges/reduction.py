@@ -178,11 +178,9 @@ class Reduction:
         return float(min(LONGEST_STEP_S, 0.2 * swing))
 
     def describe(self) -> dict[str, Any]:
-        """All numbers as plain data."""
         return {name: plain(value) for name, value in vars(self).items() if name != "history"}
 
     def __str__(self) -> str:
-        """The table."""
         rows = [
             ("dead band about the axis (gear)", 1e3 * self.dead_band, "mrad, whole"),
             ("stiffness of the teeth", self.stiffness, "N m/rad"),
@@ -328,7 +326,6 @@ def reduce_all(
 
 
 def _no_hinge(mechanism: Mechanism, joint: str) -> str:
-    """Why a joint with play cannot be represented by a hinge; empty if it can."""
     clearance = mechanism.clearance.get(joint)
     if joint in mechanism.mounts:
         return f"joint {joint!r} is a mount, which does not turn"
@@ -367,7 +364,6 @@ def _full_run(
     friction: JointFriction | None,
     progress: bool,
 ) -> Result:
-    """The full model through two reversals of the joint's motor, the other joints held."""
     names = moving(mechanism)
     for name in pose:
         if name not in names:
@@ -394,7 +390,6 @@ def _full_run(
 
 
 def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str, Any]:
-    """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
     clearance = mechanism.clearance.get(joint)
     if clearance is None or clearance.hinge is None:
         return {}
@@ -502,7 +497,6 @@ class _Link:
 def _across(
     mechanism: Mechanism, clearance: Clearance | None, pose: Mapping[str, float]
 ) -> dict[str, Any]:
-    """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
     if clearance is None or clearance.hinge is None:
         return {}
     hinge = clearance.hinge

@@ -62,7 +62,6 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
 
 
 def _robot(rr: Any, recording: Any, scene: Scene) -> None:
-    """Log the shapes of all links."""
     escape = rr.escape_entity_path_part
     for number, shape in enumerate(scene.look.shapes):
         for k, (part, colour) in enumerate(zip(shape.parts, shape.colours, strict=True)):

@@ -46,7 +46,6 @@ def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
 
 
 def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
-    """Unit of one number of a variable; coordinates have each their own."""
     if name in ("q", "v", "drive"):
         unit = str(result.dataset["coordinate_unit"].values[index[0]])
         return {"q": unit, "v": f"{unit}/s", "drive": EFFORT_UNITS[unit]}[name]

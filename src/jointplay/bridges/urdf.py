@@ -95,7 +95,6 @@ def _spans(data: bytes) -> list[tuple[str, int, int]]:
 
 
 def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
-    """Joints and links, from the parent's side to the child's."""
     joint = mechanism.clearance[name]
     if max(joint.play(second_order=False).reach) == 0.0:
         raise JointplayError(

@@ -84,7 +84,6 @@ class _Stage:
         fixed.CreateBody1Rel().SetTargets([self.base])
 
     def _name(self, text: str) -> str:
-        """A name that USD allows and that none has yet."""
         name = first = self.tf.MakeValidIdentifier(text)
         number = 1
         while name in self.names:
@@ -137,7 +136,6 @@ class _Stage:
         return joint.GetPrim()
 
     def newton(self, prim: Any, **values: float) -> None:
-        """Apply Newton's joint schema with these attributes."""
         prim.AddAppliedSchema("NewtonJointAPI")
         for name, value in values.items():
             kind = self.sdf.ValueTypeNames.Float
