@@ -104,7 +104,7 @@ def test_parts_sum_to_the_whole_and_no_axis_is_worse(two):
     mechanism = Mechanism(two, {"a": bearing(), "b": bearing(2e-4)})
     found = budget(mechanism, poses.over_workspace(mechanism, 8))
     assert np.allclose(found.worst_parts.sum(axis=1), found.worst)
-    assert np.allclose(found.turn_parts.sum(axis=1), found.worst_turn)
+    assert np.allclose(found.turns.parts.sum(axis=0), found.worst_turn)
     assert np.allclose(found.rms_parts.sum(axis=1), found.rms)
     assert np.all(found.axis_worst.sum(axis=1)[:, :3].max(axis=1) <= found.worst * (1 + 1e-6))
     assert np.all(found.rms <= found.worst)

@@ -87,7 +87,7 @@ def test_every_pin_of_the_rod_and_the_crank_adds_as_much():
     found = budget(mechanism, q)
     rod = math.asin(CRANK / ROD * math.sin(1.0))
     assert found.worst_parts[0] == pytest.approx(np.full(3, PLAY / math.cos(rod)), rel=1e-6)
-    assert found.loops
+    assert found.mechanism.loops
     assert "loops closed exactly" in found.accuracy
 
 

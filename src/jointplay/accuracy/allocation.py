@@ -7,8 +7,8 @@ solution until both agree.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -29,7 +29,7 @@ from jointplay.accuracy.cheapest import (
     WorstCase,
     spread,
 )
-from jointplay.accuracy.error_model import ErrorModel, play_model
+from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import configurations, force_on_tool
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import (
@@ -110,7 +110,6 @@ class Choice:
     clearance: float
     """Radial (across x, of a slider), NaN if it is none [m]."""
     offer: Offer | None
-    """The bearing, if one was chosen."""
     before: float
     """What it added to the error as it was [m]."""
     after: float
@@ -137,7 +136,6 @@ class Allocation:
     kind: str
     """What the error is: a worst case, a quantile or the root mean square, in words."""
     cost: str
-    """How clearances are paid for."""
     whole: bool
     """Whether causes were improved; else only clearances and bearings."""
     choices: tuple[Choice, ...]
@@ -157,7 +155,7 @@ class Allocation:
     """What was given and assumed, and what stays as it is, lines of text."""
 
     def each(self, what: str) -> np.ndarray:
-        """A number of all choices, such as their ``price``; one of the fields of `Choice`."""
+        """One of the fields of `Choice`, of all choices."""
         return np.array([getattr(one, what) for one in self.choices])
 
     @property
@@ -179,6 +177,7 @@ class Allocation:
         return {(o.joint, o.cause): o.remaining for o in self.choices if o.remaining < 1.0}
 
     def table(self) -> Table:
+        """A row for each; of causes those that matter, first those that were bought first."""
         if not self.whole:
             return replace(self.data(), notes=self._notes())
         small = [abs(o.before) <= _LISTED * self.was and not o.order for o in self.choices]
@@ -187,54 +186,47 @@ class Allocation:
         more = []
         if any(small):
             sums = {head: self.each(head)[small].sum() for head in ("before", "after")}
-            others = [sums.get(one.head) for one in shown.columns[1:]]
-            more = [(f"{sum(small)} more", *others)]
+            more = [(f"{sum(small)} more", *(sums.get(one.head) for one in shown.columns[1:]))]
         return replace(shown, totals=more, notes=self._notes())
 
     def data(self) -> Table:
+        """A row for each choice."""
         return self._rows(self.choices)
 
     def _rows(self, kept: Sequence[Choice]) -> Table:
-        def numbers(what: str) -> list[Any]:
-            return [getattr(one, what) for one in kept]
+        def of(head: str, what: str, unit: str = "", **more: Any) -> Column:
+            return Column(head, [getattr(one, what) for one in kept], unit, **more)
 
-        total = self.total or 1.0
+        total, sized = self.total or 1.0, not np.isnan(self.clearance).all()
         offers = [one.offer for one in kept]
-        free = [None if one is None else one.joint.travel for one in offers]
-        columns = [Column("joint", numbers("joint"))]
+        columns = [of("joint", "joint")]
         if self.whole:
-            columns.append(Column("cause", numbers("cause")))
-        elif self._sized:
-            columns.append(Column("clearance", numbers("clearance"), "m", fine=True))
+            columns.append(of("cause", "cause"))
+        elif sized:
+            columns.append(of("clearance", "clearance", "m", fine=True))
         if any(offers):
             columns.append(Column("class", [None if o is None else o.name for o in offers]))
             for way, axis in (("across", "x"), ("along", "z")):
-                far = [None if one is None else one[axis] for one in free]
+                far = [None if o is None else o.joint.travel[axis] for o in offers]
                 columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
+        price = of("price", "price", digits=4)
         if self.whole:
             columns += [
-                Column("before", numbers("before"), "m"),
-                Column("after", numbers("after"), "m"),
-                Column("remains", numbers("remaining"), key="remaining"),
-                Column("price", numbers("price"), digits=4),
+                of("before", "before", "m"),
+                of("after", "after", "m"),
+                of("remains", "remaining", key="remaining"),
+                price,
                 Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
                 Column("bought", [one.order or None for one in kept]),
-                Column("held by", numbers("held")),
+                of("held by", "held"),
             ]
             return Table(columns)
-        if self._sized:
-            columns.append(Column("error per clearance", numbers("gain")))
-        columns.append(Column("adds", numbers("after"), "m", fine=True))
-        if any(offers):
-            columns.append(Column("price", numbers("price"), digits=4))
-        if self._sized:
-            saved = Column("a um more saves", numbers("saved"), key="saved_by_a_micrometre")
-            columns += [saved, Column("held by", numbers("held"))]
+        gains = [of("error per clearance", "gain")] if sized else []
+        columns += [*gains, of("adds", "after", "m", fine=True), *([price] if any(offers) else [])]
+        if sized:
+            saved = of("a um more saves", "saved", key="saved_by_a_micrometre")
+            columns += [saved, of("held by", "held")]
         return Table(columns)
-
-    @property
-    def _sized(self) -> bool:
-        return not np.isnan(self.clearance).all()
 
     def _notes(self) -> list[str]:
         if self.whole:
@@ -251,97 +243,15 @@ class Allocation:
         low, high = self.spread
         interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
         line = f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; "
-        if self._sized:
+        if np.isnan(self.clearance).all():
+            line += f"price {self.total:g} (without a target {self.free:g})"
+        else:
             line += f"cost {self.total:.5g} ({self.cost}); a target one um wider saves "
             line += f"{1e-6 * self.relief:.4g}"
-        else:
-            line += f"price {self.total:g} (without a target {self.free:g})"
         return [line, *self.notes]
 
     def __str__(self) -> str:
         return str(self.table())
-
-
-@dataclass(frozen=True)
-class _Machine:
-    """What is to be allocated: a machine by what remains of its causes and by its bearings."""
-
-    mechanism: Mechanism
-    q: np.ndarray
-    driven: Sequence[str] | None
-    causes: Mapping[str, Cause] | None
-    """None: play alone."""
-    force: np.ndarray
-    errors: RobotErrors
-    kind: str
-    offers: Mapping[str, Sequence[Offer]]
-
-    def made(
-        self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
-    ) -> tuple[Mechanism, ErrorModel]:
-        joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
-        if self.causes is not None:
-            other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
-            return cause_model(
-                other, self.q, self.force, self.causes, self.errors, self.kind, remaining
-            )
-        joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
-        other = self.mechanism.with_clearance(joints)
-        return other, play_model(other, self.q, driven=self.driven, loops=True)
-
-    def with_offers(
-        self, remaining: Mapping[Key, float], keys: Sequence[Key]
-    ) -> tuple[ErrorModel, list[int]]:
-        """The error with all bearings that are offered, and which choice each contribution is."""
-        first = dict(
-            zip(self.offers, np.cumsum([0, *map(len, self.offers.values())]), strict=False)
-        )
-        models, of = [], []
-        for k in range(max(map(len, self.offers.values()), default=1)):
-            chosen = {name: own[min(k, len(own) - 1)] for name, own in self.offers.items()}
-            _, model = self.made(remaining, chosen)
-            own = [self._offered(one.joint, one.cause, one.gear) for one in model.contributions]
-            kept = [
-                i
-                for i, one in enumerate(model.contributions)
-                if (k < len(self.offers[one.joint]) if own[i] else k == 0)
-            ]
-            models.append(model.subset(kept))
-            of += [
-                len(keys) + int(first[model.contributions[i].joint]) + k
-                if own[i]
-                else self.choice(model, keys)[i]
-                for i in kept
-            ]
-        if len(models) > 1 and models[0].tied:
-            raise JointplayError(
-                "plays that constrain each other in a closed loop are no sum over joints: choose "
-                "the classes by trying (jointplay budget)"
-            )
-        return ErrorModel.join(models), of
-
-    def choice(self, model: ErrorModel, keys: Sequence[Key]) -> list[int]:
-        """Which of the sizes each contribution is, -1 for none."""
-        place = {key: i for i, key in enumerate(keys)}
-        return [
-            place.get((one.joint, one.cause), -1)
-            if one.proportional and not (one.gear and self.causes is None)
-            else -1
-            for one in model.contributions
-        ]
-
-    def _offered(self, joint: str, cause: str, gear: bool) -> bool:
-        return joint in self.offers and cause in ("play", "elasticity") and not gear
-
-    def sizable(self, model: ErrorModel, keep: Collection[str]) -> list[Key]:
-        found = dict[Key, None]()
-        for one in model.contributions:
-            free = one.proportional and not {one.joint, one.cause} & {*keep}
-            if self.causes is None:
-                free = free and not one.gear
-            if free and not self._offered(one.joint, one.cause, one.gear):
-                found[one.joint, one.cause] = None
-        return list(found)
 
 
 def allocate(
@@ -416,161 +326,269 @@ def allocate(
     given = RobotErrors() if errors is None else errors
     kind = kind or given.assumed or "industrial"
     classes = {name: price for name, price in prices.items() if name not in own}
-    machine = _Machine(
-        mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
-        force_on_tool(force), given, kind, _offers(mechanism, offers, classes, keep, whole),
-    )  # fmt: skip
-    _, first = machine.made({}, {})
-    keys = machine.sizable(first, keep)
-    if whole:
-        weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
-        low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
-        sizes = Sizes(tuple(keys), np.array(weight), np.array(low), ones, ones, COSTS[0])
-    else:
-        sizes = _clearances(mechanism, keys, cost, weights, least, most, quantile)
-    if not keys and not machine.offers:
-        _refuse_nothing(mechanism, whole)
-    if quantile is not None and machine.offers:
-        raise JointplayError("a quantile is for clearances that can be any, not for classes")
     make: Any = RootMeanSquare if statistical else WorstCase
     if quantile is not None:
         make = partial(Quantile, quantile=quantile, seed=seed)
+    search = _Search(
+        mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
+        force_on_tool(force), given, kind, _offers(mechanism, offers, classes, keep, whole), keep,
+        make,
+    )  # fmt: skip
+    keys = search.keys
+    if whole:
+        weight = [prices.get(cause, 1.0) * weights.get(joint, 1.0) for joint, cause in keys]
+        low, ones = [limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
+        search.sizes = Sizes(keys, np.array(weight), np.array(low), ones, ones, COSTS[0])
+    else:
+        search.sizes = _clearances(mechanism, keys, cost, weights, least, most, quantile)
+    if not keys and not search.offers:
+        _refuse_nothing(mechanism, whole)
+    if quantile is not None and search.offers:
+        raise JointplayError("a quantile is for clearances that can be any, not for classes")
     bar = ProgressBar(
         desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
     )
     with bar:
         try:
-            return _allocated(machine, sizes, first, target, make, bar, prices, limits)
+            return search.allocated(target, bar, search.notes(prices, limits) if whole else ())
         except Unreachable as unreachable:
-            raise _refusal(machine, sizes, make, unreachable) from None
+            raise search.refusal(unreachable) from None
 
 
-def _allocated(
-    machine: _Machine,
-    sizes: Sizes,
-    first: ErrorModel,
-    target: float,
-    make: Any,
-    bar: Any,
-    *given: Mapping[str, float],
-) -> Allocation:
-    """Allocate, again with the play as it is at each solution until both agree."""
-    keys, count = sizes.keys, len(sizes.keys)
-    x, aim = np.ones(count), target * (1.0 - FITS)
-    curved = any(cause == "play" for _, cause in keys)
-    offers = list(machine.offers.values())
-    start = last = make(first, machine.choice(first, keys), x)
-    for _ in range(_RENEWALS):
-        before, error = x, last
-        if offers:
-            now = np.append(x, np.ones(sum(map(len, offers))))
-            error = make(*machine.with_offers(_remaining(keys, x), keys), now)
-        own = [np.array([one.price for one in some]) for some in offers]
-        problem = Problem(error, sizes, own, aim, bar)
-        try:
-            z = problem.solve()
-        except Unreachable as refused:
-            least = refused.z[:count]
-            if not curved or np.allclose(x, least, rtol=_SETTLED):
-                raise
-            x = least  # where plays may be smaller than in proportion
-            _, model = machine.made(_remaining(keys, x), {})
-            last = make(model, machine.choice(model, keys), x)
-            continue
-        x = z[:count]
-        taken = {
-            name: some[k]
-            for (name, some), k in zip(machine.offers.items(), problem.chosen(z), strict=True)
-        }
-        mechanism, model = machine.made(_remaining(keys, x), taken)
-        if isinstance(error, Quantile):  # its states stay, in the first order
-            reached, ends = spread(model, error.quantile, error.seed)
-        else:
-            last = make(model, machine.choice(model, keys), x)
-            reached = last.at(x) if last.convex else float(model.farthest().size.max())
-            ends = reached, reached
-        left = _USED if error.convex else _USED_ROUGH
-        settled = (
-            not curved or not error.convex or np.abs(x / before - 1.0).max(initial=0.0) < _SETTLED
+@dataclass
+class _Search:
+    """A machine by what remains of its causes and by its bearings, of which both are sought."""
+
+    mechanism: Mechanism
+    q: np.ndarray
+    driven: Sequence[str] | None
+    causes: Mapping[str, Cause] | None
+    """None: play alone."""
+    force: np.ndarray
+    errors: RobotErrors
+    kind: str
+    offers: Mapping[str, Sequence[Offer]]
+    keep: Collection[str]
+    make: Any
+    """The `Error` of a model, its choices and their sizes."""
+    sizes: Sizes = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.first = self.made({}, {})[1]
+        self.keys = tuple(
+            dict.fromkeys(
+                (one.joint, one.cause)
+                for one in self.first.contributions
+                if self._sizable(one) and not {one.joint, one.cause} & {*self.keep}
+            )
         )
-        used = reached >= target * (1.0 - left) or "target" not in sizes.held(x)
-        if settled and used and reached <= target:
-            break
-        if settled:
-            aim *= target / reached * (1.0 - 0.5 * left)
-    else:
-        raise JointplayError(
-            f"the allocation did not settle within {100 * abs(reached / target - 1.0):.2g} % of "
-            "the target; keep play, or allocate clearances first"
-        )
-    whole = machine.causes is not None
-    free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if whole else 0.0)
-    return Allocation(
-        target,
-        _words(machine, last),
-        sizes.cost,
-        whole,
-        tuple(_choices(machine, problem, z, taken, start, last)),
-        start.at(np.ones(count)),
-        reached,
-        ends,
-        float(free),
-        problem.relief,
-        mechanism,
-        tuple(_notes(machine, first, sizes, *given)) if whole else (),
-    )
 
+    def _sizable(self, one: Contribution) -> bool:
+        own = one.proportional and not (one.gear and self.causes is None)
+        return own and not self._offered(one)
 
-def _remaining(keys: Sequence[Key], x: np.ndarray) -> dict[Key, float]:
-    return {key: float(part) for key, part in zip(keys, x, strict=True) if part != 1.0}
+    def _offered(self, one: Contribution) -> bool:
+        return one.joint in self.offers and one.cause in ("play", "elasticity") and not one.gear
 
+    def made(
+        self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
+    ) -> tuple[Mechanism, ErrorModel]:
+        joints = {**self.mechanism.clearance, **{name: one.joint for name, one in chosen.items()}}
+        if self.causes is not None:
+            other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
+            return cause_model(
+                other, self.q, self.force, self.causes, self.errors, self.kind, remaining
+            )
+        joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
+        other = self.mechanism.with_clearance(joints)
+        return other, play_model(other, self.q, driven=self.driven, loops=True)
 
-def _choices(
-    machine: _Machine,
-    problem: Problem,
-    z: np.ndarray,
-    taken: Mapping[str, Offer],
-    start: Error,
-    last: Error,
-) -> list[Choice]:
-    """What was chosen, by joint and cause; `start` and `last` are the error as it was and is."""
-    sizes, whole = problem.sizes, machine.causes is not None
-    count = len(sizes.keys)
-    x, ones = z[:count], np.ones(count)
-    before, after = (
-        _by_key(error.model, error.parts(at)) for error, at in ((start, ones), (last, x))
-    )
-    held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
-    paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
-    worth = start.slopes(ones) / sizes.weight
-    bought = [int(k) for k in np.argsort(-worth) if held[k] != "most"]
-    place = {key: k for k, key in enumerate(sizes.keys)}
-    of_joints = dict.fromkeys((name, "play") for name in machine.mechanism.clearance)
-    rows = [*before, *(key for key in of_joints if key[0] in taken and key not in before)]
-    if not whole:
-        rows = [key for key in of_joints if key in place or key[0] in taken]
-    found = []
-    for key in rows:
-        k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
-        adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
-        size, gain, saved, how, order = np.nan, np.nan, np.nan, "kept", 0
-        if offer is not None:
-            how = "class"
-        if k is not None:
-            how, cost = held[k], cost + float(paid[k])
-            if whole:
-                how = {"least": "limit", "most": "as is"}.get(how, how)
-                order = bought.index(k) + 1 if k in bought else 0
+    def error(self, model: ErrorModel, x: np.ndarray) -> Error:
+        return self.make(model, self.choice(model), x)  # type: ignore[no-any-return]
+
+    def remaining(self, x: np.ndarray) -> dict[Key, float]:
+        return {key: float(part) for key, part in zip(self.keys, x, strict=True) if part != 1.0}
+
+    def with_offers(self, remaining: Mapping[Key, float]) -> tuple[ErrorModel, list[int]]:
+        """The error with all bearings that are offered, and which choice each contribution is."""
+        counts = [len(own) for own in self.offers.values()]
+        first = dict(zip(self.offers, len(self.keys) + np.cumsum([0, *counts]), strict=False))
+        models, of = [], []
+        for k in range(max(counts, default=1)):
+            chosen = {name: own[min(k, len(own) - 1)] for name, own in self.offers.items()}
+            _, model = self.made(remaining, chosen)
+            kept = []
+            for i, (one, size) in enumerate(
+                zip(model.contributions, self.choice(model), strict=True)
+            ):
+                offered = self._offered(one)
+                if k < len(self.offers[one.joint]) if offered else k == 0:
+                    kept.append(i)
+                    of.append(int(first[one.joint]) + k if offered else size)
+            models.append(model.subset(kept))
+        if len(models) > 1 and models[0].tied:
+            raise JointplayError(
+                "plays that constrain each other in a closed loop are no sum over joints: choose "
+                "the classes by trying (jointplay budget)"
+            )
+        return ErrorModel.join(models), of
+
+    def choice(self, model: ErrorModel) -> list[int]:
+        """Which of the sizes each contribution is, -1 for none."""
+        place = {key: i for i, key in enumerate(self.keys)}
+        return [
+            place.get((one.joint, one.cause), -1)
+            if one.proportional and not (one.gear and self.causes is None)
+            else -1
+            for one in model.contributions
+        ]
+
+    def allocated(self, target: float, bar: Any, notes: Sequence[str]) -> Allocation:
+        """Allocate, again with the play as it is at each solution until both agree."""
+        keys, sizes, count = self.keys, self.sizes, len(self.keys)
+        x, aim = np.ones(count), target * (1.0 - FITS)
+        curved = any(cause == "play" for _, cause in keys)
+        offers = list(self.offers.values())
+        start = last = self.error(self.first, x)
+        for _ in range(_RENEWALS):
+            before, error = x, last
+            if offers:
+                now = np.append(x, np.ones(sum(map(len, offers))))
+                error = self.make(*self.with_offers(self.remaining(x)), now)
+            own = [np.array([one.price for one in some]) for some in offers]
+            problem = Problem(error, sizes, own, aim, bar)
+            try:
+                z = problem.solve()
+            except Unreachable as refused:
+                least = refused.z[:count]
+                if not curved or np.allclose(x, least, rtol=_SETTLED):
+                    raise
+                x = least  # where plays may be smaller than in proportion
+                last = self.error(self.made(self.remaining(x), {})[1], x)
+                continue
+            x = z[:count]
+            picked = zip(self.offers.items(), problem.chosen(z), strict=True)
+            taken = {name: some[k] for (name, some), k in picked}
+            mechanism, model = self.made(self.remaining(x), taken)
+            if isinstance(error, Quantile):  # its states stay, in the first order
+                reached, ends = spread(model, error.quantile, error.seed)
             else:
-                unit = float(sizes.unit[k]) / _MM
-                size, gain, saved = unit * x[k], gains[k] / unit, -1e-6 * slopes[k] / unit
-                adds = gain * size
-        part = 1.0 if k is None else float(x[k])
-        found.append(
-            Choice(*key, part, size, offer, before.get(key, 0.0), adds, gain, cost, saved, how,
-                   order)
+                last = self.error(model, x)
+                reached = last.at(x) if last.convex else float(model.farthest().size.max())
+                ends = reached, reached
+            left = _USED if error.convex else _USED_ROUGH
+            moved = np.abs(x / before - 1.0).max(initial=0.0)
+            settled = not curved or not error.convex or moved < _SETTLED
+            used = reached >= target * (1.0 - left) or "target" not in sizes.held(x)
+            if settled and used and reached <= target:
+                break
+            if settled:
+                aim *= target / reached * (1.0 - 0.5 * left)
+        else:
+            raise JointplayError(
+                f"the allocation did not settle within {100 * abs(reached / target - 1.0):.2g} % "
+                "of the target; keep play, or allocate clearances first"
+            )
+        whole = self.causes is not None
+        free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if whole else 0.0)
+        choices = tuple(self._choices(problem, z, taken, start, last))
+        return Allocation(
+            target, self._words(last), sizes.cost, whole, choices, start.at(np.ones(count)),
+            reached, ends, float(free), problem.relief, mechanism, tuple(notes),
         )  # fmt: skip
-    return found
+
+    def _choices(
+        self, problem: Problem, z: np.ndarray, taken: Mapping[str, Offer], start: Error, last: Error
+    ) -> Iterator[Choice]:
+        """By joint and cause; `start` and `last` are the error as it was and is."""
+        sizes, whole, count = self.sizes, self.causes is not None, len(self.keys)
+        x, ones = z[:count], np.ones(count)
+        before = _by_key(start.model, start.parts(ones))
+        after = _by_key(last.model, last.parts(x))
+        held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
+        paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
+        worth = start.slopes(ones) / sizes.weight
+        bought = [int(k) for k in np.argsort(-worth) if held[k] != "most"]
+        place = {key: k for k, key in enumerate(self.keys)}
+        of_joints = dict.fromkeys((name, "play") for name in self.mechanism.clearance)
+        rows = [*before, *(key for key in of_joints if key[0] in taken and key not in before)]
+        if not whole:
+            rows = [key for key in of_joints if key in place or key[0] in taken]
+        for key in rows:
+            k, offer = place.get(key), taken.get(key[0]) if key[1] == "play" else None
+            adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
+            part, size, gain, saved, order = 1.0, np.nan, np.nan, np.nan, 0
+            how = "kept" if offer is None else "class"
+            if k is not None:
+                how, part, cost = held[k], float(x[k]), cost + float(paid[k])
+                if whole:
+                    how = {"least": "limit", "most": "as is"}.get(how, how)
+                    order = bought.index(k) + 1 if k in bought else 0
+                else:
+                    unit = float(sizes.unit[k]) / _MM
+                    size, gain, saved = unit * x[k], gains[k] / unit, -1e-6 * slopes[k] / unit
+                    adds = gain * size
+            yield Choice(
+                *key, part, size, offer, before.get(key, 0.0), adds, gain, cost, saved, how, order
+            )
+
+    def _words(self, error: Error) -> str:
+        if isinstance(error, Quantile):
+            return f"static {100 * error.quantile:g} % quantile, of {SAMPLES} states"
+        if isinstance(error, RootMeanSquare):
+            return "RMS"
+        return "static worst case" if self.causes is None else "worst case"
+
+    def notes(self, prices: Collection[str], limits: Collection[str]) -> list[str]:
+        """What was given and assumed of causes, prices and limits, and which plays stay."""
+        given, assumed = told_apart(self.first, self.kind)
+        notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
+        causes = list(dict.fromkeys(cause for _, cause in self.keys))
+        if unpriced := [cause for cause in causes if cause not in prices]:
+            notes.append(
+                f"assumed: prices: halving costs 1 at each joint, of {', '.join(unpriced)} "
+                "(--price CAUSE=X, --weight JOINT=X)"
+            )
+        if unlimited := [cause for cause in causes if cause not in limits]:
+            notes.append(
+                f"assumed: limits: at least {LIMIT:g} remains, of {', '.join(unlimited)} "
+                "(--limit CAUSE=X)"
+            )
+        every = self.first.contributions
+        kept = [one.joint for one in every if not one.proportional and one.joint not in self.offers]
+        if kept:
+            notes.append(
+                f"kept: the play of the bearings of {', '.join(kept)}, which is not proportional "
+                "to their clearance: allocate by class chooses theirs"
+            )
+        return notes
+
+    def refusal(self, unreachable: Unreachable) -> JointplayError:
+        """What prevents a target."""
+        count, sizes = len(self.keys), self.sizes
+        text = f"a target of {1e6 * unreachable.target:.4g} um cannot be reached"
+        error = f"the error is {1e6 * unreachable.bound:.4g} um at least"
+        if self.causes is None:
+            least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
+            means = [f"{1e6 * least:.4g} um in every joint"] if count else []
+            means += ["the tightest bearings offered"] if self.offers else []
+            return JointplayError(f"{text}: with {' and '.join(means)} {error}")
+        x = unreachable.z[:count]
+        _, model = self.made(self.remaining(x), {})
+        parts = _by_key(model, self.error(model, x).parts(x))
+        sums = dict[str, float]()
+        for (_, cause), part in parts.items():
+            sums[cause] = sums.get(cause, 0.0) + part
+        kept = {cause for joint, cause in parts if (joint, cause) not in self.keys}
+        kept |= {one.cause for one in model.contributions if not one.proportional}
+        limit = {cause: low for (_, cause), low in zip(self.keys, sizes.least, strict=True)}
+        words = []
+        for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
+            why = [f"at least {limit[cause]:g} of it remains"] if cause in limit else []
+            why += ["kept"] if cause in kept else []
+            words.append(f"{cause} {1e6 * part:.4g} um ({' and '.join(why)})")
+        error += f", most of it by {'; then '.join(words)}"
+        return JointplayError(f"{text}: with all causes at their limits {error}")
 
 
 def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
@@ -579,80 +597,6 @@ def _by_key(model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
         key = one.joint, one.cause
         found[key] = found.get(key, 0.0) + float(part)
     return found
-
-
-def _words(machine: _Machine, error: Error) -> str:
-    if isinstance(error, Quantile):
-        return f"static {100 * error.quantile:g} % quantile, of {SAMPLES} states"
-    if isinstance(error, RootMeanSquare):
-        return "RMS"
-    return "static worst case" if machine.causes is None else "worst case"
-
-
-def _notes(
-    machine: _Machine,
-    first: ErrorModel,
-    sizes: Sizes,
-    prices: Mapping[str, float],
-    limits: Mapping[str, float],
-) -> list[str]:
-    given, assumed = told_apart(first, machine.kind)
-    notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
-    causes = list(dict.fromkeys(cause for _, cause in sizes.keys))
-    if unpriced := [cause for cause in causes if cause not in prices]:
-        notes.append(
-            f"assumed: prices: halving costs 1 at each joint, of {', '.join(unpriced)} "
-            "(--price CAUSE=X, --weight JOINT=X)"
-        )
-    if unlimited := [cause for cause in causes if cause not in limits]:
-        notes.append(
-            f"assumed: limits: at least {LIMIT:g} remains, of {', '.join(unlimited)} "
-            "(--limit CAUSE=X)"
-        )
-    rolling = [
-        one.joint
-        for one in first.contributions
-        if not one.proportional and one.joint not in machine.offers
-    ]
-    if rolling:
-        notes.append(
-            f"kept: the play of the bearings of {', '.join(rolling)}, which is not proportional to "
-            "their clearance: allocate by class chooses theirs"
-        )
-    return notes
-
-
-def _refusal(
-    machine: _Machine, sizes: Sizes, make: Any, unreachable: Unreachable
-) -> JointplayError:
-    count, text = (
-        len(sizes.keys),
-        f"a target of {1e6 * unreachable.target:.4g} um cannot be reached",
-    )
-    error = f"the error is {1e6 * unreachable.bound:.4g} um at least"
-    if machine.causes is None:
-        least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
-        means = [f"{1e6 * least:.4g} um in every joint"] if count else []
-        means += ["the tightest bearings offered"] if machine.offers else []
-        return JointplayError(f"{text}: with {' and '.join(means)} {error}")
-    x = unreachable.z[:count]
-    _, model = machine.made(_remaining(sizes.keys, x), {})
-    last = make(model, machine.choice(model, sizes.keys), x)
-    sums, free = dict[str, float](), {cause for _, cause in sizes.keys}
-    for (_, cause), part in _by_key(model, last.parts(x)).items():
-        sums[cause] = sums.get(cause, 0.0) + part
-    kept = {key[1] for key in _by_key(model, np.zeros(len(model.contributions)))
-            if key not in sizes.keys}  # fmt: skip
-    kept |= {one.cause for one in model.contributions if not one.proportional}
-    limit = {cause: low for (_, cause), low in zip(sizes.keys, sizes.least, strict=True)}
-    words = []
-    for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
-        why = [f"at least {limit[cause]:g} of it remains"] if cause in free else []
-        why += ["kept"] if cause in kept else []
-        words.append(f"{cause} {1e6 * part:.4g} um ({' and '.join(why)})")
-    return JointplayError(
-        f"{text}: with all causes at their limits {error}, most of it by {'; then '.join(words)}"
-    )
 
 
 # What is refused.
@@ -680,7 +624,7 @@ def _offers(
 
 def _clearances(
     mechanism: Mechanism,
-    keys: Sequence[Key],
+    keys: tuple[Key, ...],
     cost: str,
     weights: Mapping[str, float],
     least: float,
@@ -704,9 +648,9 @@ def _clearances(
     for name in weights:
         if name not in names:
             raise MissingName("joint with clearance", name, names)
-    room = np.array([mechanism.clearance[name].radial_room for name in names])
+    radial = np.array([mechanism.clearance[name].radial_room for name in names])
     weight = np.array([weights.get(name, 1.0) for name in names])
-    return Sizes(tuple(keys), weight, least / room, most / room, _MM * room, cost)
+    return Sizes(keys, weight, least / radial, most / radial, _MM * radial, cost)
 
 
 def _check(
@@ -724,22 +668,21 @@ def _check(
     for name in keep:
         if name not in (*known, *joints):
             raise MissingName("cause of errors", name, known, " (nor is it a joint)")
-    for name in limits:
-        if name not in known:
-            raise MissingName("cause of errors", name, known)
-    for name in prices:
-        if causes is not None and name not in (*known, *PRICES):
-            raise MissingName("cause of errors", name, known)
-    for name in weights:
-        if name not in joints:
-            raise MissingName("joint with clearance", name, joints)
-    for noun, own in (("price of", prices), ("weight of", weights), ("limit of", limits)):
+    own_prices = prices if causes is not None else {n: x for n, x in prices.items() if n in known}
+    for noun, kind, own, names in (
+        ("limit", "cause of errors", limits, known),
+        ("price", "cause of errors", own_prices, [*known, *PRICES]),
+        ("weight", "joint with clearance", weights, joints),
+    ):
         for name, value in own.items():
-            if noun != "price of" or name in known:
-                require_positive(f"{noun} {name!r}", value, "")
-    for name, value in limits.items():
-        if value > 1.0:
-            raise JointplayError(f"limit of {name!r}: a part of at most 1 remains, got {value:g}")
+            if name not in names:
+                raise MissingName(kind, name, known if noun == "price" else names)
+            if noun != "price" or name in known:
+                require_positive(f"{noun} of {name!r}", value, "")
+            if noun == "limit" and value > 1.0:
+                raise JointplayError(
+                    f"limit of {name!r}: a part of at most 1 remains, got {value:g}"
+                )
 
 
 def _refuse_nothing(mechanism: Mechanism, whole: bool) -> None:

@@ -37,7 +37,7 @@ from jointplay.accuracy.robot_errors import (
 )
 from jointplay.base.errors import JointplayError, MissingName, require_positive
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.joints import RollingBearing
+from jointplay.physics.joints import Clearance, RollingBearing
 
 _TURNING = ("encoder", "zero_offset", "gear_error")
 """What robots and their classes have of joints that turn."""
@@ -80,15 +80,21 @@ class JointAt:
     def driven(self, size: float) -> tuple[float, ...]:
         return tuple(size if k == self.about else 0.0 for k in range(6))
 
-    def size(self, key: str) -> tuple[float, str]:
-        """A number of `JointErrors` or `RobotErrors`, and whether it was given or assumed."""
-        own = getattr(self.given.joints.get(self.name), key, None)
+    def size(self, key: str, told: dict[str, str], form: str, times: float = 1.0) -> float:
+        """A number of `JointErrors` or `RobotErrors`.
+
+        What `form` makes of it, so many times as large, is put into `told` with ``"given"`` or
+        ``"assumed"``.
+        """
+        value = getattr(self.given.joints.get(self.name), key, None)
         turns = self.slides and key in _TURNING
-        if own is None and not turns:
-            own = getattr(self.given, key)
-        if own is not None:
-            return float(own), "given"
-        return getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0), "assumed"
+        if value is None and not turns:
+            value = getattr(self.given, key)
+        origin = "assumed" if value is None else "given"
+        if value is None:
+            value = getattr(ERROR_CLASSES[self.kind], key) * (_PINION if turns else 1.0)
+        told[form.format(times * value)] = origin
+        return float(value)
 
     def origin(self, parts: Mapping[str, str], others: Sequence[str] = ()) -> str:
         """Where numbers come from, by their texts, those that are assumed first."""
@@ -113,7 +119,7 @@ class Cause(ABC):
         """What it does at a joint; nothing where it does nothing."""
 
 
-class Play(Cause):
+class ClearanceAndBacklash(Cause):
     """The clearances of joints, and the backlash of gears."""
 
     name = "play"
@@ -132,91 +138,76 @@ class Compliance(Cause):
     of_mounts = True
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        shift, words, parts = np.zeros((len(joint.load), 6)), list[str](), dict[str, str]()
-        own = joint.mechanism.clearance.get(joint.name)
-        carried = joint.load.copy()
+        bearing, along = joint.mechanism.clearance.get(joint.name), joint.about
+        carried, told = joint.load.copy(), dict[str, str]()
         if not joint.mount:
-            carried[:, joint.about] = 0.0
-        if own is not None and own.springs is not None:
-            shift += own.springs.displacements(carried)
-            words.append("its springs")
-        elif isinstance(own, RollingBearing):
-            play = own.play(second_order=False)
-            for i, one in enumerate(carried):
-                point = play.support(one[None]).point[0]
-                shift[i] += own.deflection(one[:3], one[3:]) - point
-            words.append("its bearing")
-        elif own is not None:
-            play = own.play(second_order=False)
-            pressed = play.pressed(carried, play.support(carried).point)
-            if pressed is not None:
-                shift += compliance_shift(own, pressed)
-                words.append("its contacts")
+            carried[:, along] = 0.0
+        shift, words = self._of_bearing(bearing, carried)
         if not joint.mount:
-            self._housing(joint, carried, shift, parts)
-            self._drive(joint, shift, parts, words)
-        spread, origin = joint.size("stiffness_spread")
-        parts[f"either way {100 * spread:g} %"] = origin
-        yield Contribution(joint.name, self.name, None, shift, spread, joint.origin(parts, words))
+            own = joint.given.joints.get(joint.name, JointErrors())
+            gear, load = joint.mechanism.gears.get(joint.name), joint.load[:, along]
+            if own.elasticity is not None:
+                shift += own.elasticity.displacements(carried)
+                told[own.elasticity.words] = "given"
+            elif bearing is None:
+                stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
+                shift[:, 3:5] += carried[:, 3:5] / stiffness
+            if own.torsional_stiffness is None and gear is not None:
+                shift[:, along] += np.sign(load) * gear.curve().depth(np.abs(load))
+                words.append("its gear")
+            elif own.torsional_stiffness is not None or not joint.slides:
+                unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
+                shift[:, along] += load / joint.size("torsional_stiffness", told, f"{{:g}} {unit}")
+        spread = joint.size("stiffness_spread", told, "either way {:g} %", 100.0)
+        yield Contribution(joint.name, self.name, None, shift, spread, joint.origin(told, words))
 
-    def _housing(
-        self, joint: JointAt, carried: np.ndarray, shift: np.ndarray, parts: dict[str, str]
-    ) -> None:
-        own = joint.given.joints.get(joint.name, JointErrors())
-        if own.elasticity is not None:
-            shift += own.elasticity.displacements(carried)
-            parts[own.elasticity.words] = "given"
-        elif joint.name not in joint.mechanism.clearance:
-            stiffness, origin = joint.size("tilt_stiffness")
-            shift[:, 3:5] += carried[:, 3:5] / stiffness
-            parts[f"{stiffness:g} N m/rad in tilt"] = origin
-
-    def _drive(
-        self, joint: JointAt, shift: np.ndarray, parts: dict[str, str], words: list[str]
-    ) -> None:
-        own = joint.given.joints.get(joint.name, JointErrors())
-        gear, load = joint.mechanism.gears.get(joint.name), joint.load[:, joint.about]
-        if own.torsional_stiffness is None and gear is not None:
-            shift[:, joint.about] += np.sign(load) * gear.curve().depth(np.abs(load))
-            words.append("its gear")
-            return
-        if own.torsional_stiffness is not None or not joint.slides:
-            stiffness, origin = joint.size("torsional_stiffness")
-            shift[:, joint.about] += load / stiffness
-            unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
-            parts[f"{stiffness:g} {unit}"] = origin
+    def _of_bearing(
+        self, own: Clearance | None, carried: np.ndarray
+    ) -> tuple[np.ndarray, list[str]]:
+        """By how much it gives way beyond its play under loads (n, 6), and what does, in words."""
+        if own is None:
+            return np.zeros_like(carried), []
+        if own.springs is not None:
+            return own.springs.displacements(carried), ["its springs"]
+        play = own.play(second_order=False)
+        point = play.support(carried).point
+        if isinstance(own, RollingBearing):
+            there = [own.deflection(one[:3], one[3:]) for one in carried]
+            return np.array(there) - point, ["its bearing"]
+        pressed = play.pressed(carried, point)
+        if pressed is None:
+            return np.zeros_like(carried), []
+        return compliance_shift(own, pressed), ["its contacts"]
 
 
 class Encoder(Cause):
-    """An encoder's resolution, and where its zero is."""
+    """An encoder's resolution, of which half a step counts, and where its zero is."""
 
     name = "encoder"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        for key, part, word in (
-            ("encoder", 0.5, "resolution"),
-            ("zero_offset", 1.0, "zero offset"),
-        ):
-            size, origin = joint.size(key)
-            words = joint.origin({f"{word} {size:.4g} {joint.unit}": origin})
+        parts = {"encoder": (0.5, "resolution"), "zero_offset": (1.0, "zero offset")}
+        for key, (part, word) in parts.items():
+            told = dict[str, str]()
+            size = joint.size(key, told, f"{word} {{:.4g}} {joint.unit}")
             box = Box(joint.driven(part * size))
-            yield Contribution(joint.name, self.name, box, origin=words)
+            yield Contribution(joint.name, self.name, box, origin=joint.origin(told))
 
 
 class GearError(Cause):
-    """What a gear's output is off while its input turns evenly."""
+    """What a gear's output is off while its input turns evenly: a wave of unknown phase."""
 
     name = "gear error"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        size, origin = joint.size("gear_error")
-        words = joint.origin({f"amplitude {size:.4g} {joint.unit}": origin})
+        told = dict[str, str]()
+        size = joint.size("gear_error", told, f"amplitude {{:.4g}} {joint.unit}")
+        words = joint.origin(told)
         gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
         if gear is not None and gear.error_terms and (own is None or own.gear_error is None):
             size = sum(abs(amplitude) for _, amplitude, _ in gear.error_terms)
             words = "its gear"
-        wave = Line(joint.driven(size), wave=True)
-        yield Contribution(joint.name, self.name, wave, origin=words)
+        yield Contribution(joint.name, self.name, Line(joint.driven(size), wave=True), origin=words)
 
 
 class Geometry(Cause):
@@ -225,32 +216,33 @@ class Geometry(Cause):
     name = "geometry"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        offset, offset_from = joint.size("axis_offset")
-        tilt, tilt_from = joint.size("axis_tilt")
-        words = {f"offset {offset:.4g} m": offset_from, f"tilt {tilt:.4g} rad": tilt_from}
+        told = dict[str, str]()
+        offset = joint.size("axis_offset", told, "offset {:.4g} m")
+        tilt = joint.size("axis_tilt", told, "tilt {:.4g} rad")
         box = Box((offset, offset, offset, tilt, tilt, 0.0))
-        yield Contribution(joint.name, self.name, box, origin=joint.origin(words))
+        yield Contribution(joint.name, self.name, box, origin=joint.origin(told))
 
 
 class Heat(Cause):
-    """Links that grow as they become warmer."""
+    """Links that grow as they become warmer: by half of the growth, either way by all of it."""
 
     name = "heat"
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        heating, heating_from = joint.size("heating")
-        expansion, expansion_from = joint.size("expansion")
+        told = dict[str, str]()
+        heating = joint.size("heating", told, "up to {:g} K")
+        expansion = joint.size("expansion", told, "{:.3g} um/(m K)", 1e6)
         grown = 0.5 * heating * expansion * joint.arm
-        words = {
-            f"up to {heating:g} K": heating_from,
-            f"{1e6 * expansion:.3g} um/(m K)": expansion_from,
-        }
         shift = np.concatenate([grown, np.zeros_like(grown)], axis=1)
-        yield Contribution(joint.name, self.name, None, shift, 1.0, joint.origin(words))
+        yield Contribution(joint.name, self.name, None, shift, 1.0, joint.origin(told))
 
 
 ALL: dict[str, Cause] = {
-    one.name: one for one in (Play(), Compliance(), Encoder(), GearError(), Geometry(), Heat())
+    one.name: one
+    for one in (
+        *(ClearanceAndBacklash(), Compliance(), Encoder()),
+        *(GearError(), Geometry(), Heat()),
+    )
 }
 """Causes by name."""
 CAUSES = tuple(ALL)
@@ -281,14 +273,7 @@ def cause_model(
 ) -> tuple[Mechanism, ErrorModel]:
     """The error by causes at configurations q (n, nq) of a tree, and the mechanism as it remains.
 
-    Args:
-        mechanism: a tree.
-        q: journals centred.
-        force: on the tool, world axes, (3,) [N].
-        causes: those that count, by name.
-        errors: what is known.
-        kind: class of robots from which all else is taken.
-        remaining: parts of single causes that remain; see `budget`.
+    All else as for `budget`.
     """
     if kind not in ERROR_CLASSES:
         raise MissingName("class of errors", kind, CLASSES)

@@ -24,6 +24,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -64,13 +65,7 @@ class Error(ABC):
     convex = True
 
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
-        """What each contribution is multiplied by.
-
-        Args:
-            model: with choices as they are.
-            of: number of the choice of each contribution; -1 of what stays.
-            now: how large choices are in the model, (v,).
-        """
+        """Of a model with choices of sizes `now` (v,); `of` is each contribution's, or -1."""
         self.model, self.of = model, np.array(of, int)
         self._unit = np.append(1.0 / now, 1.0)[self.of]
 
@@ -189,12 +184,7 @@ class Quantile(Error):
     convex = False
 
     def __init__(
-        self,
-        model: ErrorModel,
-        of: Sequence[int],
-        now: np.ndarray,
-        quantile: float,
-        seed: int,
+        self, model: ErrorModel, of: Sequence[int], now: np.ndarray, quantile: float, seed: int
     ) -> None:
         if model.tied:
             raise JointplayError(
@@ -278,7 +268,7 @@ class Sizes:
     def linear(self) -> bool:
         return self.cost == "linear"
 
-    @property
+    @cached_property
     def scaled(self) -> np.ndarray:
         return self.weight * (self.unit if self.linear else self.unit**-self.power)
 
@@ -304,15 +294,7 @@ class Problem:
     def __init__(
         self, error: Error, sizes: Sizes, offers: Sequence[np.ndarray], target: float, bar: Any
     ) -> None:
-        """Nothing is known yet.
-
-        Args:
-            error: by sizes, then offers.
-            sizes: what can be any.
-            offers: prices of each joint's.
-            target: largest error [m].
-            bar: counts rounds.
-        """
+        """Error by sizes, then offers; prices of each joint's offers; target [m]."""
         self.error, self.sizes, self.offers, self.target = error, sizes, offers, target
         self._bar, self._count = bar, len(sizes.keys)
         self._ends = self._count + np.cumsum([0, *(len(one) for one in offers)])
@@ -327,11 +309,7 @@ class Problem:
         return [int(z[a:b].argmax()) for a, b in zip(self._ends, self._ends[1:], strict=False)]
 
     def solve(self) -> np.ndarray:
-        """The cheapest sizes, and a one for each offer that is taken, (v,).
-
-        Raises:
-            JointplayError: the target cannot be reached.
-        """
+        """The cheapest sizes, and a one for each offer that is taken, (v,)."""
         z = self.free()
         if self._add(z) <= self.target:
             return z
@@ -463,9 +441,8 @@ class Problem:
     def _linear(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sizes = self.sizes
         # The solver's tolerances are absolute: in parts of what each could have alone.
-        unit = np.clip(
-            (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0), sizes.least, sizes.most
-        )
+        alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
+        unit = np.clip(alone, sizes.least, sizes.most)
         whole = float((sizes.scaled * unit).max())
         found = linprog(
             -sizes.scaled * unit / whole,
@@ -481,10 +458,8 @@ class Problem:
         return x, -found.ineqlin.marginals * whole
 
     def _dual(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sizes and multipliers by the dual, which has bounds only.
-
-        With multipliers y of the rows R, each size is (p w / (R' y))^(1 / (p + 1)) within its
-        limits.
+        """By the dual, which has bounds only: with multipliers y of the rows R, each size is
+        (p w / (R' y))^(1 / (p + 1)) within its limits.
         """
         sizes, power = self.sizes, self.sizes.power
         whole = sizes.scaled.sum()

@@ -78,10 +78,6 @@ class Budget:
     def tool(self) -> str:
         return self.mechanism.tool
 
-    @cached_property
-    def _worst_turn(self) -> Farthest:
-        return self.model.farthest(turn=True)
-
     @property
     def worst(self) -> np.ndarray:
         """Largest distance of the tool from the ideal one, shape (n,)."""
@@ -97,15 +93,15 @@ class Budget:
         """What each contribution adds to `worst`, shape (n, k)."""
         return self.farthest.parts.T
 
+    @cached_property
+    def turns(self) -> Farthest:
+        """Largest rotation of the tool at each pose."""
+        return self.model.farthest(turn=True)
+
     @property
     def worst_turn(self) -> np.ndarray:
         """Largest rotation of the tool, shape (n,)."""
-        return self._worst_turn.size
-
-    @property
-    def turn_parts(self) -> np.ndarray:
-        """What each contribution adds to `worst_turn`, shape (n, k)."""
-        return self._worst_turn.parts.T
+        return self.turns.size
 
     @cached_property
     def axis_worst(self) -> np.ndarray:
@@ -152,14 +148,14 @@ class PlayBudget(Budget):
         return self.rest_positions.second_order
 
     @property
-    def loops(self) -> bool:
-        return bool(self.mechanism.loops)
-
-    @property
     def shares(self) -> np.ndarray:
         """Each joint's share of the worst case at the worst pose, sum one, shape (j,)."""
-        parts = self.worst_parts[self.worst_pose]
-        return np.asarray(parts / parts.sum()) if parts.sum() > 0.0 else parts
+        return np.asarray(self._shares[self.worst_pose])
+
+    @property
+    def _shares(self) -> np.ndarray:
+        total = self.worst_parts.sum(axis=1, keepdims=True)
+        return np.asarray(self.worst_parts / np.maximum(total, 1e-300))
 
     @property
     def alone(self) -> np.ndarray:
@@ -171,10 +167,8 @@ class PlayBudget(Budget):
 
     @property
     def ranking(self) -> str:
-        total = self.worst_parts.sum(axis=1, keepdims=True)
-        shares = self.worst_parts / np.maximum(total, 1e-300)
-        mean = 100.0 * shares.mean(axis=0)
-        low, high = 100.0 * shares.min(axis=0), 100.0 * shares.max(axis=0)
+        shares = 100.0 * self._shares
+        mean, low, high = shares.mean(axis=0), shares.min(axis=0), shares.max(axis=0)
         words = []
         for k, i in enumerate(np.argsort(-mean, kind="stable")):
             name = _PLACES[k] if k < len(_PLACES) else f"{k + 1}th"
@@ -183,24 +177,11 @@ class PlayBudget(Budget):
         return f"shares of the worst case: {'; '.join(words)}"
 
     def by_pose(self, names: Sequence[str]) -> Table:
-        """A row for each pose: error in the worst case, and the share of each joint in it.
-
-        Args:
-            names: of the poses, (n,).
-        """
-        total = np.maximum(self.worst_parts.sum(axis=1, keepdims=True), 1e-300)
-        shares = (self.worst_parts / total).T
-        return Table(
-            (
-                Column("pose", names),
-                Column("worst case", self.worst, "m"),
-                Column("rms", self.rms, "m"),
-                *(
-                    Column(name, share, "1", digits=3)
-                    for name, share in zip(self.joints, shares, strict=True)
-                ),
-            )
-        )
+        """A row for each pose, of these names: its worst case, and each joint's share in it."""
+        columns = [Column("pose", names), Column("worst case", self.worst, "m")]
+        columns.append(Column("rms", self.rms, "m"))
+        each = zip(self.joints, self._shares.T, strict=True)
+        return Table([*columns, *(Column(name, share, "1", digits=3) for name, share in each)])
 
     @property
     def rest(self) -> np.ndarray:
@@ -242,20 +223,18 @@ class PlayBudget(Budget):
 
     def table(self, pose: int | None = None) -> Table:
         at = self.worst_pose if pose is None else pose
-        total = max(float(self.worst_parts[at].sum()), 1e-300)
         rests, whole, _ = self.rest_positions.at(at)
-        parts = self.worst_parts[at]
         worst = float(self.worst[at])
         sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(whole[:3]))
         return Table(
             (
                 Column("joint", self.joints),
                 Column("alone", self.alone[at], "m"),
-                Column("part of worst case", parts, "m"),
-                Column("share", parts / total, "1", digits=4),
+                Column("part of worst case", self.worst_parts[at], "m"),
+                Column("share", self._shares[at], "1", digits=4),
                 Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m"),
                 Column("rms", self.rms_parts[at], "m"),
-                Column("worst turn", self.turn_parts[at], "rad"),
+                Column("worst turn", self.turns.parts[:, at], "rad"),
             ),
             totals=[("all", *sums, self.rms[at], self.worst_turn[at])],
             notes=self._notes(at),
@@ -268,35 +247,29 @@ class PlayBudget(Budget):
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
             f"about x, y, z: {', '.join(axes[3:])} mrad"
         ]
-        begins = "" if self.rest_positions.force.any() else " (the start of a run with start=rest)"
-        place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
-        lines.append(
-            "at rest without friction: no equilibrium was found"
-            if np.isnan(whole).any()
-            else f"at rest without friction, along x, y, z: {place} mm{begins}"
-        )
+        if np.isnan(whole).any():
+            lines.append("at rest without friction: no equilibrium was found")
+        else:
+            place = ", ".join(f"{1e3 * value:.4f}" for value in whole[:3])
+            begins = (
+                "" if self.rest_positions.force.any() else " (the start of a run with start=rest)"
+            )
+            lines.append(f"at rest without friction, along x, y, z: {place} mm{begins}")
         if not np.isnan(loads).any():
-            lines.append(f"the joints bear there: {self._loads(loads)}")
+            words = []
+            for one, load in zip(self.model.contributions, loads, strict=True):
+                size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
+                words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
+            lines.append(f"the joints bear there: {', '.join(words)}")
         beyond = 1e3 * (np.linalg.norm(rests[:, :3], axis=1) - self.alone[at])
-        given = [
-            f"{name} {more:.4f} mm"
-            for name, more in zip(self.joints, beyond, strict=True)
-            if more > _BEYOND * 1e3 * self.alone[at].max()
-        ]
-        if given:
+        least = _BEYOND * 1e3 * self.alone[at].max()
+        each = zip(self.joints, beyond, strict=True)
+        if given := [f"{name} {more:.4f} mm" for name, more in each if more > least]:
             lines.append(
                 "the worst case takes contacts as rigid; at rest they give way under the load, "
                 f"beyond the joint's worst case alone: {', '.join(given)}"
             )
         return [*lines, *self._held(at)]
-
-    def _loads(self, loads: np.ndarray) -> str:
-        """What each source of play bears, (j, 6), as text."""
-        words = []
-        for one, load in zip(self.model.contributions, loads, strict=True):
-            size = float(np.linalg.norm(load[3:] if one.gear else load[:3]))
-            words.append(f"{one.name} {size:.4g} {'N m' if one.gear else 'N'}")
-        return ", ".join(words)
 
     def _held(self, at: int) -> list[str]:
         place, ends = self.rest_positions.at(at).whole[:3], self.rest_positions.interval(at)
@@ -305,22 +278,17 @@ class PlayBudget(Budget):
             for axis, (low, high) in zip("xyz", ends[:3], strict=True)
         ]
         least, largest = 1e3 * ends[3]
-        free = [
-            name
-            for name, none in zip(self.joints, self.rest_positions.unpressed(at), strict=True)
-            if none
-        ]
+        pressed = zip(self.joints, self.rest_positions.unpressed(at), strict=True)
+        free = [name for name, none in pressed if none]
         lines = []
         if free:
             names = "any joint" if len(free) == len(self.joints) else ", ".join(free)
             lines.append(f"no force acts on {names}: the journals may rest anywhere in their play")
-        whole = self.rest_positions.unsearched
-        if whole:
+        if whole := self.rest_positions.unsearched:
             all_joints = len(whole) == len(self.rest_positions.coefficients)
-            names = "all joints" if all_joints else ", ".join(whole)
             lines.append(
-                f"how far friction can hold {names} is not known (closed loops, or a kind without "
-                "contacts): their entire play is assumed"
+                f"how far friction can hold {'all joints' if all_joints else ', '.join(whole)} is "
+                "not known (closed loops, or a kind without contacts): their entire play is assumed"
             )
         lines.append(
             f"with {self.rest_positions.words} the tool may rest anywhere within "
@@ -330,12 +298,10 @@ class PlayBudget(Budget):
         own = 1e3 * float(np.linalg.norm(place))
         if len(free) < len(self.joints) and not whole and np.isfinite(away):
             part = f", {100 * away / own:.0f} % of the error there" if own > 0.0 else ""
-            lines.append(
-                f"friction determines where it rests: up to {away:.4f} mm from the place "
-                f"without{part}"
-                if away > _DECIDES * own
-                else f"friction shifts the place of rest by up to {away:.4f} mm{part}"
-            )
+            words = f"shifts the place of rest by up to {away:.4f} mm"
+            if away > _DECIDES * own:
+                words = f"determines where it rests: up to {away:.4f} mm from the place without"
+            lines.append(f"friction {words}{part}")
         return lines
 
     @property
@@ -343,28 +309,21 @@ class PlayBudget(Budget):
         search = 1.0 / np.cos(covering()) - 1.0
         excess = max(play.excess for play in self.model.plays)
         more = f"{1e6 * self.second_order[self.worst_pose]:.3g} um"
-        second = (
-            f"loops closed exactly put the tool {more} elsewhere"
-            if self.loops
-            else f"rotations of second order up to {more}"
-        )
-        at_rest = (
-            "at rest, with drives assumed rigid under the force on the tool"
-            if self.rest_positions.force.any()
-            else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
-        )
+        second = f"rotations of second order up to {more}"
+        if self.mechanism.loops:
+            second = f"loops closed exactly put the tool {more} elsewhere"
+        at_rest = f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
+        if self.rest_positions.force.any():
+            at_rest = "at rest, with drives assumed rigid under the force on the tool"
         return (
             "free travel with rigid contacts, to which contacts and drives that give way add; "
             f"worst case missed by at most {100 * search:.2g} % "
-            f"(directions), too large by at most {100 * excess:.2g} % (lean of the journals, "
+            f"(directions), too large by at most {100 * excess:.2g} % (tilt of the journals, "
             f"second order), {second}; {at_rest}"
         )
 
     def data(self, names: Sequence[str] = ()) -> Table:
-        """A row for each pose: tool, errors, parts of each joint.
-
-        Args:
-            names: of the poses, (n,); without, they are numbered.
+        """A row for each pose, of these names or numbered: tool, errors, parts of each joint.
 
         Where the machine rests stands only at poses for which it has been found: ask for `rest`
         and `rest_interval` before, and it stands everywhere.
@@ -378,27 +337,22 @@ class PlayBudget(Budget):
             Column("second order", self.second_order, "m"),
         ]
         whole = self.axis_worst.sum(axis=1)
-        columns += [
-            Column(f"worst {axis}", whole[:, k], "m" if k < 3 else "rad")
-            for k, axis in enumerate(AXES)
-        ]
+        for k, axis in enumerate(AXES):
+            columns.append(Column(f"worst {axis}", whole[:, k], "m" if k < 3 else "rad"))
         for what, values in (("worst part", self.worst_parts), ("worst alone", self.alone)):
             for k, name in enumerate(self.joints):
                 key = f"{what.replace(' ', '_')}_{name}_m"
                 columns.append(Column(f"{what} {name}", values[:, k], "m", key))
-        rests = [self._rests(i) for i in range(len(self.worst))]
+        rests: list[Sequence[float | None]] = [[None] * 12] * len(self.worst)
+        for i in range(len(rests)):
+            if self.rest_positions.is_known(i):
+                at, ends = self.rest_positions.at(i).whole[:3], self.rest_positions.interval(i)
+                rests[i] = [*at, float(np.linalg.norm(at)), *ends.ravel()]
         ways = ("x", "y", "z", "distance")
-        ends = [f"rest {way} {end}" for way in ways for end in ("least", "largest")]
-        for k, head in enumerate([*(f"rest {way}" for way in ways), *ends]):
+        heads = [f"rest {way} {end}" for way in ways for end in ("least", "largest")]
+        for k, head in enumerate([*(f"rest {way}" for way in ways), *heads]):
             columns.append(Column(head, [row[k] for row in rests], "m"))
         return Table(columns)
-
-    def _rests(self, pose: int) -> Sequence[float | None]:
-        """Where the machine rests, and between what, if that has been found; (12,) [m]."""
-        if not self.rest_positions.is_known(pose):
-            return [None] * 12
-        whole, ends = self.rest_positions.at(pose).whole[:3], self.rest_positions.interval(pose)
-        return [*whole, float(np.linalg.norm(whole)), *ends.ravel()]
 
 
 @dataclass(frozen=True)
@@ -438,8 +392,7 @@ class ErrorBudget(Budget):
         return float(self.worst[at] - left), float(self.rms[at] - other.rms[0])
 
     def data(self) -> Table:
-        every = self.model.contributions
-        one = self._at_worst
+        every, one = self.model.contributions, self._at_worst
         return Table(
             (
                 Column("joint", [own.joint for own in every]),
@@ -467,10 +420,7 @@ class ErrorBudget(Budget):
         return np.asarray(np.trace(self._at_worst.covariances[:, 0], axis1=1, axis2=2))
 
     def sample(self, count: int, seed: int = 0) -> np.ndarray:
-        """Errors of the tool at the worst pose by the exact kinematics, at random, (count, 3) [m].
-
-        Sets are drawn as their variances suppose.
-        """
+        """Errors at the worst pose by the exact kinematics, at random, (count, 3) [m]."""
         return self._displaced(self._at_worst.draw(np.random.default_rng(seed), count))
 
     @cached_property
@@ -502,24 +452,23 @@ class ErrorBudget(Budget):
         return errors
 
     def table(self) -> Table:
-        at, one = self.worst_pose, self._at_worst
+        at, worst = self.worst_pose, self.worst[self.worst_pose]
         same: dict[tuple[str, str], list[int]] = {}
         for i, own in enumerate(self.model.contributions):
             same.setdefault((own.joint, own.cause), []).append(i)
         parts = {key: float(self.worst_parts[at, indices].sum()) for key, indices in same.items()}
+        small = [part for part in parts.values() if part <= _LISTED * worst]
         rows: list[tuple] = []
-        small = [part for part in parts.values() if part <= _LISTED * self.worst[at]]
-        for key in sorted(same, key=lambda key: -parts[key]):
-            if parts[key] > _LISTED * self.worst[at]:
-                gain, less = self.halved(*same[key])
-                rms = float(one.subset(same[key]).rms[0])
-                rows.append((*key, parts[key], parts[key] / self.worst[at], rms, -gain, -less))
+        for key in sorted(same, key=lambda key: -parts[key])[: len(parts) - len(small)]:
+            gain, less = self.halved(*same[key])
+            rms = float(self._at_worst.subset(same[key]).rms[0])
+            rows.append((*key, parts[key], parts[key] / worst, rms, -gain, -less))
         heads = [("joint", ""), ("cause", ""), ("worst case", "m"), ("share", "1"), ("rms", "m")]
         heads += [("halved: worst", "m"), ("halved: rms", "m")]
-        totals: list[tuple] = []
-        if small:
-            totals.append((f"{len(small)} more", None, sum(small), None, None, None, None))
-        totals.append(("all", None, self.worst[at], 1.0, self.rms[at], None, None))
+        totals: list[tuple] = (
+            [(f"{len(small)} more", None, sum(small), *[None] * 4)] if small else []
+        )
+        totals.append(("all", None, worst, 1.0, self.rms[at], None, None))
         return replace(Table.of(heads, rows), totals=totals, notes=self._notes())
 
     def _notes(self) -> list[str]:
@@ -613,9 +562,6 @@ def budget(
             errors, directions and positions are those seen from it, in its axes. The base stays
             held, for loads. None: the world.
 
-    Returns:
-        A `PlayBudget`, or an `ErrorBudget` of causes.
-
     Raises:
         JointplayError: a friction coefficient that is negative or not finite; nothing has play; a
             pose of the wrong shape; a force that is no vector; an axis without limit that the tool
@@ -631,7 +577,19 @@ def budget(
             raise JointplayError(
                 "relative_to, driven and friction are for play alone: leave them or causes out"
             )
-        return _of_causes(mechanism, poses, causes, force, errors, kind, remaining or {})
+        if mechanism.loops:
+            raise JointplayError(
+                f"loop {next(iter(mechanism.loops))!r}: a budget of all causes is for robots "
+                "without closed loops; budget() has the play of those with loops"
+            )
+        known = RobotErrors() if errors is None else errors
+        kind = kind or known.assumed or "industrial"
+        push, q = force_on_tool(force), configurations(mechanism, poses)
+        mechanism, model = cause_model(
+            mechanism, q, push, named(causes), known, kind, remaining or {}
+        )
+        places, told = _positions(mechanism, q), told_apart(model, kind)
+        return ErrorBudget(mechanism, q, model, push, places, model.farthest(), *told)
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:
@@ -644,14 +602,9 @@ def budget(
         mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
     q = configurations(mechanism, poses, driven)
     model = play_model(
-        mechanism,
-        q,
-        force=force,
-        second_order=second_order,
-        driven=driven,
-        loops=True,
+        mechanism, q, force=force, second_order=second_order, driven=driven, loops=True,
         relative_to=relative_to,
-    )
+    )  # fmt: skip
     half = half_sphere()
     states = model.along(np.broadcast_to(half, (len(q), *half.shape)))
     found = model.farthest(start=half[states.value.sum(axis=0).argmax(axis=1)])
@@ -667,39 +620,8 @@ def budget(
         more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
     push = force_on_tool(force)
     rest = RestPositions(mechanism, q, model, push, driven, friction, drive, more, relative_to)
-    return PlayBudget(
-        mechanism,
-        q,
-        model,
-        push,
-        _positions(mechanism, q, relative_to),
-        found,
-        rest,
-        rms,
-        rms_parts,
-    )
-
-
-def _of_causes(
-    mechanism: Mechanism,
-    poses: np.ndarray | Mapping[str, float],
-    causes: Collection[str | Cause],
-    force: Sequence[float],
-    errors: RobotErrors | None,
-    kind: str | None,
-    remaining: Mapping[tuple[str, str], float],
-) -> ErrorBudget:
-    if mechanism.loops:
-        raise JointplayError(
-            f"loop {next(iter(mechanism.loops))!r}: a budget of all causes is for robots without "
-            "closed loops; budget() has the play of those with loops"
-        )
-    given = RobotErrors() if errors is None else errors
-    kind = kind or given.assumed or "industrial"
-    push, q = force_on_tool(force), configurations(mechanism, poses)
-    mechanism, model = cause_model(mechanism, q, push, named(causes), given, kind, remaining)
-    told = told_apart(model, kind)
-    return ErrorBudget(mechanism, q, model, push, _positions(mechanism, q), model.farthest(), *told)
+    places = _positions(mechanism, q, relative_to)
+    return PlayBudget(mechanism, q, model, push, places, found, rest, rms, rms_parts)
 
 
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> np.ndarray:
@@ -708,11 +630,8 @@ def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = No
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:
-    model = mechanism.model
-    at, tool = (
-        {*model.supports[model.frames[index].parentJoint]}
-        for index in (frame_index(model, body), mechanism.tool_frame)
-    )
+    model, ends = mechanism.model, (frame_index(mechanism.model, body), mechanism.tool_frame)
+    at, tool = ({*model.supports[model.frames[index].parentJoint]} for index in ends)
     return at <= tool
 
 
@@ -744,11 +663,7 @@ def _second_order_of_loops(
     direction: np.ndarray,
     driven: Sequence[str] | None,
 ) -> np.ndarray:
-    """Distance of the tool from its first order, journals farthest along directions, (n,) [m].
-
-    Raises:
-        JointplayError: near a singular position the loops go elsewhere, or cannot be closed.
-    """
+    """Distance of the tool from its first order, journals farthest along directions, (n,) [m]."""
     closing = ClosedLoops(mechanism, q[0], driven)
     states = model.along(direction[:, None])
     largest = max(play.reach[0] for play in model.plays)
@@ -761,11 +676,9 @@ def _second_order_of_loops(
         if exact is not None:
             away[i] = float(np.linalg.norm(exact.translation - here - linear))
         if exact is None or away[i] > _TRUE * max(float(np.linalg.norm(linear)), largest):
-            what = (
-                "the loops cannot be closed with the journals aside"
-                if exact is None
-                else f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
-            )
+            what = f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
+            if exact is None:
+                what = "the loops cannot be closed with the journals aside"
             raise JointplayError(
                 f"near a singular position at {closing.stands(row, i, len(q))}: "
                 f"{what}; leave this pose out, or simulate (jointplay run)"

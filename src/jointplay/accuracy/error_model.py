@@ -20,7 +20,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -156,8 +156,7 @@ class Contribution:
         return self.part == GEAR
 
 
-@dataclass(frozen=True)
-class States:
+class States(NamedTuple):
     """Farthest states of k contributions at n poses along m directions."""
 
     value: np.ndarray
@@ -168,8 +167,7 @@ class States:
     """The tool's error there, by contribution, shape (k, n, m, 6)."""
 
 
-@dataclass(frozen=True)
-class Farthest:
+class Farthest(NamedTuple):
     """How far the tool can be off at n poses."""
 
     size: np.ndarray
@@ -218,13 +216,9 @@ class ErrorModel:
     def join(cls, models: Sequence[ErrorModel]) -> ErrorModel:
         if len(models) == 1:
             return models[0]
-        return cls(
-            tuple(one for model in models for one in model.contributions),
-            np.concatenate([one.jacobian for one in models]),
-            np.concatenate([one.load for one in models]),
-            np.concatenate([one.tie for one in models]),
-            np.concatenate([one.scale for one in models]),
-        )
+        every = tuple(one for model in models for one in model.contributions)
+        names = ("jacobian", "load", "tie", "scale")
+        return cls(every, *(np.concatenate([getattr(m, name) for m in models]) for name in names))
 
     @property
     def poses(self) -> int:
@@ -259,12 +253,7 @@ class ErrorModel:
     # Sets: worst cases.
 
     def along(self, directions: np.ndarray, turn: bool = False) -> States:
-        """Farthest displacements of the tool that all contributions allow, along directions.
-
-        Args:
-            directions: unit vectors in world axes, shape (n, m, 3).
-            turn: rotations of the tool instead of displacements.
-        """
+        """Farthest displacements (rotations) of the tool along directions (n, m, 3), world axes."""
         return self._states(self._pulls(directions, turn))
 
     def _pulls(self, directions: np.ndarray, turn: bool) -> np.ndarray:
@@ -295,12 +284,7 @@ class ErrorModel:
         return np.concatenate(parts, axis=1)
 
     def farthest(self, turn: bool = False, start: np.ndarray | None = None) -> Farthest:
-        """Largest displacement (or rotation) of the tool at each pose.
-
-        Args:
-            turn: rotations.
-            start: directions from which it is sought, (n, 3); None: the best of `sphere`.
-        """
+        """Largest displacement (rotation) of the tool, sought from `start` (n, 3) or `sphere`."""
         if start is None:
             start = self.sphere[self.values(self.sphere, turn).sum(axis=0).argmax(axis=1)]
         d = self.climb(start, turn)
@@ -493,13 +477,8 @@ def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) ->
     """What the clearance of a joint lets it do."""
     joint = mechanism.clearance[name]
     proportional = bool(joint.clearances) and joint.resultant is None
-    return Contribution(
-        name,
-        "play",
-        joint.play(second_order),
-        origin="the joint's clearance",
-        proportional=proportional,
-    )
+    own, origin = joint.play(second_order), "the joint's clearance"
+    return Contribution(name, "play", own, origin=origin, proportional=proportional)
 
 
 def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:

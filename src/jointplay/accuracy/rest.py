@@ -26,7 +26,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy import loop_play
-from jointplay.accuracy.error_model import ErrorModel
+from jointplay.accuracy.error_model import ErrorModel, half_sphere
 from jointplay.accuracy.jacobians import GEAR, displaced_configuration, tool_place
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
@@ -58,6 +58,8 @@ _NOTHING = 1e-9
 """Load of a joint relative to the machine's weight and the tool's load that presses nothing."""
 _OPEN = 1e-6
 """Part of a load that is added at random, so that all ends of what it leaves open are found."""
+_DIRECTIONS = np.vstack([half_sphere(90), -half_sphere(90)])
+"""In which the farthest tool is sought, (180, 3)."""
 _SMALL = 1e-6
 """Displacement by which coordinates are found [m or rad]."""
 
@@ -222,13 +224,13 @@ class RestPositions:
 
     def _interval(self, pose: int) -> np.ndarray:
         clouds = self._clouds(pose)
-        more, directions = self.second_order[pose], _sphere()
+        more, directions = self.second_order[pose], _DIRECTIONS
         least = np.sum([cloud.min(axis=0) for cloud in clouds], axis=0) - more
         most = np.sum([cloud.max(axis=0) for cloud in clouds], axis=0) + more
         far = np.sum([(cloud @ directions.T).max(axis=0) for cloud in clouds], axis=0)
         near = np.sum([(cloud @ directions.T).min(axis=0) for cloud in clouds], axis=0)
         # The farthest point lies at most this angle beside a direction that is looked at.
-        widest = 2.2 / np.sqrt(_DIRECTIONS)
+        widest = 2.2 / np.sqrt(len(directions))
         nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
         ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
         place = self.at(pose).whole[:3]  # no friction is a friction within the cone
@@ -310,7 +312,7 @@ class RestPositions:
                     angle = np.array([-half, half])
                 errors[name] = np.outer(angle, move[j][:, 5])
         if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
-            directions = np.vstack([np.eye(3), -np.eye(3), _sphere()])
+            directions = np.vstack([np.eye(3), -np.eye(3), _DIRECTIONS])
             anywhere = plays.along(directions[None]).error[:, 0, :, :3]
             errors = {**dict(zip(plays.names, anywhere, strict=True)), **errors}
         return [errors[name] for name in plays.names]
@@ -335,18 +337,6 @@ class RestPositions:
             whole = whole + weight_curvature(weight, weight.createData(), q)
         columns = np.hstack([_coordinates(mechanism, q, name) for name in names])
         return np.asarray(columns.T @ whole @ columns)
-
-
-_DIRECTIONS = 180
-"""In which the farthest tool is sought."""
-
-
-def _sphere() -> np.ndarray:
-    """Directions evenly over a sphere (Fibonacci lattice), shape (180, 3)."""
-    i = np.arange(_DIRECTIONS) + 0.5
-    z, phi = 1.0 - 2.0 * i / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
-    r = np.sqrt(1.0 - z * z)
-    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
 
 
 def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:

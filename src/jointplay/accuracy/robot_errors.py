@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, MissingName, within
 from jointplay.base.schema import Described, check_fields, choice, quantity
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 CLASSES = ("calibrated-industrial", "industrial", "printed")
-"""Names of `ERROR_CLASSES`."""
+"""An industrial arm after geometric calibration; as delivered; a printed arm with hobby servos."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,46 +97,23 @@ class RobotErrors(Described):
             )
 
 
+_ASSUMED: dict[
+    str, tuple[Any, ...]
+] = {  # by the order of `CLASSES`; hobby servos' encoders have 4096 counts a turn
+    "encoder": (5e-6, 5e-6, 1.53e-3),
+    "zero_offset": (2e-5, 3e-4, 8e-3),
+    "gear_error": (1.5e-4, 2.5e-4, 2e-3),
+    "axis_offset": (5e-5, 3e-4, 5e-4),
+    "axis_tilt": (5e-5, 3e-4, 4e-3),
+    "stiffness_spread": (0.2, 0.3, 0.5),
+    "heating": (10.0, 15.0, 20.0),
+    "expansion": (2.3e-5, 2.3e-5, 7e-5),
+    "tilt_stiffness": (5e5, 2e5, 300.0),
+    "torsional_stiffness": (5e4, 2e4, 60.0),
+}
 ERROR_CLASSES: Mapping[str, RobotErrors] = {
-    # An industrial arm after geometric calibration.
-    "calibrated-industrial": RobotErrors(
-        encoder=5e-6,
-        zero_offset=2e-5,
-        gear_error=1.5e-4,
-        axis_offset=5e-5,
-        axis_tilt=5e-5,
-        stiffness_spread=0.2,
-        heating=10.0,
-        expansion=2.3e-5,
-        tilt_stiffness=5e5,
-        torsional_stiffness=5e4,
-    ),
-    # An arm as delivered, without calibration.
-    "industrial": RobotErrors(
-        encoder=5e-6,
-        zero_offset=3e-4,
-        gear_error=2.5e-4,
-        axis_offset=3e-4,
-        axis_tilt=3e-4,
-        stiffness_spread=0.3,
-        heating=15.0,
-        expansion=2.3e-5,
-        tilt_stiffness=2e5,
-        torsional_stiffness=2e4,
-    ),
-    # A printed arm with hobby servos, whose encoders have 4096 counts a turn.
-    "printed": RobotErrors(
-        encoder=1.53e-3,
-        zero_offset=8e-3,
-        gear_error=2e-3,
-        axis_offset=5e-4,
-        axis_tilt=4e-3,
-        stiffness_spread=0.5,
-        heating=20.0,
-        expansion=7e-5,
-        tilt_stiffness=300.0,
-        torsional_stiffness=60.0,
-    ),
+    name: RobotErrors(**{key: values[k] for key, values in _ASSUMED.items()})
+    for k, name in enumerate(CLASSES)
 }
 """Errors besides play of robots of which nothing else is known: assumed, of no source."""
 

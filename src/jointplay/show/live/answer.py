@@ -226,7 +226,7 @@ def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, An
                 "worst": float(errors.worst_parts[at, j]),
                 "share": float(errors.worst_parts[at, j]) / total if total else 0.0,
                 "rms": float(errors.rms_parts[at, j]),
-                "turn": float(errors.turn_parts[at, j]),
+                "turn": float(errors.turns.parts[j, at]),
             }
             for j, name in enumerate(errors.joints)
         ],
