@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import errno
 import importlib
+import inspect
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from jointplay.base import signals, streams
 from jointplay.base.errors import JointplayError, one_line
 from jointplay.base.signals import INTERRUPTED
-from jointplay.cli.commands import MODULES
+from jointplay.cli.commands import MODULES, PLACE, TYPES, UNITS, in_unit, listed, read_help
+from jointplay.cli.commands.inputs import ABOUT, entries, explain
 
 BAD_INPUT = 2
 STOPPED = 1
@@ -22,12 +25,8 @@ STOPPED = 1
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
 
-    def __init__(
-        self, *args: Any, lazy: Callable[[_Parser], None] | None = None, **options: Any
-    ) -> None:
-        """`lazy` completes the parser for who asks for help."""
+    def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._lazy = lazy
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
@@ -45,8 +44,7 @@ class _Parser(argparse.ArgumentParser):
         super()._check_value(action, value)
 
     def format_help(self) -> str:
-        if self._lazy is not None:
-            self._lazy(self)
+        explain(self)
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
@@ -66,8 +64,76 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--version", action="store_true", help="print the version and exit")
     commands = made.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name in MODULES:
-        importlib.import_module(f"jointplay.cli.commands.{name}").add(commands)
+        _add_command(commands, name)
     return made
+
+
+def _add_command(commands: Any, name: str) -> None:
+    """Add the parser of the command of a module, made from its docstring."""
+    module = importlib.import_module(f"jointplay.cli.commands.{name}")
+    text = module.__doc__ or ast.get_docstring(ast.parse(inspect.getsource(module)), clean=False)
+    (title, *prose), found = read_help(text or "")
+    summary = title.partition(": ")[2].rstrip(".")
+    command = name.replace("_", "-")
+    typed = [one for one, about, _ in found if one[0] != "-" or about.endswith("(required)")]
+    parser = commands.add_parser(
+        command,
+        usage=" ".join(["jointplay", command, *typed, "[options]"]),
+        help=summary.replace("%", "%%"),
+        description=(prose or [f"{summary[0].upper()}{summary[1:]}."])[0],
+        epilog=" ".join(prose[1:]),
+    )
+    groups: dict[str, Any] = {"": parser}
+    own = {words.partition(" ")[0] for words, *_ in found}
+    for words, about, group in found:
+        if PLACE in words:
+            parser.add_argument(
+                "place", nargs="?" if words[0] == "[" else None, metavar=PLACE, help=ABOUT
+            )
+            for one in entries(parser, about):
+                if one[0].partition(" ")[0] not in own:
+                    _add_entry(parser, groups, *one)
+        else:
+            _add_entry(parser, groups, words, about, group)
+
+
+def _add_entry(parser: Any, groups: dict[str, Any], words: str, about: str, group: str) -> None:
+    """Add an option, or what stands at its place without a name."""
+    if group not in groups:
+        groups[group] = parser.add_argument_group(group)
+    several, words = words.endswith(" ..."), words.removesuffix(" ...")
+    name, _, form = words.partition(" ")
+    more: dict[str, Any] = {}
+    if not name.startswith("-"):  # its name is the form
+        form = words.strip("[]")
+        name = form.lower()
+        more["nargs"] = "+" if several else "?" if words[0] == "[" else None
+        several = False
+    elif not form:
+        more["action"] = "store_true"
+    elif form.startswith("["):
+        form, _, more["const"] = form.strip("[]").partition("=")
+        more["nargs"] = "?"
+    if form.startswith("{"):
+        more["choices"] = form.strip("{}").split(",")
+    elif form:
+        more["metavar"] = form
+    if form in UNITS:
+        more["type"] = in_unit(UNITS[form])
+        if unit := UNITS[form]:
+            about = re.sub(r"(?= \((?:default|required)|$)", f" [{unit}]", about, count=1)
+    elif form in TYPES:
+        more["type"] = TYPES[form]
+    if several:
+        more |= {"action": "extend" if more.get("type") is listed else "append", "default": []}
+        about += " (repeatable)"
+    elif default := re.search(r"\(default ([^)]+)\)", about):
+        more["default"] = default[1]
+    if name.startswith("-") and about.endswith("(required)"):
+        more["required"] = True
+    if "const" in more and "type" in more:
+        more["const"] = more["type"](more["const"])
+    groups[group].add_argument(*name.split(","), help=about.replace("%", "%%"), **more)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

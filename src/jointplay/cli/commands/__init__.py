@@ -1,7 +1,18 @@
 """Commands of the command line, one module each, and what they have in common.
 
-A module has `add`, which adds its parser, and `run`, which does the work and returns the exit
-status. To keep `jointplay --help` quick, modules import what they need inside `run`.
+A module's docstring is the command's help, from which `cli` makes its parser: the summary, the
+description, the epilog, and its options as they are typed, each with its explanation. `run` does
+the work and returns the exit status; what takes long to import is imported there.
+
+    --runs N  perturbed runs of each variant (default 3)
+    --verify [RUNS=3]  the number may be left out, and is 3 then
+    --set KEY=VALUE ...  may be given several times
+    --encoder {motor,link}  takes one of these words
+    --quiet  has no value
+
+What stands for the value says how it is read (`UNITS`, `TYPES`), and ``(default 3)`` what it is if
+the option is not given. ``FILE | ROBOT`` stands for the inputs of `inputs`, of the groups behind
+it, or all.
 """
 
 from __future__ import annotations
@@ -30,53 +41,59 @@ MODULES = (
 UNITS = {"LENGTH": "m", "MASS": "kg", "TIME": "s", "ANGLE": "rad", "FORCE": "N", "MU": ""}
 """SI units of options' values, by what stands for them in the help; text has a unit of its own."""
 
-NUMBERS = {"N": int, "RUNS": int, "X": float, "P": float, "PERCENT": float, "T": float}
-"""Types of values without a unit, likewise."""
 
+def listed(text: str) -> list[str]:
+    """Names of an option that takes several, joined by commas; one with commas in double quotes.
 
-def add_option(parser: Any, words: str, text: str, default: Any = None, **more: Any) -> None:
-    """Add an option that takes a value; its help ends with the unit and the default.
-
-    Args:
-        parser: or a group of its options.
-        words: its name and what stands for the value in the help, ``--target LENGTH``; the latter
-            also says how the value is read: in the unit of `UNITS`, as a number of `NUMBERS`,
-            or else as text.
-        text: the help.
-        default: value if it is not given.
-        more: of `argparse.ArgumentParser.add_argument`.
+    Raises:
+        ArgumentTypeError: a quote that is not closed.
     """
-    name, _, metavar = words.partition(" ")
-    if metavar in UNITS:
-        before, mark, default_words = text.partition(" (default")
-        unit = f" [{UNITS[metavar]}]" if UNITS[metavar] else ""
-        text = f"{before}{unit}{mark}{default_words}"
-        more.setdefault("type", in_unit(UNITS[metavar]))
-    elif metavar in NUMBERS:
-        more.setdefault("type", NUMBERS[metavar])
-    if default is not None:
-        shown = f"{default:g}" if isinstance(default, float | int) else default
-        text += f" (default {shown})"
-    parser.add_argument(name, metavar=metavar or None, help=text, default=default, **more)
+    parts = re.sub(r'(^|,|")\s+(?=$|,|")', r"\1", text)  # blanks around quotes
+    try:
+        names = next(csv.reader([parts], skipinitialspace=True, strict=True), [])
+    except csv.Error as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+    return [name.strip() for name in names if name.strip()]
 
 
-def add_repeatable(parser: Any, words: str, text: str, **more: Any) -> None:
-    """Add an option that may be given several times; its value is a list."""
-    name, _, metavar = words.partition(" ")
-    options = {"action": "append", "default": []} | more
-    text += " (repeatable)"
-    parser.add_argument(name, metavar=metavar or None, help=text, **options)
+TYPES: dict[str, Callable[[str], Any]] = {
+    **dict.fromkeys(("N", "RUNS"), int),
+    **dict.fromkeys(("X", "P", "PERCENT", "T"), float),
+    **dict.fromkeys(("LIST", "LINK,...", "JOINT,..."), listed),
+}
+"""How other values are read, likewise; what is in neither is text."""
+
+SHARED = {
+    "--case": "--case NAME  case of the scenario (not needed if there is only one)",
+    "--jobs": "--jobs N  processes (default: one per core)",
+    "--quiet": "--quiet  do not show progress",
+    "--trust": "--trust MODULE ...  allow laws to be imported from this module (by default a "
+    "result imports no module, a scenario only those in its own folder)",
+}
+"""Options that several commands have; their help has only the name."""
+
+Entry = tuple[str, str, str]
+"""An option as it is typed, what is said of it, and the title of its group."""
+
+PLACE = "FILE | ROBOT"
 
 
-def add_switch(parser: Any, name: str, text: str) -> None:
-    """Add an option without a value."""
-    parser.add_argument(name, action="store_true", help=text)
-
-
-def add_shared(parser: Any, *names: str) -> None:
-    """Add some of the options that several commands have."""
-    for name in names:
-        parser.add_argument(name, **_SHARED[name])
+def read_help(text: str) -> tuple[list[str], list[Entry]]:
+    """Paragraphs of a command's help, and its options."""
+    prose, entries, group = [""], list[list[str]](), ""
+    for line in text.splitlines():
+        if line.startswith("     "):
+            entries[-1][1] += f" {line.strip()}"
+        elif line.startswith("    "):
+            words, _, about = SHARED.get(line.strip(), line.strip()).partition("  ")
+            entries.append([words, about, group])
+        elif line.startswith("  "):
+            group = line.strip().rstrip(":")
+        elif line:
+            prose[-1] += f"{line} "
+        elif prose[-1]:
+            prose.append("")
+    return [" ".join(one.split()) for one in prose if one], [(a, b, c) for a, b, c in entries]
 
 
 def in_unit(unit: str) -> Callable[[str], float]:
@@ -136,55 +153,51 @@ def name_and_value(
     return text, None
 
 
-def numbers_by_name(entries: Iterable[str], words: str, unit: str = "") -> dict[str, float]:
+def numbers_by_name(
+    entries: Iterable[str], words: str, unit: str | Mapping[str, str] = ""
+) -> dict[str, float]:
     """Numbers of a repeatable option such as ``--weight JOINT=X`` by name, in SI units.
 
     Raises:
-        JointplayError: an entry without a number, or a number of another unit.
+        JointplayError: an entry without a number, or a number of another unit; or a name that is
+            none of those whose units are given.
     """
     option, _, form = words.partition(" ")
     numbers = {}
     for text in entries:
         name, value = name_and_value(text)
-        if value is None:
-            raise JointplayError(f"{option} must read {form}, got {text!r}")
-        numbers[name] = quantity(value, unit, f"{option} {name}")
+        known = isinstance(unit, str) or name in unit
+        if value is None or not known:
+            of = "" if isinstance(unit, str) else f" with one of {', '.join(unit)}"
+            raise JointplayError(f"{option} must read {form}{of}, got {text!r}")
+        own = unit if isinstance(unit, str) else unit[name]
+        numbers[name] = quantity(value, own, f"{option} {name}")
     return numbers
 
 
-def listed(text: str) -> list[str]:
-    """Names of an option that takes several, joined by commas; one with commas in double quotes.
-
-    Raises:
-        ArgumentTypeError: a quote that is not closed.
-    """
-    parts = re.sub(r'(^|,|")\s+(?=$|,|")', r"\1", text)  # blanks around quotes
-    try:
-        names = next(csv.reader([parts], skipinitialspace=True, strict=True), [])
-    except csv.Error as error:
-        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
-    return [name.strip() for name in names if name.strip()]
+def vector(text: str, unit: str, option: str) -> tuple[float, float, float]:
+    """Three numbers in SI units of text such as ``0,0,0.24``; errors name the option."""
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise JointplayError(f"{option} must be three numbers x,y,z [{unit}], got {text!r}")
+    x, y, z = (quantity(part.strip(), unit, option) for part in parts)
+    return x, y, z
 
 
 class Outputs:
-    """The files that a command writes into the folder of ``--out``; without the option, none."""
+    """The files that a command writes into the folder of ``--out``; without the option, none.
+
+    Raises:
+        JointplayError: the folder holds one of them, known before anything slow is loaded.
+    """
 
     def __init__(self, folder: str | None, names: Iterable[str]) -> None:
-        """Refuse a folder that holds one of the files, before anything slow is loaded.
-
-        Raises:
-            JointplayError: it does.
-        """
         self.folder, self.names = folder, list(names)
         if folder:
             files.refuse_present(folder, self.names)
 
     def claim(self) -> Path | None:
-        """Make the folder, sure that the files can be written there; None without ``--out``.
-
-        Raises:
-            JointplayError: see `files.claim`.
-        """
+        """Make the folder, sure that the files can be written there (`files.claim`)."""
         return files.claim(self.folder, self.names) if self.folder else None
 
     def write(self, contents: Mapping[str, Any], further: str = "") -> None:
@@ -197,34 +210,3 @@ class Outputs:
             put = files.write if isinstance(content, str) else files.picture
             put(Path(self.folder) / name, content)
         print(f"written to {self.folder}: {', '.join(contents)}{further}")
-
-
-_SHARED: dict[str, dict[str, Any]] = {
-    "--case": {"help": "case of the scenario (not needed if there is only one)"},
-    "--jobs": {"type": int, "metavar": "N", "help": "processes (default: one per core)"},
-    "--quiet": {"action": "store_true", "help": "do not show progress"},
-    "--trust": {
-        "action": "append",
-        "default": [],
-        "metavar": "MODULE",
-        "help": "allow laws to be imported from this module (repeatable; by default a result "
-        "imports no module, a scenario only those in its own folder)",
-    },
-    "--allow-unphysical": {
-        "action": "extend",
-        "type": listed,
-        "default": [],
-        "metavar": "LINK,...",
-        "help": "accept these links' inertias although they are physically impossible, or all "
-        "(repeatable)",
-    },
-    "--fix": {
-        "action": "extend",
-        "type": listed,
-        "default": [],
-        "metavar": "JOINT,...",
-        "help": "hold these joints, at zero or the limit nearest to it; those that mimic them are "
-        "held, too (repeatable)",
-    },
-}
-"""Options that several commands have."""

@@ -1,4 +1,33 @@
-"""`jointplay allocate`: which clearances keep the tool within its tolerance, at the least cost."""
+"""`jointplay allocate`: the largest clearances that keep the tool's error below a target.
+
+Find the cheapest clearances of all joints that keep the tool's static error below a target, at a
+pose, along a motion or over the workspace, and the marginal cost of each. The bearings' dimensions
+come from the options or the scenario; the ratio of axial to radial clearance is kept. With --whole,
+which cause of the whole error to improve at which joint. See docs/decisions.md.
+
+Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
+
+    FILE | ROBOT  robot, joints with clearance, gears, motion, poses, load, whole error
+    --target LENGTH  largest error of the tool (required)
+    --quantile P  share of states that must meet the target, such as 0.99 (default: all)
+    --cost {reciprocal,reciprocal-squared,linear}  cost of a clearance c: 1/c, 1/c^2 or -c (default:
+        reciprocal)
+    --weight JOINT=X ...  weight of a joint's cost (default: 1)
+    --price NAME=X ...  price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1,
+        preloaded), relative: joints given as NAME=BEARING are allocated by class; with --whole, of
+        halving a cause
+    --least LENGTH  smallest possible clearance (default: 2 um)
+    --most LENGTH  largest possible clearance (default: 1 mm)
+    --verify [RUNS=3]  simulate the motion with the clearances found, in this many perturbed runs (3
+        if no number is given)
+    --out DIR  folder for allocation.csv and the figure
+    --jobs
+    --quiet
+  whole error:
+    --statistical  with --whole, the target is of the RMS, not of the worst case
+    --keep LIST  with --whole, causes that count but stay as they are, such as heat,play
+    --limit CAUSE=X ...  with --whole, part of a cause that remains at least (default: 0.1)
+"""
 
 from __future__ import annotations
 
@@ -6,101 +35,12 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import (
-    Outputs,
-    add_option,
-    add_repeatable,
-    add_shared,
-    add_switch,
-    given,
-    listed,
-    numbers_by_name,
-)
-from jointplay.cli.commands.inputs import (
-    MOTION,
-    POSES,
-    add_inputs,
-    chosen_preset,
-    explain,
-    is_scenario,
-)
-from jointplay.cli.commands.mechanism import (
-    LOOSE,
-    add_load,
-    add_poses,
-    add_whole,
-    error_class,
-    load_on_tool,
-    task,
-)
+from jointplay.cli.commands import Outputs, given, numbers_by_name
+from jointplay.cli.commands.inputs import chosen_preset, is_scenario
+from jointplay.cli.commands.mechanism import Task, error_class, load_on_tool, task
 
 if TYPE_CHECKING:
     from jointplay.accuracy.allocation import Allocation
-    from jointplay.cli.commands.mechanism import Task
-
-COSTS = ("reciprocal", "reciprocal-squared", "linear")
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "allocate",
-        help="the largest clearances that keep the tool's error below a target",
-        description="Find the cheapest clearances of all joints that keep the tool's static "
-        "error below a target, at a pose, along a motion or over the workspace, and "
-        "the marginal cost of each. The bearings' dimensions come from the options "
-        "or the scenario; the ratio of axial to radial clearance is kept. With --whole, which "
-        "cause of the whole error to improve at which joint. See docs/decisions.md.",
-        epilog='Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200',
-        lazy=explain,
-    )
-    add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
-    add_poses(parser)
-    add_option(parser, "--target LENGTH", "largest error of the tool", required=True)
-    add_option(
-        parser,
-        "--quantile P",
-        "share of states that must meet the target, such as 0.99 (default: all)",
-    )
-    add_whole(parser)
-    add_switch(
-        parser, "--statistical", "with --whole, the target is of the RMS, not of the worst case"
-    )
-    add_option(
-        parser,
-        "--keep LIST",
-        "with --whole, causes that count but stay as they are, such as heat,play",
-        type=listed,
-    )
-    add_repeatable(
-        parser,
-        "--limit CAUSE=X",
-        "with --whole, part of a cause that remains at least (default 0.1)",
-    )
-    add_load(parser)
-    add_option(
-        parser, "--cost", f"cost of a clearance c: 1/c, 1/c^2 or -c (default {COSTS[0]})",
-        choices=COSTS,
-    )  # fmt: skip
-    add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost (default 1)")
-    add_repeatable(
-        parser,
-        "--price NAME=X",
-        "price of a class of rolling bearings (C2, CN, C3, C4, CC0, C0, C1, preloaded), relative: "
-        "joints given as NAME=BEARING are allocated by class; with --whole, of halving a cause",
-    )
-    add_option(parser, "--least LENGTH", "smallest possible clearance (default 2 um)")
-    add_option(parser, "--most LENGTH", "largest possible clearance (default 1 mm)")
-    add_option(
-        parser,
-        "--verify RUNS",
-        "simulate the motion with the clearances found, in this many perturbed runs (3 if no "
-        "number is given)",
-        nargs="?",
-        const=3,
-    )
-    add_option(parser, "--out DIR", "folder for allocation.csv and the figure")
-    add_shared(parser, "--jobs", "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:

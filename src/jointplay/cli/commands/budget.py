@@ -1,4 +1,22 @@
-"""`jointplay budget`: how far off play lets the tool be, and which joint is to blame."""
+"""`jointplay budget`: how much error play allows at the tool, and by which joint; no simulation.
+
+Static error budget of the tool from the play of all joints: worst case in every direction, the
+position at rest under gravity and how far friction may change it, RMS for a load in a random
+direction, and each joint's share. At a pose, along a motion, or over the workspace.
+docs/decisions.md explains the numbers.
+
+Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda
+
+    FILE | ROBOT  robot, joints with clearance, gears, motion, poses, load, whole error
+    --friction MU  friction coefficient that may hold journals away from their frictionless rest
+        position (default: the largest of each joint's friction law)
+    --rest-everywhere  for budget.csv, find the position at rest at every pose, not only the worst
+        one (0.4 s per pose with one joint, up to 3.5 s with six)
+    --out DIR  folder for budget.csv (errors.csv) and the figures
+  robot:
+    --relative-to BODY  link or frame from which the error is seen, in its axes, such as the palm of
+        a hand or the trunk of what walks: what moves both does not count (default: the world)
+"""
 
 from __future__ import annotations
 
@@ -7,55 +25,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, add_option, add_switch
-from jointplay.cli.commands.inputs import MOTION, POSES, add_inputs, explain
-from jointplay.cli.commands.mechanism import (
-    LOOSE,
-    add_load,
-    add_poses,
-    add_whole,
-    error_class,
-    load_on_tool,
-    task,
-)
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "budget",
-        help="how much error play allows at the tool, and which joint causes it; no simulation",
-        description="Static error budget of the tool from the play of all joints: worst case in "
-        "every direction, the position at rest under gravity and how far friction "
-        "may change it, RMS for a load in a random direction, and each joint's "
-        "share. At a pose, along a motion, or over the workspace. docs/decisions.md "
-        "explains the numbers.",
-        epilog='Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda',
-        lazy=explain,
-    )
-    groups = add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
-    add_option(
-        groups["robot"],
-        "--relative-to BODY",
-        "link or frame from which the error is seen, in its axes, such as the palm of a hand or "
-        "the trunk of what walks: what moves both does not count (default: the world)",
-    )
-    add_poses(parser)
-    add_load(parser)
-    add_option(
-        parser,
-        "--friction MU",
-        "friction coefficient that may hold journals away from their frictionless rest position "
-        "(default: the largest of each joint's friction law)",
-    )
-    add_switch(
-        parser,
-        "--rest-everywhere",
-        "for budget.csv, find the position at rest at every pose, not only the worst one (0.4 s "
-        "per pose with one joint, up to 3.5 s with six)",
-    )
-    add_whole(parser)
-    add_option(parser, "--out DIR", "folder for budget.csv (errors.csv) and the figures")
+from jointplay.cli.commands import Outputs
+from jointplay.cli.commands.mechanism import error_class, load_on_tool, task
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,4 +1,32 @@
-"""`jointplay calibrate`: offsets, compliance and play from static poses of a real robot."""
+"""`jointplay calibrate`: tell play, compliance, offsets and encoder errors apart by static poses.
+
+Fit offsets, lengths, compliance, encoder errors and play of a robot's joints to static poses in
+which its tool was measured, or was at the same unknown point several times; base and tool may be
+anywhere. A cause is kept only if it predicts poses better that the fit has not seen. Of every
+joint's play: an interval, an upper bound, or why this measurement cannot tell. Columns of the CSV:
+JOINT motor [rad], JOINT link [rad], tool x [m] (y, z), tool rx [rad] (ry, rz: rotation vector), or
+marker NAME x [m], or point (names), and group (names); rows in the order of approach.
+
+Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
+
+    FILE | ROBOT  robot
+    CSV  table of the poses
+  robot:
+    --point X,Y,Z  nominal place of the measured point in the tool's frame, such as "0,0,0.24" [m]
+    --payload MASS  body that the tool carried all the time, at the measured point
+  causes:
+    --term TERM ...  cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift"
+        (default: offset, placement, compliance, eccentricity, play; others: second-harmonic,
+        link-encoder, rail, suspension)
+    --always TERM ...  cause that is in every model
+    --link JOINT ...  joint whose encoder on the link's side is read instead of the motor's
+  fit:
+    --folds K  hold back every K-th row in turn, or each of the: rows, groups, points (default 3)
+    --scatter LENGTH[,ANGLE]  scatter of positions and orientations about the model, such as "2 mm,
+        5 mrad" (default: estimated from the residuals)
+    --out DIR  folder for the tables (CSV, JSON) and the figure
+    --quiet
+"""
 
 from __future__ import annotations
 
@@ -7,68 +35,11 @@ import json
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import Outputs, add_option, add_repeatable, add_shared, quantity
-from jointplay.cli.commands.inputs import add_inputs, explain, scenario_of
+from jointplay.cli.commands import Outputs, quantity, vector
+from jointplay.cli.commands.inputs import scenario_of
 
-FOLDS = "3"
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
 ENCODERS = "encoders.csv"
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "calibrate",
-        help="tell play, compliance, offsets and encoder errors apart by static poses",
-        description="Fit offsets, lengths, compliance, encoder errors and play of a robot's joints "
-        "to static poses in which its tool was measured, or was at the same unknown point several "
-        "times; base and tool may be anywhere. A cause is kept only if it predicts poses better "
-        "that the fit has not seen. Of every joint's play: an interval, an upper bound, or why "
-        "this measurement cannot tell. Columns of the CSV: JOINT motor [rad], JOINT link [rad], "
-        "tool x [m] (y, z), tool rx [rad] (ry, rz: rotation vector), or marker NAME x [m], or "
-        "point (names), and group (names); rows in the order of approach.",
-        epilog="Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found",
-        lazy=explain,
-    )
-    group = add_inputs(parser, ("robot",), needed=True)["robot"]
-    parser.add_argument("poses", metavar="CSV", help="table of the poses")
-    add_option(
-        group,
-        "--point X,Y,Z",
-        'nominal place of the measured point in the tool\'s frame, such as "0,0,0.24" [m]',
-    )
-    add_option(
-        group, "--payload MASS", "body that the tool carried all the time, at the measured point"
-    )
-    group = parser.add_argument_group("causes")
-    add_repeatable(
-        group,
-        "--term TERM",
-        'cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift" (default: '
-        "offset, placement, compliance, eccentricity, play; others: second-harmonic, link-encoder, "
-        "rail, suspension)",
-    )
-    add_repeatable(group, "--always TERM", "cause that is in every model")
-    add_repeatable(
-        group,
-        "--link JOINT",
-        "joint whose encoder on the link's side is read instead of the motor's",
-    )
-    group = parser.add_argument_group("fit")
-    add_option(
-        group,
-        "--folds K",
-        "hold back every K-th row in turn, or each of the: rows, groups, points",
-        FOLDS,
-    )
-    add_option(
-        group,
-        "--scatter LENGTH[,ANGLE]",
-        'scatter of positions and orientations about the model, such as "2 mm, 5 mrad" (default: '
-        "estimated from the residuals)",
-    )
-    add_option(parser, "--out DIR", "folder for the tables (CSV, JSON) and the figure")
-    add_shared(parser, "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -83,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
                 f"--folds must be a number, or rows, groups or points; got {folds!r}"
             ) from None
     scatter = _scatter(options.scatter)
-    point = _point(options.point)
+    point = vector(options.point or "0,0,0", "m", "--point")
     out.claim()
     from jointplay.estimate import Term, calibrate, encoder_differences
     from jointplay.estimate.calibration import TERMS, read_poses
@@ -94,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     always = [Term.parse(text) for text in options.always]
     robot = scenario_of(options, still=True).mechanism(options.case)
     mechanism = robot.ideal()
-    poses = read_poses(mechanism, options.poses)
+    poses = read_poses(mechanism, options.csv)
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
@@ -109,12 +80,12 @@ def run(options: argparse.Namespace) -> int:
         poses = poses.read_by_link(*options.link)
     elif options.link:
         raise JointplayError(
-            f"--link {options.link[0]}: {options.poses} has no column '{options.link[0]} link'"
+            f"--link {options.link[0]}: {options.csv} has no column '{options.link[0]} link'"
         )
     measured = poses.position is not None or poses.point is not None
     if not measured and not contents:
         raise JointplayError(
-            f"{options.poses}: nothing measured: columns such as 'tool x [m]', "
+            f"{options.csv}: nothing measured: columns such as 'tool x [m]', "
             "'marker NAME x [m]', 'point' or 'JOINT link [rad]' are needed"
         )
     print("\n".join(notes))
@@ -156,12 +127,3 @@ def _scatter(text: str | None) -> tuple[float, float] | None:
     if min(sizes) <= 0.0:
         raise JointplayError(f"--scatter must be positive, got {text!r}")
     return sizes
-
-
-def _point(text: str | None) -> tuple[float, float, float]:
-    """Three lengths [m]."""
-    parts = ["0", "0", "0"] if text is None else text.split(",")
-    if len(parts) != 3:
-        raise JointplayError(f"--point must be three lengths, such as 0,0,0.24; got {text!r}")
-    x, y, z = (quantity(part.strip(), "m", "--point") for part in parts)
-    return x, y, z

@@ -1,4 +1,14 @@
-"""`jointplay check`: whether a scenario can run, and how it was understood."""
+"""`jointplay check`: check a scenario file, or a robot with options, without running it.
+
+Check a scenario without running it: its keys, values and units, the robot, and whether every case
+can start. Prints how the file was understood, and draws the mechanism at the start of the first
+case with clearance. All input options of jointplay run are accepted too.
+
+    FILE | ROBOT
+    --case NAME ...  run only this case of FILE
+    --picture PNG  picture of the mechanism (default: beside FILE, as .png)
+    --no-picture  do not draw a picture
+"""
 
 from __future__ import annotations
 
@@ -6,12 +16,11 @@ import argparse
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import add_option, add_switch
-from jointplay.cli.commands.inputs import add_inputs, explain, scenario_of
+from jointplay.cli.commands.inputs import scenario_of
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
@@ -21,25 +30,10 @@ MARK = "jointplay check"
 """In the PNG's metadata: a picture that this command may replace."""
 
 
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "check",
-        help="check a scenario file, or a robot with options, without running it",
-        description="Check a scenario without running it: its keys, values and units, the "
-        "robot, and whether every case can start. Prints how the file was "
-        "understood, and draws the mechanism at the start of the first case with "
-        "clearance. All input options of jointplay run are accepted too.",
-        lazy=explain,
-    )
-    add_inputs(parser, several=True, needed=True)
-    group = parser.add_mutually_exclusive_group()
-    add_option(group, "--picture PNG", "picture of the mechanism (default: beside FILE, as .png)")
-    add_switch(group, "--no-picture", "do not draw a picture")
-
-
 def run(options: argparse.Namespace) -> int:
     """Check, print, draw."""
+    if options.picture and options.no_picture:
+        raise JointplayError("give one of --picture and --no-picture")
     scenario = scenario_of(options)
     place = None if options.no_picture else _place(options, scenario)
     from jointplay.scenario.summary import summary  # what comes now takes long to import

@@ -1,4 +1,16 @@
-"""`jointplay compare`: two results side by side."""
+"""`jointplay compare`: two results side by side: inputs that differ, figures, tool paths.
+
+Compare two results: which inputs differ, by how much the headline figures do and whether that is
+more than their numerical errors, how often the joints strike, and how far apart the two tools are.
+
+Example: jointplay compare old/result.nc new/result.nc --out difference
+
+    A  result file (.nc), or a folder with one
+    B  result file (.nc), or a folder with one
+    --out DIR  folder for comparison.txt and the figures that compare both
+    --quiet
+    --trust
+"""
 
 from __future__ import annotations
 
@@ -6,27 +18,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from jointplay.cli.commands import Outputs, add_option, add_shared
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "compare",
-        help="two results side by side: inputs that differ, figures with errors, tool paths",
-        description="Compare two results: which inputs differ, by how much the headline figures "
-        "do and whether that is more than their numerical errors, how often the joints strike, "
-        "and how far apart the two tools are.",
-        epilog="Example: jointplay compare old/result.nc new/result.nc --out difference",
-    )
-    for name in ("A", "B"):
-        parser.add_argument(
-            name.lower(),
-            metavar=name,
-            help="result file (.nc), or a folder with one",
-        )
-    add_option(parser, "--out DIR", "folder for comparison.txt and the figures that compare both")
-    add_shared(parser, "--quiet", "--trust")
+from jointplay.cli.commands import Outputs
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,4 +1,37 @@
-"""`jointplay dynamics`: bifurcations, Poincare maps, Lyapunov exponents, basins of attraction."""
+"""`jointplay dynamics`: bifurcations, Poincare maps, Lyapunov exponents, basins of attraction.
+
+Let a periodically driven mechanism settle over many turns, then analyse it: turns: quantities over
+the crank's angle, compared with the ideal mechanism; bifurcation: a quantity sampled once per turn,
+over the values of a key (--vary); poincare: two quantities sampled once per turn, plotted against
+each other; lyapunov: largest Lyapunov exponent with its confidence interval, over a key with
+--vary; recurrence: when the journal, or a quantity given by --of, returns to an earlier state;
+waterfall: spectra over the values of a key, such as the crank's speed (--vary); runup: spectra
+while the crank's speed rises evenly over the values of --vary; basin: the orbit on which the motion
+settles, over the journal's starting position. Values run in parallel; finished ones are kept in the
+folder, and the same command continues from it. docs/nonlinear.md explains the figures.
+
+Example: jointplay dynamics jointplay:slider_crank.toml bifurcation --case "0.5 mm" --vary
+"motion.speeds.crank_pin=500:5000:400 rpm" --out speeds
+
+    FILE | ROBOT  robot
+    KIND  turns, bifurcation, poincare, lyapunov, recurrence, waterfall, runup or basin
+    --vary KEY=FROM:TO:COUNT  key of the scenario, its range of values, and their unit
+    --of NAME ...  quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity;
+        an unknown name lists all of them
+    --settle N  turns left out at the start (default: depends on KIND)
+    --keep N  turns that are analysed (default: depends on KIND)
+    --phase X  phase of the section [turns] (default 0.25)
+    --records N  records per turn (default 1000)
+    --orders X  highest order of spectra (default 20)
+    --window N  runup: turns per spectrum (default 8)
+    --threshold X  recurrence: distance that counts as near, as a share of all distances (default
+        0.1)
+    --joint NAME  basin: joint whose journal starts off centre
+    --grid N  basin: number of starting positions along x and along y (default 21)
+    --jobs
+    --out DIR  folder for the table and the figure (required)
+    --quiet
+"""
 
 from __future__ import annotations
 
@@ -6,24 +39,14 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import add_option, add_repeatable, add_shared, given
-from jointplay.cli.commands.inputs import add_inputs, explain, scenario_of
+from jointplay.base.errors import JointplayError, MissingName
+from jointplay.cli.commands import given
+from jointplay.cli.commands.inputs import scenario_of
 
 if TYPE_CHECKING:
     from jointplay.study.nonlinear.rows import Observation
 
 
-KINDS = {
-    "turns": "quantities over the crank's angle, compared with the ideal mechanism",
-    "bifurcation": "a quantity sampled once per turn, over the values of a key (--vary)",
-    "poincare": "two quantities sampled once per turn, plotted against each other",
-    "lyapunov": "largest Lyapunov exponent with its confidence interval; over a key with --vary",
-    "recurrence": "when the journal, or a quantity given by --of, returns to an earlier state",
-    "waterfall": "spectra over the values of a key, such as the crank's speed (--vary)",
-    "runup": "spectra while the crank's speed rises evenly over the values of --vary",
-    "basin": "the orbit on which the motion settles, over the journal's starting position",
-}
 TURNS = {
     "turns": (20, 2),
     "bifurcation": (60, 60),
@@ -38,58 +61,13 @@ TURNS = {
 CYCLES = (1, 8)
 
 
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "dynamics",
-        help="nonlinear dynamics: bifurcations, Poincare maps, Lyapunov exponents, basins",
-        description=(
-            "Let a periodically driven mechanism settle over many turns, then analyse it: "
-        )
-        + "; ".join(f"{name}: {text}" for name, text in KINDS.items())
-        + ". Values run in parallel; finished ones are kept in the folder, and the "
-        "same command continues from it. docs/nonlinear.md explains the figures.",
-        epilog="Example: jointplay dynamics jointplay:slider_crank.toml bifurcation "
-        '--case "0.5 mm" --vary "motion.speeds.crank_pin=500:5000:400 rpm" --out speeds',
-        lazy=explain,
-    )
-    add_inputs(parser, ("robot",), needed=True)
-    parser.add_argument("kind", metavar="WHAT", choices=KINDS, help=", ".join(KINDS))
-    add_option(
-        parser,
-        "--vary KEY=FROM:TO:COUNT",
-        "key of the scenario, its range of values, and their unit",
-    )
-    add_repeatable(
-        parser,
-        "--of NAME",
-        "quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity; an "
-        "unknown name lists all of them",
-    )
-    add_option(parser, "--settle N", "turns left out at the start (default: depends on WHAT)")
-    add_option(parser, "--keep N", "turns that are analysed (default: depends on WHAT)")
-    add_option(parser, "--phase X", "phase of the section [turns]", 0.25)
-    add_option(parser, "--records N", "records per turn", 1000)
-    add_option(parser, "--orders X", "highest order of spectra", 20.0)
-    add_option(parser, "--window N", "runup: turns per spectrum", 8)
-    add_option(
-        parser,
-        "--threshold X",
-        "recurrence: distance that counts as near, as a share of all distances",
-        0.1,
-    )
-    add_option(parser, "--joint NAME", "basin: joint whose journal starts off centre")
-    add_option(parser, "--grid N", "basin: number of starting positions along x and along y", 21)
-    add_shared(parser, "--jobs")
-    add_option(parser, "--out DIR", "folder for the table and the figure", required=True)
-    add_shared(parser, "--quiet")
-
-
 def run(options: argparse.Namespace) -> int:
     """Run what is missing, draw, print."""
     from jointplay.base import files, processes
 
     processes.number_of(options.jobs)
+    if options.kind not in TURNS:
+        raise MissingName("kind of study", options.kind, TURNS)
     study = _study(options)
     out, mark = files.claim(options.out, []), f"jointplay dynamics {options.kind}"
     path = out / f"{options.kind}.png"

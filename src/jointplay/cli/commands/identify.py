@@ -1,4 +1,56 @@
-"""`jointplay identify`: clearance and friction from measurements, and what to measure."""
+"""`jointplay identify`: clearance, friction, restitution from measurements; or a plan of these.
+
+Identify clearances, friction, gear play and restitution from measured signals, with 95 % confidence
+intervals, or state that this measurement cannot determine a value and which further measurement
+would. Means over stops and slow stretches are compared with the static model, impacts (of an
+accelerometer or of forces in bearings) by their statistics. With --plan: the most informative poses
+and motions. docs/identify.md lists the columns of a measurement.
+
+Example: jointplay identify my_robot.toml measured.csv --out worn
+
+    FILE | ROBOT  robot, joints with clearance, gears, motion
+    [DATA]  measurement: CSV with columns such as 'time [s]', 'tool x [mm]'; ROS 2 bag (.mcap or its
+        folder); folder of a LeRobot dataset
+  measurement:
+    --reference {place,frame,ideal}  what is known of the tool's ideal position: place: only that it
+        is the same at each visit; frame: everything except the pose of the tracker's frame; ideal:
+        everything, calibrated (default place)
+    --noise SIGNAL=X ...  standard deviation of a record, such as "tool=20 um"; by default estimated
+        from the records
+    --known UNKNOWN ...  unknown to take from the scenario instead, such as "friction" or "elbow
+        radial clearance"
+    --also {friction} ...  identify the dry friction on the joint's side of every gear, not only
+        where the scenario has some
+    --stiffness PART=X[+-Y%] ...  known stiffness, such as "elbow=1e5 N*m/rad" (about its axis, of
+        the gear if there is one), "elbow radial=2e8 N/m +- 20 %", "tool=1e6 N/m", "elbow=inf"
+        (rigid), "all=inf" (except gears); stiffnesses that are not given are unknown
+    --drift N  degree of the polynomial in time by which readings may drift; 0: no drift (default 3)
+    --lag TIME|inf  about how late readings of the tool, and of links, may be behind the motors'
+        encoders [s]; 0: simultaneous, inf: unknown (default: 0, of bags and datasets inf)
+  bags and datasets:
+    --source SIGNAL=TOPIC ...  topic of a bag that has a signal, or feature of a dataset and its
+        unit: "motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]", "elbow
+        reaction=/load_cell"; signals are motor, link, torque, tool, force, acceleration and, of one
+        joint, reaction; without the option, the error lists what there is
+    --map JOINT=NAME ...  recorded name of a joint (or axis x, y, z), with a sign, factor and
+        offset: "elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"
+    --episode N  episode of a dataset, counted from 0
+    --world FRAME ...  frame of a bag whose axes are those of the robot's base
+  by simulated runs of the scenario:
+    --runs [RUNS=40]  where flights do not determine restitution, fit the impact statistics with
+        this many runs (40 if no number is given)
+    --verify [RUNS=6]  run the scenario with the identified values and check that its statistics
+        agree with the measurement's, within the scatter of this many runs (6 if no number is given)
+    --jobs
+  plan:
+    --plan  propose what to measure
+    --signal {tool,link,torque} ...  signal that can be measured besides the motors' encoders; by
+        default tool
+    --count N  number of experiments to choose (default 6)
+    --push FORCE  force with which the tool can be pushed; 0: none (default: 20)
+    --out DIR  folder for the tables (CSV, JSON) and the figure
+    --quiet
+"""
 
 from __future__ import annotations
 
@@ -9,153 +61,8 @@ from dataclasses import replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import (
-    Outputs,
-    add_option,
-    add_repeatable,
-    add_shared,
-    add_switch,
-    given,
-    in_unit,
-    quantity,
-)
-from jointplay.cli.commands.inputs import MOTION, POSES, add_inputs, explain
-from jointplay.cli.commands.mechanism import LOOSE, Task, task
-
-REFERENCES = ("place", "frame", "ideal")
-DRIFT = 3
-RUNS = 40
-VERIFYING = 6
-"""Runs by which restitution is sought, and with which a measurement is compared."""
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "identify",
-        help=(
-            "identify clearance, friction, restitution of each joint from measurements; or plan "
-            "what to measure"
-        ),
-        description="Identify clearances, friction, gear play and restitution from measured "
-        "signals, with 95 % confidence intervals, or state that this measurement "
-        "cannot determine a value and which further measurement would. Means over "
-        "stops and slow stretches are compared with the static model, impacts (of an "
-        "accelerometer or of forces in bearings) by their statistics. With --plan: "
-        "the most informative poses and motions. docs/identify.md lists the columns "
-        "of a measurement.",
-        epilog="Example: jointplay identify my_robot.toml measured.csv --out worn",
-        lazy=explain,
-    )
-    add_inputs(parser, (*POSES, MOTION), needed=True, joints=LOOSE)
-    parser.add_argument(
-        "data",
-        nargs="?",
-        metavar="DATA",
-        help="measurement: CSV with columns such as 'time [s]', 'tool x [mm]'; ROS 2 bag (.mcap or "
-        "its folder); folder of a LeRobot dataset",
-    )
-    group = parser.add_argument_group("measurement")
-    add_option(
-        group,
-        "--reference",
-        "what is known of the tool's ideal position: place: only that it is the same at each "
-        "visit; frame: everything except the pose of the tracker's frame; ideal: everything "
-        "(calibrated)",
-        REFERENCES[0],
-        choices=REFERENCES,
-    )
-    add_repeatable(
-        group,
-        "--noise SIGNAL=X",
-        'standard deviation of a record, such as "tool=20 um"; by default estimated from the '
-        "records",
-    )
-    add_repeatable(
-        group,
-        "--known UNKNOWN",
-        'unknown to take from the scenario instead, such as "friction" or "elbow radial clearance"',
-    )
-    add_repeatable(
-        group,
-        "--also",
-        "identify the dry friction on the joint's side of every gear, not only where the "
-        "scenario has some",
-        choices=("friction",),
-    )
-    add_repeatable(
-        group,
-        "--stiffness PART=X[+-Y%]",
-        'known stiffness, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there is '
-        'one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), '
-        '"all=inf" (except gears); stiffnesses that are not given are unknown',
-    )
-    add_option(
-        group,
-        "--drift N",
-        "degree of the polynomial in time by which readings may drift; 0: no drift",
-        DRIFT,
-    )
-    add_option(
-        group,
-        "--lag TIME",
-        "about how late readings of the tool, and of links, may be behind the motors' encoders; 0: "
-        "simultaneous, inf: unknown (default: 0, of bags and datasets inf)",
-        type=_lag,
-    )
-    group = parser.add_argument_group("bags and datasets")
-    add_repeatable(
-        group,
-        "--source SIGNAL=TOPIC",
-        "topic of a bag that has a signal, or feature of a dataset and its unit: "
-        '"motor=/joint_states", "tool=/tracker/pose", "link=observation.state [deg]", '
-        '"elbow reaction=/load_cell"; signals are motor, link, torque, tool, force, acceleration '
-        "and, of one joint, reaction; without the option, the error lists what there is",
-    )
-    add_repeatable(
-        group,
-        "--map JOINT=NAME",
-        "recorded name of a joint (or axis x, y, z), with a sign, factor and offset: "
-        '"elbow=joint_3", "elbow=-elbow_flex.pos + 90 deg"',
-    )
-    add_option(group, "--episode N", "episode of a dataset, counted from 0")
-    add_repeatable(
-        group, "--world FRAME", "frame of a bag whose axes are those of the robot's base"
-    )
-    group = parser.add_argument_group("by simulated runs of the scenario")
-    add_option(
-        group,
-        "--runs RUNS",
-        "where flights do not determine restitution, fit the impact statistics with this many "
-        f"runs ({RUNS} if no number is given)",
-        nargs="?",
-        const=RUNS,
-    )
-    add_option(
-        group,
-        "--verify RUNS",
-        "run the scenario with the identified values and check that its statistics agree with "
-        f"the measurement's, within the scatter of this many runs ({VERIFYING} if no number is "
-        "given)",
-        nargs="?",
-        const=VERIFYING,
-    )
-    add_shared(group, "--jobs")
-    group = parser.add_argument_group("plan")
-    add_switch(group, "--plan", "propose what to measure")
-    add_repeatable(
-        group,
-        "--signal",
-        "signal that can be measured besides the motors' encoders; by default tool",
-        choices=("tool", "link", "torque"),
-    )
-    add_option(group, "--count N", "number of experiments to choose", 6)
-    add_option(
-        group, "--push FORCE", "force with which the tool can be pushed; 0: none (default 20)"
-    )
-    add_option(parser, "--out DIR", "folder for the tables (CSV, JSON) and the figure")
-    add_shared(parser, "--quiet")
-    parser.set_defaults(pose=None, workspace=None)
+from jointplay.cli.commands import Outputs, given, numbers_by_name, quantity
+from jointplay.cli.commands.mechanism import Task, task
 
 
 def run(options: argparse.Namespace) -> int:
@@ -176,8 +83,11 @@ def run(options: argparse.Namespace) -> int:
     for option in ("verify", "runs"):
         if getattr(options, option) and work.simulation is None:
             raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
+    from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
+
+    units = {**TOOL_UNITS, **{kind: units[0] for kind, units in JOINT_UNITS.items()}}
     shared: dict[str, Any] = {
-        "noise": _noise(options.noise),
+        "noise": numbers_by_name(options.noise, "--noise SIGNAL=X", units),
         "also": options.also,
         "known": options.known,
         "stiffness": _stiffness(options.stiffness),
@@ -246,7 +156,7 @@ def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[s
         motion=work.motion,
         reference=options.reference,
         drift=options.drift,
-        lag=options.lag,
+        lag=None if options.lag is None else _size(options.lag, "s", "--lag"),
         runs=options.runs or 0,
         jobs=options.jobs,
         progress=not options.quiet,
@@ -254,9 +164,9 @@ def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[s
     )
 
 
-def _lag(text: str) -> float:
-    """A time [s], or inf."""
-    return math.inf if text == "inf" else in_unit("s")(text)
+def _size(text: str, unit: str, option: str) -> float:
+    """A quantity [SI], or inf."""
+    return math.inf if text == "inf" else quantity(text, unit, option)
 
 
 def _recording(options: argparse.Namespace) -> Any:
@@ -302,22 +212,5 @@ def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:
             )
         lengthwise = label.endswith((" radial", " axial")) or label == "tool"
         unit = "N/m" if lengthwise else "N*m/rad"
-        size = math.inf if value == "inf" else quantity(value, unit, f"--stiffness {label}")
-        given[label] = (size, deviation)
+        given[label] = (_size(value, unit, f"--stiffness {label}"), deviation)
     return given
-
-
-def _noise(entries: list[str]) -> dict[str, float]:
-    """Standard deviations by kind of signal [SI]."""
-    from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
-
-    units = {**TOOL_UNITS, **{kind: units[0] for kind, units in JOINT_UNITS.items()}}
-    deviations = {}
-    for text in entries:
-        kind, equals, value = text.partition("=")
-        if not equals or kind not in units:
-            raise JointplayError(
-                f"--noise must read SIGNAL=X with a signal of {', '.join(units)}, got {text!r}"
-            )
-        deviations[kind] = quantity(value, units[kind], f"--noise {kind}")
-    return deviations

@@ -1,33 +1,20 @@
-"""`jointplay init`: a commented scenario file to start from."""
+"""`jointplay init`: write a commented scenario file to start from.
+
+Write a commented scenario file that runs as it stands: the SCARA arm, ideal and with two
+clearances. Change what you need, check it with `jointplay check`, and run it with `jointplay run`.
+
+    [NAME]  file name; .toml is added if missing (default scenario.toml)
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 
 TEMPLATE = Path(__file__).parents[2] / "scenario" / "template.toml"
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "init",
-        help="write a commented scenario file to start from",
-        description="Write a commented scenario file that runs as it stands: the SCARA arm, ideal "
-        "and with two clearances. Change what you need, check it with `jointplay check`, and run "
-        "it with `jointplay run`.",
-    )
-    parser.add_argument(
-        "name",
-        nargs="?",
-        default="scenario",
-        metavar="NAME",
-        help="file name; .toml is added if missing (default scenario.toml)",
-    )
 
 
 def run(options: argparse.Namespace) -> int:

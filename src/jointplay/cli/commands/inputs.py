@@ -1,14 +1,14 @@
 """Options that say what a command looks at: a scenario file, or a robot, in the scenario's words.
 
-`add_inputs` adds them, `scenario_of` makes of them the scenario that the command is about. An
-option for a key of the scenario is named in `OPTIONS` only: what the key is, its unit, its choices
-and its default come from the field that the scenario's tables have for it.
+`entries` has them, `scenario_of` makes of them the scenario that the command is about. An option
+for a key of the scenario is named in `OPTIONS` only: what the key is, its unit, its choices and its
+default come from the field that the scenario's tables have for it.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import (
-    UNITS,
-    add_option,
-    add_repeatable,
-    add_shared,
-    add_switch,
-    name_and_value,
-    numbers_by_name,
-)
+from jointplay.cli.commands import UNITS, Entry, name_and_value, numbers_by_name, read_help
 
 if TYPE_CHECKING:
     from jointplay.base.schema import Field
@@ -84,12 +76,6 @@ Each is one setting, as if by ``--set KEY=VALUE``: the scenario's tables read it
 and say what it is. In a key, ``JOINT`` stands for each joint of ``--joint``, ``GEAR`` for each of
 ``--gear``. An option of another name than its key's, or with several keys, has it in front.
 """
-
-POSES = ("robot", "joints with clearance", "gears")
-"""Groups of who looks at poses, where nothing moves."""
-
-MOTION = "motion"
-"""Group of who looks along a motion as well."""
 
 _STATIC_GEAR = {"rotor_inertia": 0.1, "stiffness": 1e4}
 """Of gears of which only the play is given, where only that counts."""
@@ -159,86 +145,62 @@ class Flag:
 FLAGS = tuple(Flag.parse(text, group) for group, several in OPTIONS.items() for text in several)
 
 
-def add_inputs(
-    parser: Any,
-    groups: Sequence[str] = tuple(OPTIONS),
-    *,
-    several: bool = False,
-    needed: bool = False,
-    joints: str = "the options of this group and of contacts apply to these joints",
-) -> dict[str, Any]:
-    """Add the options that say what a command looks at; returns their groups.
+ABOUT = (
+    "scenario (TOML; see jointplay init, jointplay check), URDF, or name of a robot of "
+    "example-robot-data such as ur5 (jointplay robots)"
+)
+"""What is said of the file or robot."""
 
-    Args:
-        parser: of the command; one with ``lazy=explain``.
-        groups: those of `OPTIONS` that it has.
-        several: whether it takes several cases of a file at once.
-        needed: whether the file or the robot must be given; else it is the SCARA.
-        joints: what --joint does beside naming joints, in words.
-    """
-    parser.add_argument(
-        "place",
-        nargs=None if needed else "?",
-        metavar="FILE | ROBOT",
-        help="scenario (TOML; see jointplay init, jointplay check), URDF, or name of a robot of "
-        "example-robot-data such as ur5 (jointplay robots)",
-    )
-    add_repeatable(
-        parser,
-        "--set KEY=VALUE",
-        'any key of the scenario, such as joints.joint_b.radial_clearance="0.3 mm"; '
-        "docs/scenarios.md lists them",
-    )
-    if several:
-        add_repeatable(parser, "--case NAME", "run only this case of FILE")
-    else:
-        add_shared(parser, "--case")
-    add_shared(parser, "--trust")
-    made = {name: parser.add_argument_group(name) for name in groups}
-    parser.set_defaults(groups=tuple(groups))
-    if "robot" in made:
-        add_shared(made["robot"], "--allow-unphysical", "--fix")
-    if "joints with clearance" in made:
-        group = made["joints with clearance"]
-        add_repeatable(
-            group,
-            "--joint NAME[=LENGTH|=BEARING]",
-            "joint with clearance, optionally with its radial clearance or the designation of its "
-            f'rolling bearing, such as elbow="6010/C3"; {joints}',
-        )
-        add_option(
-            group,
-            "--clearance LENGTH",
-            "radial clearance of these joints; of sliders, that on each side",
-            type=str,
-        )
-        add_switch(group, "--ideal", "the robot without clearance")
-        group.add_argument(
-            "--preset",
-            metavar="NAME",
-            nargs="?",
-            const="",
-            help="joints, gears and drives as they are publicly known, or assumed for a class of "
-            "robots (jointplay presets lists them; without NAME that of ROBOT); what else is given "
-            "counts more",
-        )
-    if "gears" in made:
-        add_repeatable(
-            made["gears"],
-            "--gear JOINT=ANGLE",
-            'total play of a joint\'s gear, such as elbow="2 arcmin"; the options of this group '
-            "apply to these gears, or to all",
-        )
-    for flag in FLAGS:
-        if flag.group in made:
-            made[flag.group].add_argument(flag.name)
-    if "drive and start" in made:
-        add_repeatable(
-            made["drive and start"],
-            "--joint-friction JOINT=C,V",
-            "Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction (default: from the URDF)",
-        )
-    return made
+HELP = """
+    --set KEY=VALUE ...  any key of the scenario, such as
+        joints.joint_b.radial_clearance="0.3 mm"; docs/scenarios.md lists them
+    --case
+    --trust
+  robot:
+    --allow-unphysical LINK,... ...  accept these links' inertias although they are physically
+        impossible, or all
+    --fix JOINT,... ...  hold these joints, at zero or the limit nearest to it; those that mimic
+        them are held, too
+  joints with clearance:
+    --joint NAME[=LENGTH|=BEARING] ...  joint with clearance, optionally with its radial clearance
+        or the designation of its rolling bearing, such as elbow="6010/C3"; the options of this
+        group and of contacts apply to these joints. Where nothing moves, by default all that move
+        the tool
+    --clearance VALUE  radial clearance of these joints; of sliders, that on each side [m]
+    --ideal  the robot without clearance
+    --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
+        robots (jointplay presets lists them; without NAME that of ROBOT); what else is given
+        counts more
+  gears:
+    --gear JOINT=ANGLE ...  total play of a joint's gear, such as elbow="2 arcmin"; the options of
+        this group apply to these gears, or to all
+  drive and start:
+    --joint-friction JOINT=C,V ...  Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction
+        (default: from the URDF)
+  poses:
+    --pose JOINT=X,... ...  joint positions [rad or m, or with a unit]; other joints are at zero, or
+        mid-range if zero is outside their limits (default: along the motion, or one pose)
+    --poses FILE  CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to
+        name them
+    --workspace N  N poses spread over the limits of all joints
+  load:
+    --force FX,FY,FZ  force on the tool, world axes [N]
+    --payload MASS  mass held at the tool
+  whole error:
+    --whole [CLASS]  the whole error: besides play elasticity, encoders, gears, geometry and heat,
+        of a robot of this class where nothing else is known (calibrated-industrial, industrial,
+        printed; without CLASS that of the scenario's [errors] or of the preset)
+    --causes LIST  causes that count in --whole, such as play,elasticity (default: all)
+"""
+"""Options of those groups that are no keys of a scenario, and of groups of other commands'."""
+
+
+def entries(parser: argparse.ArgumentParser, about: str) -> Iterator[Entry]:
+    """The options that say what a command looks at, of these groups, or all of `OPTIONS`."""
+    groups = about.split(", ") if about else [*OPTIONS]
+    parser.set_defaults(groups=groups)
+    yield from (one for one in read_help(HELP)[1] if one[2] in ("", *groups))
+    yield from ((f"{flag.name} VALUE", "", flag.group) for flag in FLAGS if flag.group in groups)
 
 
 def explain(parser: argparse.ArgumentParser) -> None:
@@ -307,7 +269,7 @@ def is_scenario(options: argparse.Namespace) -> bool:
 
 
 def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
-    """The scenario that the options of `add_inputs` describe.
+    """The scenario that the options of `entries` describe.
 
     Args:
         options: those of the command.
@@ -357,7 +319,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
 
 
 def simulation_of(options: argparse.Namespace) -> Simulation:
-    """The one simulation that the options of `add_inputs` describe.
+    """The one simulation that these options describe.
 
     Raises:
         JointplayError: several cases, or what `jointplay run` would refuse.

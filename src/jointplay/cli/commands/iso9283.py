@@ -1,4 +1,32 @@
-"""`jointplay iso9283`: accuracy and repeatability by the standard, from perturbed cycles."""
+"""`jointplay iso9283`: accuracy and repeatability as ISO 9283 names them, from perturbed cycles.
+
+Simulate the cycle of a scenario or robot many times, with journals displaced at random at the
+start, and print pose accuracy AP and repeatability RP at each stop, distance accuracy AD and
+repeatability RD between stops, multi-directional variation vAP, stabilization time, overshoot, path
+accuracy AT and repeatability RT, cornering deviations CR and CO, and drift by wear, with confidence
+intervals. All input options of jointplay run are accepted too. docs/decisions.md explains the
+figures.
+
+Example: jointplay iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --out ur5
+
+    [FILE | ROBOT]
+  cycles:
+    --cycles N  cycles for poses and distances (default 30)
+    --path-cycles N  cycles for the path (default: 10, at most --cycles)
+    --settling-cycles N  cycles for stabilization and overshoot (default: 3)
+    --cornering-cycles N  cycles for corners (default: 3)
+    --speed PERCENT ...  percentage of the motion's speed, which is taken as the rated speed; the
+        standard asks for 100, 50 and 10 (default: 100)
+    --payload MASS  mass at the tool: the rated load, 100 % (default 0)
+    --cube LENGTH  visit the five poses in a cube with this edge length instead
+    --cube-centre X,Y,Z  centre of the cube, world axes [m]
+    --drift-time TIME  compute the drift by wear over this time, "8 h" in the standard
+    --band LENGTH  limit band of stabilization (default: the repeatability)
+    --out DIR  folder for the table, the figures and, during the run, finished cycles: with the same
+        folder, an interrupted command continues
+    --jobs
+    --quiet
+"""
 
 from __future__ import annotations
 
@@ -8,67 +36,13 @@ from typing import Any
 
 from jointplay.base import streams
 from jointplay.base.errors import JointplayError, require_non_negative, require_positive
-from jointplay.cli.commands import Outputs, add_option, add_shared, given, quantity
-from jointplay.cli.commands.inputs import add_inputs, explain, simulation_of
+from jointplay.cli.commands import Outputs, given, vector
+from jointplay.cli.commands.inputs import simulation_of
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
 """What is written into --out; at a part of the speed, its per cent stand before the dot."""
-KINDS = {
-    "path": "the path (default 10, at most --cycles)",
-    "settling": "stabilization and overshoot (default 3)",
-    "cornering": "corners (default 3)",
-}
+KINDS = ("path", "settling", "cornering")
 """Kinds of figures that have their own number of cycles."""
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "iso9283",
-        usage="jointplay iso9283 [FILE | ROBOT] [--cycles N] [--speed PERCENT] [--payload MASS] "
-        "[--cube LENGTH --cube-centre X,Y,Z] [--drift-time TIME] [--out DIR] [options]",
-        help="accuracy and repeatability as ISO 9283 names them, from perturbed cycles",
-        description="Simulate the cycle of a scenario or robot many times, with journals "
-        "displaced at random at the start, and print pose accuracy AP and "
-        "repeatability RP at each stop, distance accuracy AD and repeatability RD "
-        "between stops, multi-directional variation vAP, stabilization time, "
-        "overshoot, path accuracy AT and repeatability RT, cornering deviations CR "
-        "and CO, and drift by wear, with confidence intervals. All input options of "
-        "jointplay run are accepted too. docs/decisions.md explains the figures.",
-        epilog='Example: jointplay iso9283 ur5 --joint "elbow_joint=0.05 mm" '
-        "--duration 2.2 --out ur5",
-        lazy=explain,
-    )
-    group = parser.add_argument_group("cycles")
-    add_option(group, "--cycles N", "cycles for poses and distances (default 30)")
-    for kind, words in KINDS.items():
-        add_option(group, f"--{kind}-cycles N", f"cycles for {words}")
-    add_option(
-        group,
-        "--speed PERCENT",
-        "percentage of the motion's speed, which is taken as the rated speed (repeatable; the "
-        "standard asks for 100, 50 and 10) (default 100)",
-        action="append",
-    )
-    add_option(group, "--payload MASS", "mass at the tool: the rated load, 100 %%")
-    add_option(
-        group, "--cube LENGTH", "visit the five poses in a cube with this edge length instead"
-    )
-    add_option(group, "--cube-centre X,Y,Z", "centre of the cube, world axes [m]")
-    add_option(
-        group,
-        "--drift-time TIME",
-        'compute the drift by wear over this time, "8 h" in the standard',
-    )
-    add_option(group, "--band LENGTH", "limit band of stabilization (default: the repeatability)")
-    add_option(
-        group,
-        "--out DIR",
-        "folder for the table, the figures and, during the run, finished cycles: with the same "
-        "folder, an interrupted command continues",
-    )
-    add_shared(group, "--jobs", "--quiet")
-    add_inputs(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -85,11 +59,10 @@ def run(options: argparse.Namespace) -> int:
     for name, unit in (("band", "m"), ("drift_time", "s")):
         if getattr(options, name) is not None:
             require_positive(f"--{name.replace('_', '-')}", getattr(options, name), unit)
-    require_non_negative("--payload", options.payload or 0.0, "kg")
+    require_non_negative("--payload", options.payload, "kg")
     simulation, poses = _in_cube(options, simulation_of(options))
-    load = options.payload or 0.0
     for percent in names:
-        check(simulation, percent / 100.0, load)
+        check(simulation, percent / 100.0, options.payload)
     folder = out.claim()
     streams.release()
     print(f"tool: {simulation.mechanism.tool!r}")
@@ -99,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
             counts,
             band=options.band,
             speed=percent / 100.0,
-            load=load,
+            load=options.payload,
             drift_time=options.drift_time,
             poses=poses,
             jobs=options.jobs,
@@ -129,10 +102,9 @@ def _cycles(options: argparse.Namespace) -> Any:
     """How many cycles are asked for; what is not given is the standard's, or fewer."""
     from jointplay.study.iso9283 import Cycles
 
-    most = Cycles.pose if options.cycles is None else options.cycles
     own = given(options, *(f"{kind}_cycles" for kind in KINDS))
     return replace(
-        Cycles.up_to(most), **{name.removesuffix("_cycles"): n for name, n in own.items()}
+        Cycles.up_to(options.cycles), **{name.removesuffix("_cycles"): n for name, n in own.items()}
     )
 
 
@@ -144,7 +116,7 @@ def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:
         return simulation, "poses: the stops of the motion"
     from jointplay.study.iso9283 import cube_motion
 
-    centre = [quantity(part, "m", "--cube-centre") for part in options.cube_centre.split(",")]
+    centre = vector(options.cube_centre, "m", "--cube-centre")
     motion = cube_motion(simulation.mechanism, centre, options.cube)
     at = ", ".join(f"{x:g}" for x in centre)
     words = f"poses: P1, P5, P4, P3, P2, P1 in a cube of {options.cube:g} m about ({at}) m"

@@ -1,31 +1,28 @@
-"""`jointplay maintenance`: cycles until wear makes the tool miss its tolerance."""
+"""`jointplay maintenance`: cycles that it takes until wear puts the tool out of tolerance.
+
+Estimate after how many cycles of a scenario wear of its bores lets the tool's error exceed a target
+(static worst case along the motion), and which joint's wear causes it. Joints need a wear_rate in
+the scenario. docs/decisions.md explains the numbers. One run is one cycle.
+
+    FILE | ROBOT  robot
+    --blocks N  blocks of cycles (default 5)
+    --runs N  runs per block, perturbed at the start if there are several (default 2)
+    --cycles-per-run X  cycles in one run (default 1)
+    --jobs
+    --quiet
+    --target LENGTH  tolerance of the tool (required)
+    --wear-factor X  factor within which wear rates are known (default 3)
+    --out DIR  folder for maintenance.csv and the figure
+"""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from jointplay.base.signals import INTERRUPTED
-from jointplay.cli.commands import Outputs, add_option
-from jointplay.cli.commands.inputs import explain, simulation_of
-from jointplay.cli.commands.wear import add_cycles, cycles
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "maintenance",
-        help="estimate how many cycles it takes until wear puts the tool out of tolerance",
-        description="Estimate after how many cycles of a scenario wear of its bores lets the "
-        "tool's error exceed a target (static worst case along the motion), and "
-        "which joint's wear causes it. Joints need a wear_rate in the scenario. "
-        "docs/decisions.md explains the numbers. One run is one cycle.",
-        lazy=explain,
-    )
-    add_cycles(parser, blocks=5, runs=2)
-    add_option(parser, "--target LENGTH", "tolerance of the tool", required=True)
-    add_option(parser, "--wear-factor X", "factor within which wear rates are known", default=3.0)
-    add_option(parser, "--out DIR", "folder for maintenance.csv and the figure")
+from jointplay.cli.commands import Outputs
+from jointplay.cli.commands.inputs import simulation_of
+from jointplay.cli.commands.wear import cycles
 
 
 def run(options: argparse.Namespace) -> int:

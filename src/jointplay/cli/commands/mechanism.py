@@ -8,18 +8,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
-from jointplay.cli.commands import (
-    add_option,
-    add_repeatable,
-    inputs,
-    listed,
-    name_and_value,
-    quantity,
-)
+from jointplay.cli.commands import inputs, name_and_value, quantity, vector
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,64 +49,16 @@ class Task:
     """Besides play, of the scenario."""
 
 
-LOOSE = "by default all joints that move the tool"
-"""Which joints have clearance if --joint names none, in words."""
-
-
-def add_poses(parser: Any) -> None:
-    """Add the options that say at which poses."""
-    group = parser.add_argument_group("poses (default: along the motion, or one pose)")
-    add_repeatable(
-        group,
-        "--pose JOINT=X,...",
-        "joint positions [rad or m, or with a unit]; other joints are at zero, or mid-range if "
-        "zero is outside their limits",
-    )
-    add_option(
-        group,
-        "--poses FILE",
-        "CSV with a pose in each line and the header <joint>,..., or name,<joint>,... to name them",
-    )
-    add_option(group, "--workspace N", "N poses spread over the limits of all joints")
-
-
-def add_load(parser: Any) -> None:
-    """Add the options that say what pulls at the tool."""
-    add_option(parser, "--force FX,FY,FZ", "force on the tool, world axes [N]")
-    add_option(parser, "--payload MASS", "mass held at the tool")
-
-
 def load_on_tool(
     options: argparse.Namespace, gravity: Sequence[float]
 ) -> tuple[float, float, float]:
     """Force on the tool in world axes [N]: what --force and --payload say."""
-    parts = ["0"] * 3 if options.force is None else options.force.split(",")
-    if len(parts) != 3:
-        raise JointplayError(f"--force must be three numbers fx,fy,fz [N], got {options.force!r}")
-    force = [quantity(part, "N", "--force") for part in parts]
-    if options.payload is not None:
-        require_non_negative("--payload", options.payload, "kg")
-        force = [f + options.payload * g for f, g in zip(force, gravity, strict=True)]
-    return force[0], force[1], force[2]
-
-
-def add_whole(parser: Any) -> None:
-    """Add the options that say which causes of error count beside play."""
-    parser.add_argument(
-        "--whole",
-        metavar="CLASS",
-        nargs="?",
-        const="",
-        help="the whole error: besides play elasticity, encoders, gears, geometry and heat, of a "
-        "robot of this class where nothing else is known (calibrated-industrial, industrial, "
-        "printed; without CLASS that of the scenario's [errors] or of the preset)",
-    )
-    add_option(
-        parser,
-        "--causes LIST",
-        "causes that count in --whole, such as play,elasticity (default: all)",
-        type=listed,
-    )
+    force = (0.0, 0.0, 0.0)
+    if options.force is not None:
+        force = vector(options.force, "N", "--force")
+    require_non_negative("--payload", options.payload or 0.0, "kg")
+    x, y, z = (f + (options.payload or 0.0) * g for f, g in zip(force, gravity, strict=True))
+    return x, y, z
 
 
 def error_class(options: argparse.Namespace, work: Task) -> str:

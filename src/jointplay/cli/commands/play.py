@@ -1,4 +1,36 @@
-"""`jointplay play`: results in motion, in the browser or as a file."""
+"""`jointplay play`: play results in the browser, or write a page that does.
+
+Show results in motion: robots side by side, their ideal counterparts as ghosts, paths of the tool,
+contact forces, and a close-up of a joint with its play magnified. Play in real time, slower or
+faster, scrub, jump from impact to impact.
+
+The file of --html needs no server and no network: send it to anyone. Films need the extra
+jointplay[movie] and Chromium, but neither a screen nor a graphics card.
+
+    RESULT ...  result files (.nc)
+    --html FILE  write one self-contained page instead of serving it
+    --movie FILE  write a picture (.png) or a film (.gif, .mp4, .webm, .webp) instead of serving a
+        page
+    --joint NAME  joint of the close-up (default: the first)
+    --magnify X  factor of displacements in the close-up (default: one that shows the gap)
+    --meshes DIR ...  folder of the URDF's meshes or packages; those of example-robot-data are found
+        without it
+    --no-ghost  do not show the ideal counterparts
+    --host HOST  interface to listen on; other machines cannot reach the default (default 127.0.0.1)
+    --port N  port to listen on (default 7000)
+    --no-browser  do not open a browser
+    --quiet
+    --trust
+  film (--movie):
+    --speed X  relative to real time, such as 0.01 (default: one that makes a film of 4 to 20 s)
+    --begin T  start time [s]; for a picture, its time (default: the start; the hardest impact)
+    --end T  end time [s] (default: the end)
+    --fps X  frames per second (default: 25)
+    --size WxH  pixels, even numbers (default: 1280x720)
+    --view VIEW  both, robot or closeup (default: both)
+    --signal NAME  drawn over time below the picture, such as 'tool error' or 'contact force, JOINT'
+        (default: nothing)
+"""
 
 from __future__ import annotations
 
@@ -10,77 +42,13 @@ from typing import Any
 from jointplay.base import files, streams
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.base.signals import INTERRUPTED
-from jointplay.cli.commands import add_option, add_repeatable, add_shared, add_switch, given
-
-
-def add(commands: Any) -> None:
-    """Add the command to the subparsers `commands`."""
-    parser = commands.add_parser(
-        "play",
-        help="play results in the browser, or write a page that does",
-        description="Show results in motion: robots side by side, their ideal counterparts as "
-        "ghosts, paths of the tool, contact forces, and a close-up of a joint with "
-        "its play magnified. Play in real time, slower or faster, scrub, jump from "
-        "impact to impact.",
-        epilog="The file of --html needs no server and no network: send it to anyone. Films need "
-        "the extra jointplay[movie] and Chromium, but neither a screen nor a graphics "
-        "card.",
-    )
-    parser.add_argument("results", nargs="+", metavar="RESULT", help="result files (.nc)")
-    add_option(parser, "--html FILE", "write one self-contained page instead of serving it")
-    add_option(
-        parser,
-        "--movie FILE",
-        "write a picture (.png) or a film (.gif, .mp4, .webm, .webp) instead of serving a page",
-    )
-    add_option(parser, "--joint NAME", "joint of the close-up (default: the first)")
-    add_option(
-        parser,
-        "--magnify X",
-        "factor of displacements in the close-up (default: one that shows the gap)",
-    )
-    add_repeatable(
-        parser,
-        "--meshes DIR",
-        "folder of the URDF's meshes or packages; those of example-robot-data are found without it",
-    )
-    add_switch(parser, "--no-ghost", "do not show the ideal counterparts")
-    add_option(
-        parser,
-        "--host HOST",
-        "interface to listen on; other machines cannot reach the default",
-        "127.0.0.1",
-    )
-    add_option(parser, "--port N", "port to listen on", 7000)
-    add_switch(parser, "--no-browser", "do not open a browser")
-    film = parser.add_argument_group("film (--movie)")
-    add_option(
-        film,
-        "--speed X",
-        "relative to real time, such as 0.01 (default: one that makes a film of 4 to 20 s)",
-    )
-    add_option(
-        film,
-        "--begin T",
-        "start time [s]; for a picture, its time (default: the start; the hardest impact)",
-    )
-    add_option(film, "--end T", "end time [s] (default: the end)")
-    add_option(film, "--fps X", "frames per second (default 25)")
-    add_option(film, "--size WxH", "pixels, even numbers (default 1280x720)")
-    add_option(film, "--view VIEW", "both, robot or closeup (default both)")
-    add_option(
-        film,
-        "--signal NAME",
-        "drawn over time below the picture, such as 'tool error' or 'contact force, JOINT' "
-        "(default: nothing)",
-    )
-    add_shared(parser, "--quiet", "--trust")
+from jointplay.cli.commands import given
 
 
 def run(options: argparse.Namespace) -> int:
     """Play what the options name; returns the exit status."""
     require_whole("the port", options.port, 0, 65535)
-    for name in options.results:  # before anything is loaded that takes time
+    for name in options.result:  # before anything is loaded that takes time
         if not files.is_file(Path(name)):
             raise JointplayError(f"no result file {name!r}")
     if options.html is not None and options.movie is not None:
@@ -108,7 +76,7 @@ def _play(options: argparse.Namespace, shot: Any) -> None:
     """Make the page; serve, write or film it."""
     from jointplay.show import player
 
-    results = player.load(options.results, options.trust)
+    results = player.load(options.result, options.trust)
     shown: dict[str, Any] = {
         "joint": options.joint,
         "magnification": options.magnify,

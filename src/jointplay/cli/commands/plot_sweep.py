@@ -1,36 +1,25 @@
-"""`jointplay plot-sweep STORE`: a measure over the dimensions of a sweep."""
+"""`jointplay plot-sweep`: draw the results of a sweep.
+
+Draw a measure over a dimension of a sweep, as lines with 95 % confidence bands of the mean over
+repeats and samples; or over two, as a heat map.
+
+Examples: jointplay plot-sweep S x=clearance y=peak_force hue=friction; jointplay plot-sweep S
+x=clearance y=friction z=tool_error_rms_total
+
+    STORE  store of jointplay sweep
+    WORDS ...  x=NAME and y=NAME, and hue=NAME for lines, or z=NAME (the measure) for a heat map;
+        DIMENSION=VALUE selects the cases nearest to a value
+    --out FILE  picture (default: beside STORE, as .png)
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import add_option
 
 WORDS = ("x", "y", "hue", "z")
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "plot-sweep",
-        help="draw the results of a sweep",
-        description="Draw a measure over a dimension of a sweep, as lines with 95 % confidence "
-        "bands of the mean over repeats and samples; or over two, as a heat map.",
-        epilog="Examples: jointplay plot-sweep S x=clearance y=peak_force hue=friction; "
-        "jointplay plot-sweep S x=clearance y=friction z=tool_error_rms_total",
-    )
-    parser.add_argument("store", metavar="STORE", help="store of jointplay sweep")
-    parser.add_argument(
-        "words",
-        nargs="+",
-        metavar="WORD=NAME",
-        help="x and y, and hue for lines, or z (the measure) for a heat map; DIMENSION=VALUE "
-        "selects the cases nearest to a value",
-    )
-    add_option(parser, "--out FILE", "picture (default: beside STORE, as .png)")
 
 
 def run(options: argparse.Namespace) -> int:

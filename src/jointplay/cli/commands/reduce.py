@@ -1,4 +1,37 @@
-"""`jointplay reduce`: play as dead band and friction, for other simulators: a joint or all."""
+"""`jointplay reduce`: model play as dead band and friction, for MuJoCo, Gazebo, ROS, Newton.
+
+Fit a hinge with dead band, stiffness, damping and friction to the full model of one joint's play,
+by reversals about a pose, and write it as MJCF (MuJoCo), SDF (Gazebo), URDF and YAML (ROS), USD
+(Newton), JSON with ranges for domain randomisation. The dead band about the axis comes from the
+gear; the bearing contributes friction and tilt, which --tilt writes. --joint names the joint. With
+--all: the play of all joints in one file of each format. --batch adds random copies. See
+docs/decisions.md.
+
+Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear elbow_joint="2
+arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
+
+    FILE | ROBOT  robot, joints with clearance, gears
+    --pose JOINT=X,...  pose about which the joint reverses
+  reversals:
+    --amplitude ANGLE  amplitude of the reversals (default: 0.1)
+    --period TIME  period of a reversal, there and back (default: 2)
+  output:
+    --encoder {motor,link}  whether the encoder is before or after the play (default motor)
+    --tilt  let the axes tilt as well, which only MJCF and JSON can hold
+    --format {mjcf,sdf,urdf,json,usd} ...  file format; by default all
+    --spread SHARE  JSON and --batch: relative half width of ranges without measured values, such as
+        20% (default: 0.3)
+    --check  run the MJCF in MuJoCo and compare it with the full model
+    --out DIR  folder for the files (required)
+  whole robot, random copies:
+    --all  write all joints with play into one file of each format
+    --batch N  write N copies besides, their play, friction and stiffness random
+    --seed N  seed of the random numbers (default: 0)
+    --identified FILE  draw from the 95 % intervals that jointplay identify found (its
+        identified.json), and within --spread where it found none
+    --plugin NAME  URDF: hardware of ros2_control's tags (default: gz_ros2_control/GazeboSimSystem)
+    --quiet
+"""
 
 from __future__ import annotations
 
@@ -10,23 +43,16 @@ from typing import Any
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.imports import how_to_install
 from jointplay.base.tables import Column, Table
-from jointplay.cli.commands import (
-    Outputs,
-    add_option,
-    add_repeatable,
-    add_shared,
-    add_switch,
-    given,
-)
-from jointplay.cli.commands.inputs import POSES, add_inputs, chosen_preset, explain, named_joints
+from jointplay.cli.commands import Outputs, given
+from jointplay.cli.commands.inputs import chosen_preset, named_joints
 from jointplay.cli.commands.mechanism import Task, task
 
 FORMATS = {
-    "mjcf": [".xml"],
-    "sdf": [".sdf"],
-    "urdf": [".urdf", ".yaml"],
-    "json": [".json"],
-    "usd": [".usda"],
+    "mjcf": (".xml",),
+    "sdf": (".sdf",),
+    "urdf": (".urdf", ".yaml"),
+    "json": (".json",),
+    "usd": (".usda",),
 }
 """Endings of the files of each format."""
 PARAMETERS = (".yaml", ".json")
@@ -42,83 +68,10 @@ STEM = "robot"
 """Name of a whole robot's files."""
 
 
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "reduce",
-        help="model the play of a joint, or of all, as dead band and friction, for MuJoCo, Gazebo, "
-        "ROS, Newton",
-        description="Fit a hinge with dead band, stiffness, damping and friction to the full "
-        "model of one joint's play, by reversals about a pose, and write it as MJCF "
-        "(MuJoCo), SDF (Gazebo), URDF and YAML (ROS), USD (Newton), JSON with ranges for domain "
-        "randomisation. The dead band about the axis comes from the gear; the "
-        "bearing contributes friction and tilt, which --tilt writes. --joint names the joint. "
-        "With --all: the play of all joints in one file of each format. --batch adds random "
-        "copies. See docs/decisions.md.",
-        epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
-        'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
-        lazy=explain,
-    )
-    only = "one joint, or with --all any number, by default all that move the tool"
-    add_inputs(parser, POSES, needed=True, joints=only)
-    add_option(parser, "--pose JOINT=X,...", "pose about which the joint reverses")
-    group = parser.add_argument_group("reversals")
-    add_option(group, "--amplitude ANGLE", "amplitude of the reversals (default 0.1)")
-    add_option(group, "--period TIME", "period of a reversal, there and back (default 2)")
-    group = parser.add_argument_group("output")
-    add_option(
-        group,
-        "--encoder",
-        "whether the encoder is before or after the play",
-        "motor",
-        choices=("motor", "link"),
-    )
-    add_switch(group, "--tilt", "let the axes tilt as well, which only MJCF and JSON can hold")
-    add_repeatable(group, "--format", "file format; by default all", choices=FORMATS)
-    add_option(
-        group,
-        "--spread X",
-        "JSON and --batch: relative half width of ranges without measured values, such as 20%% "
-        "(default 0.3)",
-        type=_part,
-    )
-    add_switch(group, "--check", "run the MJCF in MuJoCo and compare it with the full model")
-    add_option(group, "--out DIR", "folder for the files", required=True)
-    group = parser.add_argument_group("whole robot, random copies")
-    add_switch(group, "--all", "write all joints with play into one file of each format")
-    add_option(
-        group, "--batch N", "write N copies besides, their play, friction and stiffness random"
-    )
-    add_option(group, "--seed S", "seed of the random numbers (default 0)", type=int)
-    add_option(
-        group,
-        "--identified FILE",
-        "draw from the 95 %% intervals that jointplay identify found (its identified.json), and "
-        "within --spread where it found none",
-    )
-    add_option(
-        group,
-        "--plugin NAME",
-        "URDF: hardware of ros2_control's tags (default gz_ros2_control/GazeboSimSystem)",
-    )
-    add_shared(group, "--quiet")
-    parser.set_defaults(motion=None, workspace=None)
-
-
-def _part(text: str) -> float:
-    """A part of one: 0.2, or 20%."""
-    try:
-        return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"must be a number or a percentage, got {text!r}"
-        ) from None
-
-
 def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
     if options.spread is not None:
-        require_non_negative("--spread", options.spread, "")
+        options.spread = _share(options.spread)
     count = _copies(options)
     joint = None if options.all else _joint(options)
     stem = STEM if joint is None else joint.replace("/", "_")
@@ -219,6 +172,15 @@ def run(options: argparse.Namespace) -> int:
                 "budget's worst direction"
             )
     return 0
+
+
+def _share(text: str) -> float:
+    """A part of one: 0.2, or 20%."""
+    try:
+        part = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        raise JointplayError(f"--spread must be a number or a percentage, got {text!r}") from None
+    return require_non_negative("--spread", part, "")
 
 
 def _copies(options: argparse.Namespace) -> int:

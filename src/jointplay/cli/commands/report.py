@@ -1,61 +1,34 @@
-"""`jointplay report`: one page on one or several results."""
+"""`jointplay report`: a report on results or a sweep: one HTML page, and a PDF of the figures.
+
+Write a report on one or several results: parameters, assumptions, audit, zoomable Figures 9-15,
+contact modes, impacts, spectra, accuracy of the tool. The page needs no network. For a sweep: a
+table, lines with confidence bands, heat maps, distributions, failed cases. Runs are repeated to
+show their largest impacts step by step.
+
+The tool's error is its deviation from an ideal run with the same inputs, which is simulated if it
+is not among the results.
+
+    RESULT ...  result file (.nc), a folder of them such as jointplay scara writes, or the store of
+        a sweep
+    -o,--out FILE  the page (default: report.html beside the first result); the PDF is named after
+        it
+    --title TEXT  title of the page (default: that of the scenario)
+    --label TEXT ...  label of a result, in the order of the results (default: its case, or the
+        file name)
+    --claims CSV  claims table of jointplay scara (default: claims.csv in a folder given)
+    --impacts N  impacts of each run to show step by step; with 0, no run is repeated (default: 5)
+    --no-pdf  write the page only
+    --quiet  do not report progress
+    --trust
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import add_option, add_repeatable, add_shared, add_switch
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "report",
-        help="write a report on results, or on a sweep: one HTML page, and a PDF of the figures",
-        description="Write a report on one or several results: parameters, assumptions, audit, "
-        "zoomable Figures 9-15, contact modes, impacts, spectra, accuracy of the "
-        "tool. The page needs no network. For a sweep: a table, lines with "
-        "confidence bands, heat maps, distributions, failed cases. Runs are repeated "
-        "to show their largest impacts step by step.",
-        epilog="The tool's error is its deviation from an ideal run with the same inputs, which "
-        "is simulated if it is not among the results.",
-    )
-    parser.add_argument(
-        "results",
-        nargs="+",
-        metavar="RESULT",
-        help="result file (.nc), a folder of them such as jointplay scara writes, or the store of "
-        "a sweep",
-    )
-    parser.add_argument(
-        "-o",
-        "--out",
-        metavar="FILE",
-        help="the page (default: report.html beside the first result); the PDF is named after it",
-    )
-    add_option(parser, "--title TEXT", "title of the page (default: that of the scenario)")
-    add_repeatable(
-        parser,
-        "--label TEXT",
-        "label of a result, in the order of the results (default: its case, or the file name)",
-    )
-    add_option(
-        parser,
-        "--claims CSV",
-        "claims table of jointplay scara (default: claims.csv in a folder given)",
-    )
-    add_option(
-        parser,
-        "--impacts N",
-        "impacts of each run to show step by step; with 0, no run is repeated (default 5)",
-    )
-    add_switch(parser, "--no-pdf", "write the page only")
-    add_switch(parser, "--quiet", "do not report progress")
-    add_shared(parser, "--trust")
 
 
 def _is_sweep(path: Path) -> bool:
@@ -65,10 +38,9 @@ def _is_sweep(path: Path) -> bool:
 
 def run(options: argparse.Namespace) -> int:
     """Read the results, write the report, say where."""
-    from jointplay.base.errors import JointplayError
     from jointplay.base.files import check_new
 
-    paths = [Path(name) for name in options.results]
+    paths = [Path(name) for name in options.result]
     if any(_is_sweep(path) for path in paths):
         return _sweep(paths, options)
     home = paths[0] if paths[0].is_dir() else paths[0].parent

@@ -1,30 +1,24 @@
-"""`jointplay robots`: the robots that are at hand, and their joints."""
+"""`jointplay robots`: list the available robots and their joints.
+
+List the robots of the package example-robot-data, their joints, and what prevents simulating them;
+each is loaded to find out. For one robot, or any URDF: joints with their limits and mimic
+relations, frames, the tool.
+
+Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.
+
+    [NAME]  robot, or path of a URDF, to describe in detail
+"""
 
 from __future__ import annotations
 
 import argparse
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
     from jointplay.model.survey import Survey
     from jointplay.model.urdf import Description
-
-
-def add(commands: Any) -> None:
-    """Add the command to the subparsers."""
-    parser = commands.add_parser(
-        "robots",
-        help="list the available robots and their joints",
-        description="List the robots of the package example-robot-data, their joints, and what "
-        "prevents simulating them; each is loaded to find out. For one robot, or any "
-        "URDF: joints with their limits and mimic relations, frames, the tool.",
-        epilog="Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.",
-    )
-    parser.add_argument(
-        "name", nargs="?", metavar="NAME", help="robot, or path of a URDF, to describe in detail"
-    )
 
 
 def run(options: argparse.Namespace) -> int:

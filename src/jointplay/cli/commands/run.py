@@ -1,49 +1,32 @@
-"""`jointplay run`: simulate the cases of a scenario file, or one robot."""
+"""`jointplay run`: simulate the cases of a scenario file, or one robot.
+
+Simulate all cases of a scenario file, or one robot with clearance in the joints named, and draw
+figures that compare the cases. Without FILE or ROBOT: the SCARA arm under gravity, 0.2 mm in joint
+B, 3 s. Options override FILE.
+
+DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load or any NetCDF
+reader), and the figures as .png and .pdf.
+
+    [FILE | ROBOT]
+    --out DIR  folder for the results (required)
+    --case NAME ...  run only this case of FILE
+  integration and output:
+    --certify  repeat the run with finer steps to give the headline figures numerical error bounds;
+        takes about two and a half times as long
+    --no-error-estimate  leave out the further run that estimates the numerical errors of the
+        headline figures
+    --resume  continue the interrupted runs in DIR, bit for bit; finished ones are kept
+    --no-figures  do not draw figures
+    --jobs
+    --quiet
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from jointplay.cli.commands import add_option, add_shared, add_switch
-from jointplay.cli.commands.inputs import add_inputs, explain, is_scenario, scenario_of
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    run = commands.add_parser(
-        "run",
-        usage="jointplay run [FILE | ROBOT] --out DIR [--set KEY=VALUE ...] [options]",
-        help="simulate the cases of a scenario file, or one robot",
-        description="Simulate all cases of a scenario file, or one robot with clearance in the "
-        "joints named, and draw figures that compare the cases. Without FILE or "
-        "ROBOT: the SCARA arm under gravity, 0.2 mm in joint B, 3 s. Options "
-        "override FILE.",
-        epilog="DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load "
-        "or any NetCDF reader), and the figures as .png and .pdf.",
-        lazy=explain,
-    )
-    add_option(run, "--out DIR", "folder for the results", required=True)
-    group = add_inputs(run, several=True)["integration and output"]
-    add_switch(
-        group,
-        "--certify",
-        "repeat the run with finer steps to give the headline figures numerical error bounds; "
-        "takes about two and a half times as long",
-    )
-    add_switch(
-        group,
-        "--no-error-estimate",
-        "leave out the further run that estimates the numerical errors of the headline figures",
-    )
-    add_switch(
-        group,
-        "--resume",
-        "continue the interrupted runs in DIR, bit for bit; finished ones are kept",
-    )
-    add_switch(group, "--no-figures", "do not draw figures")
-    add_shared(group, "--jobs", "--quiet")
+from jointplay.cli.commands.inputs import is_scenario, scenario_of
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,57 +1,33 @@
-"""`jointplay scara`: the paper's study."""
+"""`jointplay scara`: run the study of the SCARA arm: three cases, figures, claims.
+
+Simulate the SCARA assembly robot of Wang et al. (2023) ideal, with 0.2 mm and with 0.5 mm of radial
+and axial clearance in joint B; give the headline figures with their numerical errors, and beside
+them those of explicit integration with a fixed step; draw Figures 9-15; test the paper's six claims
+on perturbed runs, with and without gravity, for both inertia variants.
+
+DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png and .pdf; errors.md
+with the figures and their errors; claims.md and claims.csv; ensemble.csv with the numbers of each
+perturbed run; paper.md, which shows all of it on one page.
+
+    --out DIR  folder for the results (required)
+    --gravity {balanced,loaded}  of the three cases: balanced (none, as the orbits of Figure 12
+        need) or loaded (default balanced)
+    --inertia {consistent,as-printed}  of the three cases: consistent, or as-printed, which no rigid
+        body can have (default consistent)
+    --integrator {multi-rate,semi-implicit-euler,rk4}  of all runs; semi-implicit-euler is explicit,
+        with the paper's fixed step of 10 us (default multi-rate)
+    --runs N  perturbed runs for each clearance and condition; 0 skips the claims (default 8)
+    --jobs
+    --quiet
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
-from typing import Any
 
 from jointplay.base import signals
-from jointplay.cli.commands import add_option, add_shared
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    scara = commands.add_parser(
-        "scara",
-        help="run the study of the SCARA arm: three cases, figures, claims",
-        description="Simulate the SCARA assembly robot of Wang et al. (2023) ideal, with 0.2 mm "
-        "and with 0.5 mm of radial and axial clearance in joint B; give the headline figures with "
-        "their numerical errors, and beside them those of explicit integration with a fixed step; "
-        "draw Figures 9-15; test the paper's six claims on perturbed runs, with and without "
-        "gravity, for both inertia variants.",
-        epilog="DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png and "
-        ".pdf; errors.md with the figures and their errors; claims.md and claims.csv; ensemble.csv "
-        "with the numbers of each perturbed run; paper.md, which shows all of it on one page.",
-    )
-    add_option(scara, "--out DIR", "folder for the results", required=True)
-    add_option(
-        scara,
-        "--gravity G",
-        "of the three cases: balanced (none, as the orbits of Figure 12 need) or loaded",
-        "balanced",
-        choices=("balanced", "loaded"),
-    )
-    add_option(
-        scara,
-        "--inertia WORD",
-        "of the three cases: consistent, or as-printed, which no rigid body can have",
-        "consistent",
-        choices=("consistent", "as-printed"),
-    )
-    add_option(
-        scara,
-        "--integrator WORD",
-        "of all runs: multi-rate, semi-implicit-euler (explicit, with the paper's fixed step of "
-        "10 us), rk4",
-        "multi-rate",
-        choices=("multi-rate", "semi-implicit-euler", "rk4"),
-    )
-    add_option(
-        scara, "--runs N", "perturbed runs for each clearance and condition; 0 skips the claims", 8
-    )
-    add_shared(scara, "--jobs", "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:

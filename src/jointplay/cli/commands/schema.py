@@ -1,21 +1,14 @@
-"""`jointplay schema`: the JSON schema of scenario files, for editors."""
+"""`jointplay schema`: print the JSON schema of scenario files, for editors.
+
+Print the JSON schema of scenario files. Saved as scenario.schema.json beside a scenario whose first
+line is `#:schema scenario.schema.json`, it gives editors with Taplo (Even Better TOML) completion,
+explanations and checks.
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    commands.add_parser(
-        "schema",
-        help="print the JSON schema of scenario files, for editors",
-        description="Print the JSON schema of scenario files. Saved as scenario.schema.json beside "
-        "a scenario whose first line is `#:schema scenario.schema.json`, it gives editors with "
-        "Taplo (Even Better TOML) completion, explanations and checks.",
-    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,4 +1,24 @@
-"""`jointplay shares`: which joint brings about the tool's error in runs, and on what it depends."""
+"""`jointplay shares`: each joint's share of the tool's error in simulated runs, and Sobol indices.
+
+Dynamic error budget: simulate the play of each joint alone and of all together, and print each
+joint's share of the tool's error and the interaction; with --sobol also how much of its variance
+comes from clearances, friction, speed and payload. All input options of jointplay run are accepted
+too. See docs/decisions.md.
+
+Example: jointplay shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2
+
+    [FILE | ROBOT]
+  shares:
+    --runs N  perturbed runs of each variant (default 3)
+    --sobol N  also compute Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)
+    --spread X  factor by which clearances and friction vary, up or down (default 2)
+    --slowest X  lowest share of the motion's speed (default 0.7)
+    --payload MASS  largest payload at the tool, varied from zero (default 0)
+    --out DIR  folder for the table, the figure and the runs, from which an interrupted command
+        continues
+    --jobs
+    --quiet
+"""
 
 from __future__ import annotations
 
@@ -6,42 +26,8 @@ import argparse
 from typing import Any
 
 from jointplay.base import streams
-from jointplay.cli.commands import Outputs, add_option, add_shared
-from jointplay.cli.commands.inputs import add_inputs, explain, simulation_of
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "shares",
-        usage="jointplay shares [FILE | ROBOT] [--runs N] [--sobol N] [--jobs N] [options]",
-        help="find each joint's share of the tool's error in simulated runs, and Sobol indices",
-        description="Dynamic error budget: simulate the play of each joint alone and of all "
-        "together, and print each joint's share of the tool's error and the "
-        "interaction; with --sobol also how much of its variance comes from "
-        "clearances, friction, speed and payload. All input options of jointplay run "
-        "are accepted too. See docs/decisions.md.",
-        epilog="Example: jointplay shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2",
-        lazy=explain,
-    )
-    group = parser.add_argument_group("shares")
-    add_option(group, "--runs N", "perturbed runs of each variant", 3)
-    add_option(
-        group,
-        "--sobol N",
-        "also compute Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)",
-    )
-    add_option(group, "--spread X", "factor by which clearances and friction vary, up or down", 2.0)
-    add_option(group, "--slowest X", "lowest share of the motion's speed", 0.7)
-    add_option(group, "--payload MASS", "largest payload at the tool, varied from zero")
-    add_option(
-        group,
-        "--out DIR",
-        "folder for the table, the figure and the runs, from which an interrupted command "
-        "continues",
-    )
-    add_shared(group, "--jobs", "--quiet")
-    add_inputs(parser)
+from jointplay.cli.commands import Outputs
+from jointplay.cli.commands.inputs import simulation_of
 
 
 def run(options: argparse.Namespace) -> int:
@@ -50,9 +36,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.study.courses import check_numbers
     from jointplay.study.shares import check, sensitivity, shares
 
-    payload = options.payload or 0.0
     check_numbers(options.runs, options.jobs)
-    check(options.sobol, options.spread, options.slowest, payload)
+    check(options.sobol, options.spread, options.slowest, options.payload)
     simulation = simulation_of(options)
     folder = out.claim()
     ensemble: dict[str, Any] = {
@@ -75,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
                 options.sobol,
                 spread=options.spread,
                 slowest=options.slowest,
-                payload=payload,
+                payload=options.payload,
                 **ensemble,
             )
         )

@@ -1,45 +1,30 @@
-"""`jointplay sweep FILE`: many cases of a scenario, on all cores or a cluster, in one store."""
+"""`jointplay sweep`: run many cases of a scenario: grids, samples, repeats.
+
+Run all cases of the table [sweep] of a scenario (docs/sweeps.md) on all cores, or on the workers of
+a Dask cluster. Whenever a process is killed, --resume continues, and no finished case runs again.
+
+STORE is a folder of Zarr arrays over the dimensions of the sweep: read it with
+jointplay.open_sweep, or xarray.open_zarr. Keys of axes count elements of lists from 1:
+payloads[1].mass is the first payload's.
+
+    FILE  scenario (TOML) with a table [sweep]
+    --out STORE  folder for the results (required)
+    --resume  continue the sweep
+    --extend  continue the sweep with more samples, repeats, or values at the end of a list
+    --jobs
+    --scheduler ADDRESS  Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786
+    --yes  run the sweep even if it is very large
+    --rows N  rows of the printed table (default 20)
+    --quiet
+    --trust
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
-
-from jointplay.cli.commands import add_option, add_shared, add_switch
 
 FAILED = 1
-
-
-def add(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "sweep",
-        help="run many cases of a scenario: grids, samples, repeats",
-        description="Run all cases of the table [sweep] of a scenario (docs/sweeps.md) on all "
-        "cores, or on the workers of a Dask cluster. Whenever a process is killed, "
-        "--resume continues, and no finished case runs again.",
-        epilog="STORE is a folder of Zarr arrays over the dimensions of the sweep: read it with "
-        "jointplay.open_sweep, or xarray.open_zarr. Keys of axes count elements of lists from 1: "
-        "payloads[1].mass is the first payload's.",
-    )
-    parser.add_argument("file", metavar="FILE", help="scenario (TOML) with a table [sweep]")
-    add_option(parser, "--out STORE", "folder for the results", required=True)
-    add_switch(parser, "--resume", "continue the sweep")
-    add_switch(
-        parser,
-        "--extend",
-        "continue the sweep with more samples, repeats, or values at the end of a list",
-    )
-    add_shared(parser, "--jobs")
-    add_option(
-        parser,
-        "--scheduler ADDRESS",
-        "Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786",
-    )
-    add_switch(parser, "--yes", "run the sweep even if it is very large")
-    add_option(parser, "--rows N", "rows of the printed table", 20)
-    add_shared(parser, "--quiet", "--trust")
 
 
 def run(options: argparse.Namespace) -> int:

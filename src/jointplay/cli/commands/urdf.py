@@ -1,35 +1,26 @@
-"""`jointplay urdf`: write a URDF with play in some of its joints, for other simulators."""
+"""`jointplay urdf`: write a URDF whose joints have play, for other simulators.
+
+Write a URDF in which each named revolute joint is replaced by the virtual link: three translations
+x, y, z of the journal in its bearing, then yaw, pitch and roll. Yaw keeps the joint's name, limits,
+friction and transmission. Everything else in the file stays as it is.
+
+Limits let the journal move about twice its clearance, and the inner ring of a rolling bearing as
+far as it is free; the bearings themselves (round, elastic, with friction) cannot be described in a
+URDF: docs/robots.md.
+
+    FILE | ROBOT  robot, joints with clearance
+    --out FILE  URDF file to write (required)
+"""
 
 from __future__ import annotations
 
 import argparse
 import re
 from pathlib import Path
-from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import add_option
-from jointplay.cli.commands.inputs import POSES, add_inputs, explain, scenario_of
-
-
-def add(commands: Any) -> None:
-    """Add the command to the subparsers."""
-    parser = commands.add_parser(
-        "urdf",
-        usage="jointplay urdf FILE | ROBOT --joint NAME [--joint NAME] [options] --out FILE",
-        help="write a URDF whose joints have play, for other simulators",
-        description="Write a URDF in which each named revolute joint is replaced by the virtual "
-        "link: three translations x, y, z of the journal in its bearing, then yaw, pitch and roll. "
-        "Yaw keeps the joint's name, limits, friction and transmission. Everything else in the "
-        "file stays as it is.",
-        epilog="Limits let the journal move about twice its clearance, and the inner ring of a "
-        "rolling bearing as far as it is free; the bearings themselves (round, elastic, with "
-        "friction) cannot be described in a URDF: docs/robots.md.",
-        lazy=explain,
-    )
-    add_inputs(parser, POSES[:2], needed=True)
-    add_option(parser, "--out FILE", "URDF file to write", required=True)
+from jointplay.cli.commands.inputs import scenario_of
 
 
 def run(options: argparse.Namespace) -> int:
