@@ -1,154 +1,194 @@
-"""Progress of what takes longer than a moment: a bar in a terminal, now and then a line in a file.
-
-Nothing of tqdm is made where nothing is shown: its bars share a lock between processes, and one
-that was killed while it held the lock would never give it back.
-"""
+"""Progress of what takes longer than a moment: a bar in a terminal, at times a line in a file."""
 
 from __future__ import annotations
 
-import math
 import os
+import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
-
-from tqdm import tqdm
+from collections.abc import Iterable, Iterator, Sized
+from contextlib import contextmanager, suppress
+from datetime import timedelta
+from typing import Any, Self
 
 LINE_EVERY_S = 10.0
 """Interval at which progress is said where there is no terminal [s]; `JOINTPLAY_PROGRESS_S` of the
 environment replaces it."""
 
+_DRAWN_EVERY_S = 0.2
+"""Interval at which a bar is drawn at most [s]."""
+
 _EARLY_S, _EARLY = 60.0, 0.02
 """How long [s], and up to which part of the work, nothing is said of the time that is left."""
 
-_LINE = "{desc} {percentage:3.0f} %, {n_fmt}/{total_fmt} {unit}{postfix}, {remaining} left"
-_COUNT = "{desc} {n_fmt} {unit}{postfix}, {elapsed} gone"
+_OF_TOTAL = "{desc} {part:4.0%}|{bar}| {n:.10g}/{total:.10g} {unit}{postfix}, {left} left"
+_COUNT = "{desc} {n:.10g} {unit}{postfix}, {gone} gone"
+_SIMULATED = "{desc} {part:4.0%}|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {left} left"
 
 
-class ProgressBar(tqdm):
-    """A bar of tqdm's in a terminal; in a file or a pipe a line each `LINE_EVERY_S`.
+class ProgressBar:
+    """A bar on standard error if that is a terminal; else a line each `LINE_EVERY_S`.
 
-    Arguments are tqdm's.
+    Args:
+        items: that are gone through, each of which moves the bar by one; `update` moves it, too.
+        desc: what is being done.
+        total: how much there is to do, if it is known; by default the number of items.
+        unit: what is counted.
+        initial: how much has been done before.
+        delay: time for which nothing is shown [s].
+        leave: whether the bar stays when all is done.
     """
 
-    disable: bool
-    _first: tuple[float, float] | None = None
-    """When something was done first, and how much [s]: before, kernels are compiled or loaded."""
+    def __init__(
+        self,
+        items: Iterable[Any] = (),
+        desc: str = "",
+        *,
+        total: float | None = None,
+        unit: str = "it",
+        disable: bool = False,
+        initial: float = 0.0,
+        delay: float = 0.0,
+        leave: bool = True,
+        layout: str = _OF_TOTAL,
+        file: Any = None,
+    ) -> None:
+        self.items, self.desc, self.unit, self.n = items, desc, unit, initial
+        self.total = total or (len(items) if isinstance(items, Sized) else 0)
+        self.disable, self.postfix = disable, ""
+        self._leave, self._layout = leave, layout if self.total else _COUNT
+        self._file = sys.stderr if file is None else file
+        self._drawn, self._every = _is_terminal(self._file), _DRAWN_EVERY_S
+        if not self._drawn:
+            self._layout, self._every = self._layout.replace("%}|{bar}|", "%},"), LINE_EVERY_S
+            with suppress(KeyError, ValueError):
+                self._every = float(os.environ["JOINTPLAY_PROGRESS_S"])
+            delay = max(delay, self._every)
+        self._start = self._clock()
+        self._next = self._start + delay
+        self._first: tuple[float, float] | None = None  # before, kernels are compiled or loaded
+        self._said = ""
 
-    def __init__(self, *args: Any, **options: Any) -> None:
-        """Begin; standard error takes it, as with tqdm."""
-        self._lines = not _terminal(options.get("file") or sys.stderr)
-        if self._lines:
-            layout = options.get("bar_format")
-            if layout is None:
-                known = options.get("total") is not None or args
-                layout = _LINE if known else _COUNT
-            options["bar_format"] = layout.replace("%|{bar}|", " %,")
-            every = _interval()
-            options |= {"mininterval": every, "maxinterval": max(every, 0.1), "miniters": 0}
-            options["delay"] = max(options.get("delay", 0.0), every)
-        super().__init__(*args, **options)
+    _clock = staticmethod(time.perf_counter)
 
-    @property
-    def format_dict(self) -> dict[str, Any]:
-        """What the bar shows; the speed is that since something was done first."""
-        shown: dict[str, Any] = super().format_dict
-        if self.disable:  # tqdm then has no clock
-            return shown
-        early = shown["elapsed"] < _EARLY_S and shown["n"] < _EARLY * (shown["total"] or 0.0)
-        time, done = self._first or (math.inf, 0.0)
-        span = self._time() - time
-        shown["rate"] = 0.0  # tqdm then writes "?"
-        if not early and span > 0.0:
-            shown["rate"] = (shown["n"] - done) / span
-        return shown
+    def __enter__(self) -> Self:
+        return self
 
-    def update(self, n: float | None = 1) -> bool | None:
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Any]:
+        with self:
+            for one in self.items:
+                yield one
+                self.update()
+
+    def update(self, more: float = 1) -> None:
         """So much more is done."""
-        told: bool | None = super().update(n)
-        if not self.disable and self._first is None and n:
-            self._first = self._time(), self.n
-        return told
+        self.n += more
+        if not self.disable and self._clock() >= self._next:
+            self.refresh()
+        if self._first is None and more:
+            self._first = self._clock(), self.n
+
+    def refresh(self) -> None:
+        """Show how far it is."""
+        text = "" if self.disable else self._text()
+        self._next = self._clock() + self._every
+        if text != self._said:
+            self._write(f"\r{text:<{len(self._said)}}" if self._drawn else f"{text}\n")
+            self._said = text
 
     def close(self) -> None:
         """End it; a bar stays as it is, and of lines there is a last one if there was any."""
-        if not self._lines or self.disable:
-            super().close()
-            return
-        if self.last_print_t >= self.start_t + self.delay:
-            self.display()
-        self.disable = True
-        self._decr_instances(self)
+        if self._said and not self._leave:
+            self.clear()
+        elif self._said:
+            self.refresh()
+            self._write("\n" if self._drawn else "")
+        self.disable, self._said = True, ""
 
-    @staticmethod
-    def status_printer(file: Any) -> Callable[[str], None]:
-        """What writes the bar, or a line."""
-        if _terminal(file):
-            return tqdm.status_printer(file)  # type: ignore[no-any-return]
+    def clear(self) -> None:
+        """Leave the bar's line, until it is drawn anew."""
+        if self._drawn and self._said:
+            self._write(f"\r{' ' * len(self._said)}\r")
+            self._said = ""
 
-        said = ""
+    def _write(self, text: str) -> None:
+        with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
+            self._file.write(text)
+            self._file.flush()
 
-        def write(text: str) -> None:
-            nonlocal said
-            if text.strip() and text.strip() != said:
-                said = text.strip()
-                file.write(f"{said}\n")
-                file.flush()
+    def _text(self) -> str:
+        now, part = self._clock(), min(self.n / self.total, 1.0) if self.total else 0.0
+        since, done = self._first or (now, self.n)
+        left = "?"
+        if self.n > done and now > since and (now - self._start > _EARLY_S or part > _EARLY):
+            left = _words((self.total - self.n) * (now - since) / (self.n - done))
+        postfix = f", {self.postfix}" if self.postfix else ""
+        about = vars(self) | {"part": part, "postfix": postfix, "left": left, "bar": ""}
+        about["gone"] = _words(now - self._start)
+        plain = self._layout.format(**about).strip()
+        if not self._drawn:
+            return plain
+        room = shutil.get_terminal_size().columns - 1
+        width = max(room - len(plain), 0)
+        about["bar"] = f"{'#' * round(width * part):<{width}}"
+        return self._layout.format(**about).strip()[:room]
 
-        return write
 
-
-def _interval() -> float:
-    try:
-        return max(float(os.environ.get("JOINTPLAY_PROGRESS_S", LINE_EVERY_S)), 0.0)
-    except ValueError:
-        return LINE_EVERY_S
-
-
-def _terminal(stream: Any) -> bool:
+def _is_terminal(stream: Any) -> bool:
     try:
         return bool(stream.isatty())
     except (AttributeError, ValueError):  # none at all, or closed
         return False
 
 
-class Whole:
-    """One bar for a piece of work of several runs, by the time that they simulate [s].
+def _words(seconds: float) -> str:
+    return str(timedelta(seconds=round(max(seconds, 0.0))))
 
-    The bars of runs that begin in the meantime add to it instead of standing on their own.
+
+class Simulated(ProgressBar):
+    """Progress by simulated time [s]: its speed relative to real time, and the time left.
+
+    Within `whole`, one bar is for all runs, and those that begin there add to it.
     """
 
-    def __init__(self, total: float) -> None:
-        """`total` is what all runs simulate together [s]."""
-        layout = (
-            "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
+    def __init__(self, total: float, show: bool = True, desc: str = "", begin: float = 0.0) -> None:
+        self._whole = _whole if show else None
+        shown = show and self._whole is None
+        super().__init__(
+            desc=desc, total=total, initial=begin, disable=not shown, layout=_SIMULATED
         )
-        self._bar = ProgressBar(total=total, bar_format=layout, mininterval=0.2, smoothing=0.0)
-        self._words, self._started = "", time.perf_counter()
+        self._words, self._begin, self._reached = "", begin, begin
+        if self._whole is not None:
+            self._whole.say(desc.strip())
 
-    def add(self, seconds: float) -> None:
+    def reach(self, now: float) -> None:
+        """The run has got to the time `now` [s]."""
+        if now - now == 0.0:  # it is finite
+            self.update(now - self._reached)
+            self._reached = now
+
+    def update(self, more: float = 0.0) -> None:
         """So much more has been simulated [s]."""
-        self._bar.total = max(self._bar.total, self._bar.n + seconds)
-        speed = self._bar.n / max(time.perf_counter() - self._started, 1e-9)
-        words = f"{self._words}, " if self._words else ""
-        self._bar.set_postfix_str(f"{words}{speed:.2f} x real time", refresh=False)
-        self._bar.update(max(seconds, 0.0))
+        if self._whole is not None:
+            self._whole.update(more)
+            return
+        self.total = max(self.total, self.n + more)
+        speed = (self.n + more - self._begin) / max(self._clock() - self._start, 1e-9)
+        self.postfix = f"{self._words}{speed:.2f} x real time"
+        super().update(max(more, 0.0))
 
     def say(self, words: str) -> None:
         """What is being done now."""
-        self._words = words
-
-    def close(self) -> None:
-        """Leave the bar as it is."""
-        self._bar.close()
+        self._words = f"{words}, " if words else ""
 
 
-_whole: Whole | None = None
+_whole: Simulated | None = None
 
 
-def current() -> Whole | None:
+def current() -> Simulated | None:
     """The bar of the whole, within `whole`."""
     return _whole
 
@@ -160,7 +200,7 @@ def whole(total: float, show: bool) -> Iterator[None]:
     if not show or _whole is not None:
         yield
         return
-    _whole = Whole(total)
+    _whole = Simulated(total)
     try:
         yield
     finally:
@@ -171,9 +211,7 @@ def whole(total: float, show: bool) -> Iterator[None]:
 @contextmanager
 def printing() -> Iterator[None]:
     """Within the block text can be printed while bars are shown."""
-    if _whole is None or not _terminal(sys.stderr):
-        yield
-        return
-    with tqdm.external_write_mode(file=sys.stdout):
-        yield
-        sys.stdout.flush()
+    if _whole is not None:
+        _whole.clear()
+    yield
+    sys.stdout.flush()

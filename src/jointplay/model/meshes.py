@@ -11,6 +11,7 @@ import hashlib
 import io
 import os
 import re
+import sys
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from platformdirs import user_cache_path
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
@@ -68,8 +68,9 @@ Parts = tuple[Surface, ...]
 
 def cache_folder() -> Path:
     """Where surfaces are kept: ``JOINTPLAY_CACHE``, else the user's cache."""
-    own = os.environ.get("JOINTPLAY_CACHE")
-    return (Path(own) if own else user_cache_path("jointplay")) / "meshes"
+    there = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser(there)
+    return Path(os.environ.get("JOINTPLAY_CACHE") or Path(user) / "jointplay") / "meshes"
 
 
 def parts_of(path: Path) -> Parts:

@@ -102,7 +102,7 @@ class Ensembles:
     def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:
         for _ in self._study.outcomes(workers=pool):
             if (bar := current()) is not None:
-                bar.add(length())
+                bar.update(length())
 
     @property
     def to_simulate(self) -> float:
@@ -119,7 +119,7 @@ class Ensembles:
             wait([collecting], _LOOK_S)
             if (bar := current()) is not None:
                 bar.say(f"perturbed runs, {len(self.measures)} of {len(self.plan)}")
-                bar.add(0.0)
+                bar.update(0.0)
         collecting.result()
 
     @property

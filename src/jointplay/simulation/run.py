@@ -25,6 +25,7 @@ from jointplay.base.errors import (
     require_vector,
     require_whole,
 )
+from jointplay.base.progress import Simulated
 from jointplay.model.impact import tooth_duration
 from jointplay.model.massless import require_inertia
 from jointplay.model.mechanism import Mechanism
@@ -48,7 +49,6 @@ from jointplay.simulation.loop import (
     SingleRate,
     TimeLoop,
 )
-from jointplay.simulation.progress import Bar
 from jointplay.simulation.result.audit import Judgement
 from jointplay.simulation.result.histories import histories
 from jointplay.simulation.result.variables import Phase, Records
@@ -574,7 +574,9 @@ class Run:
             self._origin = workspace.q.copy(), workspace.v.copy()
         with _saying_if_long(progress and not self._loop.compiled):
             self._loop.compile()
-        bar = Bar(self.total_steps * self.simulation.step, progress, self.label, workspace.time)
+        bar = Simulated(
+            self.total_steps * self.simulation.step, progress, self.label, workspace.time
+        )
         self._since = time.perf_counter() - self._elapsed
         with ExitStack() as stack:
             stack.callback(bar.close)
@@ -583,7 +585,7 @@ class Run:
                 stack.enter_context(guard())
             try:
                 for now in self._stretches():
-                    bar.update(now)
+                    bar.reach(now)
                     requests = [asked_to_stop() for asked_to_stop in self.stop_checks]
                     if any(requests):
                         return Status.INTERRUPTED

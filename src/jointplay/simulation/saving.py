@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files, signals
 from jointplay.base.errors import JointplayError
+from jointplay.base.progress import ProgressBar
 from jointplay.physics.kernel import Status
 from jointplay.simulation import checkpoint, working_files
-from jointplay.simulation.progress import Writing
 from jointplay.simulation.result.histories import HistoryBuilder
 from jointplay.simulation.result.netcdf import GrowingDataset
 from jointplay.simulation.result.result import Result
@@ -140,8 +140,8 @@ def _save_from_disk(
         run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
     )
     portions = on_disk.portions(w.fields)
-    bar = Writing(on_disk.rows, progress)
-    with closing(bar), files.writing(path, overwrite=overwrite) as file:
+    bar = ProgressBar((), "writing the histories", total=on_disk.rows, disable=not progress)
+    with bar, files.writing(path, overwrite=overwrite) as file:
         whole, records = made.totals(w), next(portions)
         first = made.portion(records, run.phases).assign(whole)
         bar.update(records.rows)

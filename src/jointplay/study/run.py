@@ -250,21 +250,17 @@ def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Worker
 def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
     """Run the cases that have not been run."""
     made = store.plan
-    layout = (
-        "{percentage:3.0f}%|{bar}| {n}/{total} cases{postfix}, {elapsed} gone, {remaining} left"
-    )
     failed = int(np.count_nonzero(store.state == FAILED))
     bar = ProgressBar(
-        total=made.count, initial=made.count - left, disable=not progress, bar_format=layout,
-        mininterval=0.2, smoothing=0.05,
-    )  # fmt: skip
+        total=made.count, initial=made.count - left, disable=not progress, unit="cases"
+    )
     study = Study(made.cases, partial(run_case, job(made)), store)
     with bar:
         bar.refresh()
         for index, _ in study.outcomes(progress=bar, workers=workers):
             failed += int(store.state[index]) == FAILED
             if failed:
-                bar.set_postfix_str(f", {failed} failed", refresh=False)
+                bar.postfix = f"{failed} failed"
 
 
 def _enough(store: Store) -> bool:

@@ -379,7 +379,7 @@ def _run_parallel(
                         if item.case in left and runs > 1:
                             ended += f", errors of {item.case} (further run {runs - 1})"
                     bar.say(ended)
-                    bar.add(now - shown)
+                    bar.update(now - shown)
                     shown = now
             except BaseException:
                 _stop_workers(pool, items, left)

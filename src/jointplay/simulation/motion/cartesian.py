@@ -816,7 +816,6 @@ def _otherwise(
         unit="try",
         delay=_PATIENCE_S,
         leave=False,
-        position=0,
     )
     tries = [arm.search(arm.anywhere(random), target) for _ in restarts]
     others = [one for one in tries if one.reached]

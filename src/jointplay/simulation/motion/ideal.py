@@ -264,16 +264,8 @@ class IdealMotion:
 
 
 def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
-    if not progress:
-        return things  # and nothing of ProgressBar: see `simulation.progress`
-    bar: Iterable[int] = ProgressBar(
-        things,
-        "tabulating the motion",
-        delay=_PATIENCE_S,
-        leave=False,
-        bar_format="{desc} {percentage:3.0f}%|{bar}| {remaining} left",
-    )
-    return bar
+    words = "tabulating the motion"
+    return ProgressBar(things, words, disable=not progress, delay=_PATIENCE_S, leave=False)
 
 
 def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) -> np.ndarray:
