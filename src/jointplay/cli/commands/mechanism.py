@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from jointplay.accuracy.robot_errors import RobotErrors
     from jointplay.model.mechanism import Mechanism
-    from jointplay.physics.joints import Clearance
     from jointplay.scenario import Scenario
     from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.simulation import Simulation
@@ -69,16 +69,13 @@ def error_class(options: argparse.Namespace, work: Task) -> str:
     """
     from jointplay.accuracy.robot_errors import CLASSES
 
-    said = [options.whole, work.errors and work.errors.assumed]
-    if (chosen := inputs.chosen_preset(options)) is not None:
-        said.append(chosen.errors)
-    for one in said:
-        if one:
-            return str(one)
+    preset = inputs.chosen_preset(options)
+    said = (options.whole, work.errors and work.errors.assumed, preset and preset.errors)
+    for one in filter(None, said):
+        return str(one)
     raise JointplayError(
-        f"--whole needs a class of robots from which is taken what is not given: "
-        f"{', '.join(CLASSES)}; or [errors] of the scenario says it, such as assumed = "
-        f'"{CLASSES[1]}"'
+        f"--whole needs a class of robots, from which is taken what is not given: "
+        f'{", ".join(CLASSES)}; or [errors] of the scenario, such as assumed = "{CLASSES[1]}"'
     )
 
 
@@ -91,26 +88,22 @@ def task(options: argparse.Namespace) -> Task:
     import numpy as np
 
     from jointplay.accuracy import poses
+    from jointplay.simulation.motion.reference import Motion
 
-    of_file = inputs.is_scenario(options)
-    chosen = [
-        one
-        for one in ("pose", "poses", "motion", "workspace")
-        if getattr(options, one, None) not in (None, [])
-    ]
+    ways = {name: getattr(options, name, None) for name in ("pose", "poses", "motion", "workspace")}
+    chosen = {name: value for name, value in ways.items() if value not in (None, [])}
     if len(chosen) > 1:
         raise JointplayError(f"give one of --{' and --'.join(chosen)}")
     notes = _all_loose(options)
     scenario = inputs.scenario_of(options, still=True)
+    of_file = inputs.is_scenario(options)
     simulation = scenario.simulation(options.case) if of_file else None
+    errors = scenario.robot_errors(options.case) if of_file else None
     mechanism = scenario.mechanism(options.case)
     _require_sizes(options, scenario, mechanism)
     motion = None if simulation is None else simulation.motion
-    if options.motion is not None and motion is None:
-        from jointplay.simulation.motion.reference import Motion
-
-        motion = Motion.from_csv(options.motion)
-    errors = scenario.robot_errors(options.case) if of_file else None
+    if "motion" in chosen and motion is None:
+        motion = Motion.from_csv(chosen["motion"])
     notes += [*_notes(options, mechanism), *scenario.notes]
     notes += [line for line in scenario.assumptions if line.startswith("preset ")]
     mechanism = _bolted(mechanism)
@@ -120,69 +113,84 @@ def task(options: argparse.Namespace) -> Task:
         driven = poses.standing(mechanism, motion, near)
         notes.append(_loops(mechanism, driven))
     names: tuple[str, ...] = ()
-    if options.workspace is not None:
-        q = poses.over_workspace(mechanism, options.workspace, driven=driven, near=near)
+    if "workspace" in chosen:
+        q = poses.over_workspace(mechanism, chosen["workspace"], driven=driven, near=near)
         kind, words = "workspace", f"{len(q)} poses over the workspace"
-        if len(q) < options.workspace:
-            words += (
-                f" ({options.workspace - len(q)} others were left out because the loops do not "
-                "close there)"
-            )
-    elif motion is not None and not {"pose", "poses"}.intersection(chosen):
+        if out := chosen["workspace"] - len(q):
+            words += f" ({out} others were left out because the loops do not close there)"
+    elif motion is not None and not {"pose", "poses"} & set(chosen):
         q, kind = poses.along_motion(mechanism, motion, near=near), "motion"
         words = f"{len(q)} poses along the motion"
     else:
-        asked = _given_poses(mechanism, options)
+        asked = _given_poses(mechanism, chosen)
         rows = []
         for name, one in asked.items():
-            try:
+            with _of_pose(name if len(asked) > 1 or "poses" in chosen else ""):
                 rows.append(poses.at_pose(mechanism, one, driven, near))
-            except JointplayError as error:
-                if len(asked) == 1 and "poses" not in chosen:
-                    raise
-                raise JointplayError(f"pose {name}: {error}") from None
         q, kind = np.concatenate(rows), "pose"
-        words = _words_of_pose(mechanism, next(iter(asked.values())), driven)
         if len(asked) > 1:
             names, words = tuple(asked), f"{len(asked)} poses"
-        elif not chosen:
-            words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
+        else:
+            chain = mechanism.model.supports[_tool_joint(mechanism)]
+            moving = driven or [mechanism.model.names[i] for i in chain]
+            at = {**poses.middle(mechanism), **next(iter(asked.values()))}
+            words = "pose " + ", ".join(f"{n} {x:.4g}" for n, x in at.items() if n in moving)
+            if not chosen:
+                words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
     return Task(mechanism, q, words, kind, names, motion, simulation, driven, tuple(notes), errors)
 
 
-def _given_poses(mechanism: Mechanism, options: argparse.Namespace) -> dict[str, dict[str, float]]:
+@contextmanager
+def _of_pose(name: str) -> Iterator[None]:
+    """Say of errors in the block at which pose they are, if it has a name."""
+    try:
+        yield
+    except JointplayError as error:
+        raise JointplayError(f"pose {name}: {error}" if name else str(error)) from None
+
+
+def _given_poses(mechanism: Mechanism, chosen: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Joint positions of the poses that are given one by one, by name; at least one."""
-    file = getattr(options, "poses", None)
+    file = chosen.get("poses")
     if file is None:
-        return {text: _positions(mechanism, text) for text in options.pose or [""]}
+        return {text: _positions(mechanism, text) for text in chosen.get("pose", [""])}
     (_, header), *rows = files.csv_rows(Path(file), "poses")
     header = [cell.strip() for cell in header]
     named = header[0] == "name"
     found: dict[str, dict[str, float]] = {}
     for number, row in rows:
-        cells = [cell.strip() for cell in row]
+        line, cells = f"{file}, line {number}", [cell.strip() for cell in row]
         name = cells[0] if named else str(len(found) + 1)
         if name in found:
-            raise JointplayError(f"{file}, line {number}: there are two poses {name!r}")
+            raise JointplayError(f"{line}: there are two poses {name!r}")
+        pairs = [*zip(header, cells, strict=True)][named:]
         found[name] = {
-            joint: _position(mechanism, joint, cell, f"{file}, line {number}, {joint}")
-            for joint, cell in list(zip(header, cells, strict=True))[named:]
+            joint: _position(mechanism, joint, cell, f"{line}, {joint}") for joint, cell in pairs
         }
     if not found:
         raise JointplayError(f"{file} has no poses: give a line of joint positions for each")
     return found
 
 
-def _words_of_pose(
-    mechanism: Mechanism, positions: dict[str, float], driven: tuple[str, ...] | None
-) -> str:
-    """Where the joints are that move the tool."""
-    from jointplay.accuracy import poses
+def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
+    """Joint positions of JOINT=X,JOINT=X [rad or m]."""
+    positions = {}
+    names = mechanism.description.joints
+    longest = sorted(map(re.escape, names), key=len, reverse=True)
+    ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
+    for part in re.split(f",{ahead}", text) if text else ():
+        name, value = name_and_value(part.strip(), names)
+        name = name if name in names else name.strip()
+        if value is None:
+            raise JointplayError(f"--pose must read JOINT=X,JOINT=X,..., got {part!r}")
+        positions[name] = _position(mechanism, name, value, f"--pose {name}")
+    return positions
 
-    chain = mechanism.model.supports[mechanism.model.frames[mechanism.tool_frame].parentJoint]
-    moving = set(driven or (mechanism.model.names[i] for i in chain))
-    pose = {**poses.middle(mechanism), **positions}
-    return "pose " + ", ".join(f"{name} {x:.4g}" for name, x in pose.items() if name in moving)
+
+def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
+    """Position of a joint [rad or m]; errors begin with `where`."""
+    entry = mechanism.description.joints.get(joint)
+    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
 
 
 def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
@@ -220,6 +228,10 @@ def _chosen(mechanism: Mechanism) -> str:
     return f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)"
 
 
+def _tool_joint(mechanism: Mechanism) -> int:
+    return int(mechanism.model.frames[mechanism.tool_frame].parentJoint)
+
+
 def _chain(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
     """Joints that can have clearance and move the tool, as seen from --relative-to.
 
@@ -229,14 +241,13 @@ def _chain(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
     from jointplay.physics.joints import replacing
 
     model, entries = mechanism.model, mechanism.description.joints
-    able = {name for name, entry in entries.items() if replacing(entry.kind)}
+    able = [name for name, entry in entries.items() if replacing(entry.kind)]
     if mechanism.loops:
-        return [*(name for name in entries if name in able), *mechanism.loops]
-    ends = [model.frames[mechanism.tool_frame]]
+        return [*able, *mechanism.loops]
+    between = {*model.supports[_tool_joint(mechanism)]}
     if (body := getattr(options, "relative_to", None)) is not None:
-        ends.append(model.frames[frame_index(model, body, "body")])
-    ways = [{*model.supports[frame.parentJoint]} for frame in ends]
-    between = ways[0].symmetric_difference(*ways[1:]) if ways[1:] else ways[0]
+        other = model.frames[frame_index(model, body, "body")].parentJoint
+        between ^= {*model.supports[other]}
     return [model.names[i] for i in sorted(between) if i > 0 and model.names[i] in able]
 
 
@@ -270,12 +281,14 @@ def _notes(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
     seen = "" if body is None else f" as seen from {body!r}"
     for name in inputs.named_joints(options):
         if name not in chain:
-            notes.append(
-                f"note: {name} does not move {mechanism.tool!r}{seen}, so it adds nothing to the "
-                "error"
-            )
+            tool = f"{mechanism.tool!r}{seen}"
+            notes.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
     if (options.joint or inputs.for_joints(options)) and mechanism.clearance:
-        notes.append(f"play: {_words(mechanism.clearance)}")
+        parts: dict[str, list[str]] = {}
+        for name, joint in mechanism.clearance.items():
+            parts.setdefault(joint.words, []).append(name)
+        play = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
+        notes.append(f"play: {'; '.join(play)}")
     return notes
 
 
@@ -285,40 +298,9 @@ def _bolted(mechanism: Mechanism) -> Mechanism:
 
     if mechanism.free_base is None:
         return mechanism
+    same = ("loops", "gears", "gravity", "tool", "allow_unphysical", "fix")
     return Mechanism(
         mechanism.description,
         mechanism.given_joints,
-        loops=mechanism.loops,
-        gears=mechanism.gears,
-        gravity=mechanism.gravity,
-        tool=mechanism.tool,
-        allow_unphysical=mechanism.allow_unphysical,
-        fix=mechanism.fix,
+        **{name: getattr(mechanism, name) for name in same},
     )
-
-
-def _words(joints: Mapping[str, Clearance]) -> str:
-    parts: dict[str, list[str]] = {}
-    for name, joint in joints.items():
-        parts.setdefault(joint.words, []).append(name)
-    return "; ".join(f"{', '.join(names)} ({words})" for words, names in parts.items())
-
-
-def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
-    positions = {}
-    names = mechanism.description.joints
-    longest = sorted(map(re.escape, names), key=len, reverse=True)
-    ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
-    for part in re.split(f",{ahead}", text) if text else ():
-        name, value = name_and_value(part.strip(), names)
-        name = name if name in names else name.strip()
-        if value is None:
-            raise JointplayError(f"--pose must read JOINT=X,JOINT=X,..., got {part!r}")
-        positions[name] = _position(mechanism, name, value, f"--pose {name}")
-    return positions
-
-
-def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
-    """Position of a joint [rad or m]; errors begin with `where`."""
-    entry = mechanism.description.joints.get(joint)
-    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
