@@ -224,6 +224,30 @@ class Benchmark:
     def path(self, kind: str) -> Path:
         return self.folder / f"{self.name}.{kind}"
 
+    def compare(
+        self,
+        args: argparse.Namespace,
+        cases: Sequence[Case],
+        heads: Mapping[str, Callable[[Case], float]],
+        shown: Sequence[str],
+        draw: Callable[[Sequence[Case], Sequence[Ensemble]], Figure],
+        words: str,
+    ) -> None:
+        """Run ensembles of SCARAs, and finish with a row for each: what it has, and what it does.
+
+        `words` say what all have in common.
+        """
+        found = ensembles(cases, args.runs, args.jobs)
+        rows = [
+            [*(f"{of(case):g}" for of in heads.values()), *(spread(one[name]) for name in shown)]
+            for case, one in zip(cases, found, strict=True)
+        ]
+        figure = draw(cases, found)
+        how = f"mean ± standard deviation of {args.runs} runs"
+        figure.suptitle(f"SCARA, {words}: {how}", fontsize=10)
+        header = [*heads, *(QUANTITIES[name] for name in shown)]
+        self.finish(header, rows, runs_as_rows(cases, found), figure)
+
     def finish(
         self, header: Sequence[str], rows: Sequence[Sequence[str]], data: list[dict], figure: Figure
     ) -> None:

@@ -30,6 +30,10 @@ def cases():
     }
 
 
+def figure_of(name, given):
+    return draw(figures.CHARTS[name](given))
+
+
 def colours(axes):
     return [to_hex(line.get_color()) for line in axes.get_lines()]
 
@@ -39,7 +43,7 @@ RED, BLUE, MAGENTA = map(to_hex, ("#D55E00", "#0072B2", "#CC79A7"))
 
 @pytest.mark.parametrize("name", ["tool_displacement", "tool_velocity"])
 def test_tool_histories_show_all_cases_in_the_papers_colours(cases, name):
-    figure = plots.FIGURES[name](cases)
+    figure = figure_of(name, cases)
     for row, axis in enumerate("xyz"):
         panel, difference = figure.axes[2 * row], figure.axes[2 * row + 1]
         assert colours(panel) == [RED, BLUE, MAGENTA]
@@ -53,7 +57,7 @@ def test_tool_histories_show_all_cases_in_the_papers_colours(cases, name):
 def test_a_single_runs_overview_shows_its_tool_error(cases):
     from jointplay import analysis
 
-    figure = plots.FIGURES["overview"]({"0.5 mm": cases["0.5 mm"]})
+    figure = figure_of("overview", {"0.5 mm": cases["0.5 mm"]})
     titles = [axes.get_title() for axes in figure.axes]
     assert "contact force at joint_b" in titles
     assert "journal centre in its bearing, joint_b, 0.5 mm" in titles
@@ -83,7 +87,7 @@ def test_a_tool_on_a_straight_line_has_no_path_and_one_row(coarse, tmp_path):
     written = {path.name for path in plots.save(runs, tmp_path)}
     assert "tool_velocity.png" in written
     assert "tool_path.png" not in written
-    figure = plots.FIGURES["tool_velocity"](runs)
+    figure = figure_of("tool_velocity", runs)
     assert [axes.get_ylabel() for axes in figure.axes] == ["velocity x [m/s]", "x - ideal [mm/s]"]
     assert "does not move along y and z" in figure._supxlabel.get_text()
 
@@ -108,7 +112,7 @@ def test_a_run_too_short_for_a_spectrum_is_named_in_the_legend(cases):
 
 
 def test_orbit_stays_near_the_clearance_circle(cases):
-    figure = plots.FIGURES["journal_orbit"](cases)
+    figure = figure_of("journal_orbit", cases)
     assert len(figure.axes) == 4
     for axes, radius in zip(figure.axes[2:], (0.2, 0.5), strict=True):
         ideal, circle, *orbit = axes.get_lines()
@@ -154,20 +158,20 @@ def test_figure_12_can_be_read_for_the_rims_and_not_for_the_middle(judged):
 
 def test_what_is_not_judged_is_marked(judged):
     for name in ("tool_displacement", "tool_velocity", "force_x"):
-        figure = plots.FIGURES[name](judged)
+        figure = figure_of(name, judged)
         for panel in figure.axes:
             (span,) = panel.patches
             assert span.get_x() == 0.0
             assert span.get_width() == pytest.approx(0.15)
         assert "0.15 s" in figure.get_supxlabel()
-    assert "constraint force" in plots.FIGURES["force_x"](judged).get_supxlabel()
-    path = plots.FIGURES["tool_path"](judged)
+    assert "constraint force" in figure_of("force_x", judged).get_supxlabel()
+    path = figure_of("tool_path", judged)
     assert "0.15 s" in path.get_supxlabel()
 
 
 @pytest.mark.parametrize(("name", "axis"), [("force_x", "x"), ("force_y", "y"), ("force_z", "z")])
 def test_force_figures_show_held_peaks(cases, name, axis):
-    figure = plots.FIGURES[name](cases)
+    figure = figure_of(name, cases)
     assert [colours(axes)[0] for axes in figure.axes] == [RED, BLUE, MAGENTA]
     drawn = figure.axes[2].get_lines()[0].get_ydata()
     peaks = cases["0.5 mm"]["joint_force_peak"].sel(axis=axis).values[:, 0]
@@ -255,8 +259,8 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
 
 def test_names_that_begin_with_an_underscore_stand_in_the_legend(cases):
     named = {f"_{label}": result for label, result in cases.items()}
-    for drawn in (plots.FIGURES["tool_displacement"], plots.FIGURES["overview"]):
-        texts = [text.get_text().strip() for text in drawn(named).legends[0].get_texts()]
+    for name in ("tool_displacement", "overview"):
+        texts = [text.get_text().strip() for text in figure_of(name, named).legends[0].get_texts()]
         assert len(texts) >= 2
         assert set(texts) <= set(named)
 
@@ -275,7 +279,7 @@ def test_legends_are_read_in_the_order_of_the_cases(number):
 
 
 def test_ticks_of_orbits_do_not_overlap_however_small(cases):
-    figure = plots.FIGURES["journal_orbit"]({f"{i}": cases["0.2 mm"] for i in range(6)})
+    figure = figure_of("journal_orbit", {f"{i}": cases["0.2 mm"] for i in range(6)})
     figure.canvas.draw()
     for panel in figure.axes:
         boxes = [
@@ -293,7 +297,7 @@ def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
     from jointplay.show.plots.style import style
 
     with style():
-        figure = plots.FIGURES["tool_velocity"](cases)
+        figure = figure_of("tool_velocity", cases)
     engine = figure.get_layout_engine()
     drawn, laid_out = [], []
     draw, execute = Figure.draw, type(engine).execute

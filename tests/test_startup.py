@@ -149,10 +149,10 @@ def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
 
 
 def test_names_of_figures_are_those_that_are_drawn():
-    from jointplay.show.plots.figures import FIGURES
+    from jointplay.show.plots.figures import CHARTS
     from jointplay.show.plots.names import NAMES
 
-    assert tuple(FIGURES) == NAMES
+    assert tuple(CHARTS) == NAMES
 
 
 FRONTS = sorted(Path(jp.__file__).parent.rglob("__init__.pyi"))

@@ -4,19 +4,7 @@ The SCARA's 3 s cycle with C_r = C_a in joint B. Zero is the ideal robot, whose 
 constraint force. Every clearance is an ensemble of runs, because impacts magnify small differences.
 """
 
-from common import (
-    COLOURS,
-    MARKERS,
-    QUANTITIES,
-    Benchmark,
-    Case,
-    draw_ensembles,
-    ensembles,
-    millimetres,
-    new_figure,
-    runs_as_rows,
-    spread,
-)
+from common import COLOURS, MARKERS, QUANTITIES, Benchmark, Case, draw_ensembles, new_figure
 
 CLEARANCES = (0.0, 0.05e-3, 0.1e-3, 0.2e-3, 0.3e-3, 0.5e-3, 0.7e-3, 1.0e-3)
 PANELS = (
@@ -27,7 +15,8 @@ PANELS = (
 )
 
 
-def draw(clearances, ideal, found, title):
+def draw(cases, every):
+    (_, *clearances), (ideal, *found) = [1e3 * case.radial for case in cases], every
     figure, axes = new_figure(2, 2)
     for panel, (label, names) in zip(axes.flat, PANELS, strict=True):
         for (name, text), colour, marker in zip(names.items(), COLOURS, MARKERS, strict=False):
@@ -46,7 +35,6 @@ def draw(clearances, ideal, found, title):
             panel.legend(frameon=False)
     for panel in axes[-1]:
         panel.set_xlabel("clearance C_r = C_a [mm]")
-    figure.suptitle(title, fontsize=10)
     return figure
 
 
@@ -58,16 +46,6 @@ def main():
     args = benchmark.parse()
     clearances = (0.0, 0.2e-3, 0.5e-3) if args.quick else CLEARANCES
     cases = [Case(radial=c, axial=c, loaded=args.loaded) for c in clearances]
-    found = ensembles(cases, args.runs, args.jobs)
-    rows = [
-        [millimetres(case.radial), *(spread(ensemble[name]) for name in QUANTITIES)]
-        for case, ensemble in zip(cases, found, strict=True)
-    ]
+    heads = {"C_r = C_a [mm]": lambda case: 1e3 * case.radial}
     weight = "with gravity" if args.loaded else "weight balanced"
-    title = f"SCARA, {weight}: mean ± standard deviation of {args.runs} runs, dots single runs"
-    benchmark.finish(
-        ["C_r = C_a [mm]", *QUANTITIES.values()],
-        rows,
-        runs_as_rows(cases, found),
-        draw([1e3 * case.radial for case in cases[1:]], found[0], found[1:], title),
-    )
+    benchmark.compare(args, cases, heads, tuple(QUANTITIES), draw, weight)

@@ -6,56 +6,33 @@ and a coefficient of restitution, each an ensemble of runs.
 
 from itertools import product
 
-from common import (
-    COLOURS,
-    MARKERS,
-    QUANTITIES,
-    Benchmark,
-    Case,
-    draw_ensembles,
-    ensembles,
-    millimetres,
-    new_figure,
-    runs_as_rows,
-    spread,
-)
+from common import COLOURS, MARKERS, QUANTITIES, Benchmark, Case, draw_ensembles, new_figure
 
 FRICTION = (0.0, 0.05, 0.1, 0.2, 0.3)
 RESTITUTION = (0.5, 0.7, 0.9, 1.0)
 SHOWN = (
-    "deviation_rms_mm",
-    "peak_force_N",
-    "peak_contact_N",
-    "impacts",
-    "normal_loss_J",
-    "friction_loss_J",
+    *("deviation_rms_mm", "peak_force_N", "peak_contact_N"),
+    *("impacts", "normal_loss_J", "friction_loss_J"),
 )
 
 
-def draw(friction, restitution, found, title):
+def draw(cases, found):
+    friction, restitution = (
+        sorted({getattr(case, name) for case in cases}) for name in ("friction", "restitution")
+    )
     figure, axes = new_figure(2, 3, 11.0, 6.5)
     for panel, name in zip(axes.flat, SHOWN, strict=True):
         for index, value in enumerate(restitution):
             # Side by side, so that error bars do not hide each other.
             x = [mu + 0.006 * (index - (len(restitution) - 1) / 2) for mu in friction]
             values = [group[name] for group in found[index :: len(restitution)]]
-            draw_ensembles(
-                panel, x, values, label=f"{value:g}", color=COLOURS[index], marker=MARKERS[index]
-            )
-        panel.set_ylabel(QUANTITIES[name])
-        panel.set_xlabel("friction coefficient [1]")
-        panel.set_xticks(friction)
+            look = {"color": COLOURS[index], "marker": MARKERS[index]}
+            draw_ensembles(panel, x, values, label=f"{value:g}", **look)
+        panel.set(ylabel=QUANTITIES[name], xlabel="friction coefficient [1]", xticks=friction)
         panel.set_ylim(bottom=0)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        title="coefficient of restitution [1]",
-        loc="outside lower center",
-        ncols=len(labels),
-        frameon=False,
-    )
-    figure.suptitle(title, fontsize=10)
+    title, at = "coefficient of restitution [1]", "outside lower center"
+    figure.legend(handles, labels, title=title, loc=at, ncols=len(labels), frameon=False)
     return figure
 
 
@@ -65,30 +42,12 @@ def main():
         "--clearance", type=float, default=0.2, metavar="MM", help="C_r = C_a [mm] (0.2)"
     )
     args = benchmark.parse()
-    friction, restitution = (
-        (FRICTION[::2], RESTITUTION[::2]) if args.quick else (FRICTION, RESTITUTION)
-    )
+    every = 2 if args.quick else 1
     clearance = 1e-3 * args.clearance
     cases = [
         Case(clearance, clearance, friction=mu, restitution=c_e)
-        for mu, c_e in product(friction, restitution)
+        for mu, c_e in product(FRICTION[::every], RESTITUTION[::every])
     ]
-    found = ensembles(cases, args.runs, args.jobs)
-    rows = [
-        [
-            f"{case.friction:g}",
-            f"{case.restitution:g}",
-            *(spread(ensemble[name]) for name in SHOWN),
-        ]
-        for case, ensemble in zip(cases, found, strict=True)
-    ]
-    title = (
-        f"SCARA, weight balanced, C_r = C_a = {millimetres(clearance)} mm: "
-        f"mean ± standard deviation of {args.runs} runs, dots single runs"
-    )
-    benchmark.finish(
-        ["friction", "restitution", *(QUANTITIES[name] for name in SHOWN)],
-        rows,
-        runs_as_rows(cases, found),
-        draw(friction, restitution, found, title),
-    )
+    heads = {"friction": lambda case: case.friction, "restitution": lambda case: case.restitution}
+    words = f"weight balanced, C_r = C_a = {args.clearance:g} mm"
+    benchmark.compare(args, cases, heads, SHOWN, draw, words)

@@ -19,12 +19,10 @@ from common import Benchmark, new_figure
 import jointplay as jp
 from jointplay.base.progress import ProgressBar
 from jointplay.paper.cases import CASES, scara
+from jointplay.paper.page import PRINTED_PEAKS, largest_peaks
 from jointplay.simulation.analysis.claims import Verdict, judge, measure
 
-PRINTED = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
-"""Times of the peaks of the contact force along the world axes (Section 5, Figures 13-15) [s]."""
-APART = 0.1
-"""Peaks that are nearer to each other count as one [s]."""
+PRINTED = np.concatenate(list(PRINTED_PEAKS.values()))
 CYCLE = 3.0
 JOINTS = ("joint_a", "joint_b", "stroke", "joint_c")
 THERE, BACK = np.array([-0.30, 0.90, 0.0, 0.0]), np.array([0.70, -0.50, 0.0, 0.50])
@@ -62,10 +60,8 @@ class Timings:
 
     def varied(self, random: np.random.Generator, size: float) -> Timings:
         """One near this."""
-        stroke, *others = (
-            part * np.exp(size * random.normal())
-            for part in (self.stroke, *self.swings, *self.dwells)
-        )
+        parts = (self.stroke, *self.swings, *self.dwells)
+        stroke, *others = (part * np.exp(size * random.normal()) for part in parts)
         return Timings(self.first, stroke, tuple(others[:2]), tuple(others[2:]))
 
 
@@ -74,21 +70,8 @@ def draw(random: np.random.Generator) -> Timings:
     swing, dwell = random.uniform(0.3, 1.0), random.uniform(0.02, 0.4)
     swings = swing * np.exp(0.3 * random.normal(size=2))
     dwells = dwell * np.exp(0.5 * random.normal(size=2))
-    return Timings(
-        int(random.integers(len(PHASES))),
-        random.uniform(0.15, 0.5),
-        tuple(swings),
-        tuple(dwells),
-    )
-
-
-def largest_peaks(time: np.ndarray, force: np.ndarray) -> list[float]:
-    """Times of the two largest peaks of a force, in order [s]."""
-    left, found = np.abs(force), []
-    for _ in range(2):
-        found.append(float(time[left.argmax()]))
-        left = np.where(np.abs(time - found[-1]) < APART, -1.0, left)
-    return sorted(found)
+    first = int(random.integers(len(PHASES)))
+    return Timings(first, random.uniform(0.15, 0.5), tuple(swings), tuple(dwells))
 
 
 def moved(motion: jp.Motion | None, label: str, seed: int | None) -> jp.Result:
@@ -99,13 +82,10 @@ def moved(motion: jp.Motion | None, label: str, seed: int | None) -> jp.Result:
     return simulation.run(estimate=False)
 
 
-def peaks(case: tuple[jp.Motion | None, str, int]) -> np.ndarray:
-    """Times of the six peaks of one run, in the order of `PRINTED` [s]; None: shipped motion."""
+def peaks(case: tuple[jp.Motion | None, str, int]) -> list[float]:
+    """Times of the six peaks of one run, in the order of `PRINTED` [s]."""
     result = moved(*case)
-    judged = int(np.searchsorted(result.time, result.judge_from))
-    force = result["joint_force_peak"].values[judged:, 0]
-    found = [largest_peaks(result.time[judged:], force[:, k]) for k in range(3)]
-    return np.concatenate(found)
+    return [time for axis in PRINTED_PEAKS for time, _ in largest_peaks(result, axis)]
 
 
 LABELS = [label for label, clearance in CASES.items() if clearance is not None]
@@ -115,7 +95,7 @@ def misses(jobs: int, motions: list[jp.Motion | None], seeds, bar: ProgressBar) 
     """Differences of peak times from the printed ones, (motions, clearances, seeds, 6) [s]."""
     found = jp.Study(list(product(motions, LABELS, seeds)), peaks).run(jobs, bar)
     shape = (len(motions), len(LABELS), len(seeds), 6)
-    return np.reshape(found, shape) - np.concatenate(list(PRINTED.values()))
+    return np.reshape(found, shape) - PRINTED
 
 
 def claims(motion: jp.Motion, seeds: Iterable[int]) -> list[Verdict]:
@@ -158,19 +138,16 @@ def main() -> None:
         found = misses(args.jobs, [None, *(one.motion() for one in chosen)], judged_by, bar)
     names = ["shipped", *(f"found {k + 1}" for k in range(len(chosen)))]
     header = ["motion", "searched RMS [s]", "judged RMS [s]", "largest [s]"]
-    header += [f"{axis} near {at:g} s" for axis, times in PRINTED.items() for at in times]
+    header += [f"{axis} near {at:g} s" for axis, times in PRINTED_PEAKS.items() for at in times]
     rows, data = [], []
     for k, name in enumerate(names):
         off = found[k]
         first = "-" if k == 0 else f"{known[k - 1][0]:.2f}"
         by_peak = off.reshape(-1, 6)
-        cells = [
-            f"{m:+.2f} ± {d:.2f}" for m, d in zip(by_peak.mean(0), by_peak.std(0), strict=True)
-        ]
+        spread = zip(by_peak.mean(0), by_peak.std(0), strict=True)
+        cells = [f"{mean:+.2f} ± {deviation:.2f}" for mean, deviation in spread]
         rows.append([name, first, f"{rms(off):.2f}", f"{abs(off).max():.2f}", *cells])
-        timings = {"first": "", "stroke": "", "swings": "", "dwells": ""}
-        if k:
-            timings = vars(chosen[k - 1])
+        timings = vars(chosen[k - 1]) if k else dict.fromkeys(vars(chosen[0]), "")
         data += [
             {"motion": name, **timings, "clearance": label, "seed": seed}
             | {column: float(miss) for column, miss in zip(header[4:], off[c, s], strict=True)}
@@ -193,7 +170,7 @@ def main() -> None:
     for verdict in claims(chosen[best - 1].motion(), judged_by):
         print(f"  {verdict.claim} {verdict.subject}: {verdict.holds}; {verdict.numbers}")
     numbers = np.random.default_rng(0).uniform(0.15, CYCLE, (20000, 3, 2))
-    chance = np.sort(numbers, axis=2).reshape(-1, 6) - np.concatenate(list(PRINTED.values()))
+    chance = np.sort(numbers, axis=2).reshape(-1, 6) - PRINTED
     print(
         f"peak times: shipped motion {rms(found[0]):.2f} s, best of {len(known)} cycles "
         f"{rms(found[best]):.2f} s RMS from the printed ones, with 5 free numbers for 6; six times "

@@ -7,26 +7,16 @@ ensemble of runs, because impacts magnify small differences.
 from itertools import product
 
 import numpy as np
-from common import (
-    QUANTITIES,
-    Benchmark,
-    Case,
-    ensembles,
-    millimetres,
-    new_figure,
-    runs_as_rows,
-    show_grid,
-    spread,
-)
+from common import QUANTITIES, Benchmark, Case, new_figure, show_grid, spread
 
 CLEARANCES = (0.1e-3, 0.2e-3, 0.35e-3, 0.5e-3)
 SHOWN = ("deviation_rms_mm", "peak_force_N", "peak_contact_N", "impacts")
 
 
-def draw(clearances, found, title):
+def draw(cases, found):
     figure, axes = new_figure(2, 2, 8.5, 7.0)
-    side = len(clearances)
-    labels = [millimetres(clearance) for clearance in clearances]
+    labels = [f"{size:g}" for size in sorted({1e3 * case.radial for case in cases})]
+    side = len(labels)
     for panel, name in zip(axes.flat, SHOWN, strict=True):
         # The first axis of the table is the axial clearance, drawn upwards.
         order = np.arange(side * side).reshape(side, side).T
@@ -36,9 +26,7 @@ def draw(clearances, found, title):
         panel.set_title(QUANTITIES[name], fontsize=10)
         panel.set_xticks(range(side), labels)
         panel.set_yticks(range(side), labels)
-        panel.set_xlabel("radial clearance C_r [mm]")
-        panel.set_ylabel("axial clearance C_a [mm]")
-    figure.suptitle(title, fontsize=10)
+        panel.set(xlabel="radial clearance C_r [mm]", ylabel="axial clearance C_a [mm]")
     return figure
 
 
@@ -47,19 +35,5 @@ def main():
     args = benchmark.parse()
     clearances = CLEARANCES[1::2] if args.quick else CLEARANCES
     cases = [Case(radial=radial, axial=axial) for radial, axial in product(clearances, clearances)]
-    found = ensembles(cases, args.runs, args.jobs)
-    rows = [
-        [
-            millimetres(case.radial),
-            millimetres(case.axial),
-            *(spread(ensemble[name]) for name in SHOWN),
-        ]
-        for case, ensemble in zip(cases, found, strict=True)
-    ]
-    title = f"SCARA, weight balanced: mean ± standard deviation of {args.runs} runs"
-    benchmark.finish(
-        ["C_r [mm]", "C_a [mm]", *(QUANTITIES[name] for name in SHOWN)],
-        rows,
-        runs_as_rows(cases, found),
-        draw(clearances, found, title),
-    )
+    heads = {"C_r [mm]": lambda case: 1e3 * case.radial, "C_a [mm]": lambda case: 1e3 * case.axial}
+    benchmark.compare(args, cases, heads, SHOWN, draw, "weight balanced")

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from common import COLOURS, DOCS, Benchmark, Ensemble, ensembles, new_figure, spread
+from pictures import law_probes as alone
 from pictures.law_mechanisms import (
     CRANK,
     DRY,
@@ -29,29 +30,12 @@ from pictures.law_mechanisms import (
     measure,
     viscosity,
 )
-from pictures.law_probes import (
-    AMPLITUDE,
-    BLOCK,
-    FILM,
-    FREQUENCY,
-    LENGTH,
-    LOOP_SPEED,
-    MASS,
-    RADIAL,
-    REGISTRIES,
-    SPEEDS,
-    build,
-    film_forces,
-    film_unit,
-    impact,
-    published_rotation,
-    published_squeeze,
-    sliding,
-    steady,
-)
+from pictures.law_probes import AMPLITUDE, LOOP_SPEED, REGISTRIES, SPEEDS, build
 from PIL import Image
 from scipy.stats import ttest_ind
 from tqdm import tqdm
+
+from jointplay.base.tables import Table
 
 CARDS = DOCS / "law_cards"
 TITLES = {"normal": "Normal force", "friction": "Friction", "film": "Film"}
@@ -80,7 +64,6 @@ class Card(NamedTuple):
 
     @property
     def law(self):
-        """The class."""
         return REGISTRIES[self.family][self.name]
 
     def trial(self, mechanism, quick):
@@ -94,25 +77,20 @@ class Card(NamedTuple):
         return Trial(mechanism, *other, quick)
 
 
-def number(value):
-    """A parameter for a table."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def parameters(law):
     """Parameters of a law in one line."""
-    return ", ".join(f"{key} = {number(value)}" for key, value in vars(law).items()) or "none"
+    shown = {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in vars(law).items()}
+    return ", ".join(f"{key} = {value}" for key, value in shown.items()) or "none"
 
 
 def table(header, rows):
     """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+    return Table.of_texts([[str(cell) for cell in row] for row in (header, *rows)]).markdown()
 
 
-def label(panel, x, y, title=None):
-    panel.set_xlabel(x)
-    panel.set_ylabel(y)
+def label(panel, x, y, title=None, small=8):
+    panel.set(xlabel=x, ylabel=y)
+    panel.legend(frameon=False, fontsize=small)
     if title:
         panel.set_title(title, fontsize=10)
 
@@ -123,48 +101,43 @@ def label(panel, x, y, title=None):
 @functools.cache
 def paper_impact(c_e):
     """That of the paper's law, behind every other."""
-    return impact(build(*PAPER), c_e, LOOP_SPEED)
+    return alone.impact(build(*PAPER), c_e, LOOP_SPEED)
 
 
 @functools.cache
 def paper_sliding():
     """That of eq. 21."""
-    return sliding(build("friction", "ambrosio"))
+    return alone.sliding(build("friction", "ambrosio"))
 
 
 def normal_probe(card, panels, quick):
     """Hysteresis loops and restitutions; returns the page's section."""
     law = build(*card)
     loops, dots = panels
-    for c_e, colour in zip(LOOPS, COLOURS, strict=False):
-        grey = paper_impact(c_e)
-        own = impact(law, c_e, LOOP_SPEED)
-        style = "-" if c_e == LOOPS[0] else "--"
-        loops.plot(1e6 * grey.depth, 1e-3 * grey.force, ls=style, **PAPER_STYLE)
-        loops.plot(
-            1e6 * own.depth, 1e-3 * own.force, style, color=colour, lw=1.6, label=f"$c_e$ = {c_e:g}"
-        )
+    for c_e, colour, style in zip(LOOPS, COLOURS, ("-", "--"), strict=False):
+        own = {"color": colour, "lw": 1.6, "label": f"$c_e$ = {c_e:g}"}
+        for hit, look in (
+            (paper_impact(c_e), PAPER_STYLE),
+            (alone.impact(law, c_e, LOOP_SPEED), own),
+        ):
+            loops.plot(1e6 * hit.depth, 1e-3 * hit.force, style, **look)
     loops.plot([], [], label="paper's law", **PAPER_STYLE)
     loops.set_xlim(left=0)
-    loops.legend(frameon=False, fontsize=8)
     label(loops, "depth [µm]", "normal force [kN]", f"one impact at {LOOP_SPEED:g} m/s")
 
     asked = np.array(ROUGH if quick else RESTITUTIONS)
-    found = np.array([[impact(law, c_e, speed).rebound for c_e in asked] for speed in SPEEDS])
+    found = np.array([[alone.impact(law, c_e, v).rebound for c_e in asked] for v in SPEEDS])
     fine = np.linspace(0.05, 1.0, 96)
     closed = [law.effective_restitution(c_e) for c_e in fine]
     dots.plot((0, 1), (0, 1), ":", color="black", lw=1, label="as asked")
     if closed[0] is not None:
         dots.plot(fine, closed, color=COLOURS[2], lw=1.4, label="closed form")
-    for speed, values, colour, marker, size in zip(
-        SPEEDS, found, COLOURS, "os", (7, 4), strict=False
+    for speed, values, colour, look in zip(
+        SPEEDS, found, COLOURS, ({"marker": "o", "ms": 7}, {"marker": "s", "ms": 4}), strict=False
     ):
-        dots.plot(
-            asked, values, marker, ms=size, mfc="none", color=colour, label=f"run, {speed:g} m/s"
-        )
-    dots.set_xlim(0, 1.02)
-    dots.set_ylim(0, 1.05)
-    dots.legend(frameon=False, fontsize=8)
+        words = f"run, {speed:g} m/s"
+        dots.plot(asked, values, ls="", mfc="none", color=colour, label=words, **look)
+    dots.set(xlim=(0, 1.02), ylim=(0, 1.05))
     label(dots, "nominal restitution $c_e$ [-]", "restitution of an impact [-]", "restitution")
 
     rows = [
@@ -175,8 +148,8 @@ def normal_probe(card, panels, quick):
     header = ["c_e", *(f"run, {speed:g} m/s" for speed in SPEEDS), "closed form"]
     return f"""## Alone
 
-A free body of {MASS:g} kg hits the bore of a planar joint once (C_r = {1e3 * RADIAL:g} mm,
-R_i = 10 mm, {1e3 * LENGTH:g} mm long, the paper's steel). Parameters: {parameters(law)}.
+A free body of {alone.MASS:g} kg hits the bore of a planar joint once (C_r = {1e3 * alone.RADIAL:g}
+mm, R_i = 10 mm, {1e3 * alone.LENGTH:g} mm long, the paper's steel). Parameters: {parameters(law)}.
 Restitution of the impact against the one asked for:
 
 {table(header, rows)}
@@ -186,23 +159,17 @@ Restitution of the impact against the one asked for:
 def friction_probe(card, panels, quick):
     """Friction over speed, whole and near rest; returns the page's section."""
     law = build(*card)
-    own, grey = sliding(law), paper_sliding()
+    own, grey = alone.sliding(law), paper_sliding()
     fine = np.linspace(0.0, AMPLITUDE, 1201)
-    lasting = steady(law, fine)
-    whole, near = panels
-    for panel in panels:
+    lasting = alone.steady(law, fine)
+    both = 1e3 * np.append(-fine[::-1], fine), np.append(-lasting[::-1], lasting)
+    titles = (f"sinusoid of {alone.FREQUENCY:g} Hz", "the same near rest")
+    for panel, title in zip(panels, titles, strict=True):
         panel.plot(1e3 * grey[0], grey[1], label="paper's law, eq. 21", **PAPER_STYLE)
         panel.plot(1e3 * own[0], own[1], color=COLOURS[0], lw=1.6, label="this law")
-        for sign in (1, -1):
-            panel.plot(
-                sign * 1e3 * fine, sign * lasting, ":", color=COLOURS[1], lw=1.4,
-                label="at lasting speed" if sign > 0 else None,
-            )  # fmt: skip
-        label(panel, "sliding speed [mm/s]", "friction / normal force [-]")
-    whole.set_title(f"sinusoid of {FREQUENCY:g} Hz", fontsize=10)
-    near.set_title("the same near rest", fontsize=10)
-    near.set_xlim(-NEAR_REST, NEAR_REST)
-    whole.legend(frameon=False, fontsize=8, loc="upper left")
+        panel.plot(*both, ":", color=COLOURS[1], lw=1.4, label="at lasting speed")
+        label(panel, "sliding speed [mm/s]", "friction / normal force [-]", title)
+    panels[1].set_xlim(-NEAR_REST, NEAR_REST)
 
     at = np.flatnonzero((own[0][:-1] < 0.0) & (own[0][1:] >= 0.0))[0]
     fraction = own[0][at] / (own[0][at] - own[0][at + 1])
@@ -216,8 +183,8 @@ def friction_probe(card, panels, quick):
     ]
     return f"""## Alone
 
-A block of {BLOCK:g} kg is drawn along a wall on which it lies by its weight; its speed is a
-sinusoid of {1e3 * AMPLITUDE:g} mm/s and {FREQUENCY:g} Hz. Parameters: {parameters(law)}.
+A block of {alone.BLOCK:g} kg is drawn along a wall on which it lies by its weight; its speed is a
+sinusoid of {1e3 * AMPLITUDE:g} mm/s and {alone.FREQUENCY:g} Hz. Parameters: {parameters(law)}.
 Friction against the speed, over the normal force:
 
 {table(["", "friction / normal force"], rows)}
@@ -226,7 +193,7 @@ Friction against the speed, over the normal force:
 
 def film_probe(card, panels, quick):
     """Load, attitude and squeeze over eccentricity; returns the page's section."""
-    properties, e = FILM[card.name], ECCENTRICITIES
+    properties, e = alone.FILM[card.name], ECCENTRICITIES
     oil = viscosity(CRANK)
     short = card.name == "short-bearing"
     laws = {"this law": build(*card, viscosity=oil)}
@@ -235,64 +202,59 @@ def film_probe(card, panels, quick):
             f"this law, {word}": build(*card, viscosity=oil, cavitation=word)
             for word in ("gumbel", "sommerfeld")
         }
-    unit = film_unit(laws[next(iter(laws))], properties)
-    load, attitude, squeeze = panels
+    unit = alone.film_unit(laws[next(iter(laws))], properties)
     power = 4.0 if short else 1.0  # S (L/D)^2 of the short bearing, S of the long one
-    published = published_rotation(card.name, e)
-    half, entire = published_squeeze(card.name, e)
-    found = {}
+    size, angle = alone.published_rotation(card.name, e)
+    published = 1 / (power * np.pi * size), np.degrees(angle)
+    half, entire = alone.published_squeeze(card.name, e)
+    found = []
     for (word, law), colour, style in zip(laws.items(), COLOURS, ("-", "--"), strict=False):
-        turning = film_forces(law, properties, e, spin=1.0) / unit
-        pressed = -film_forces(law, properties, e, rate=1.0)[0] / unit
-        size, angle = np.hypot(*turning), np.arctan2(turning[1], -turning[0])
-        found[word] = size, angle, pressed
-        for panel, values in (
-            (load, 1 / (power * np.pi * size)),
-            (attitude, np.degrees(angle)),
-            (squeeze, pressed),
-        ):
+        turning = alone.film_forces(law, properties, e, spin=1.0) / unit
+        pressed = -alone.film_forces(law, properties, e, rate=1.0)[0] / unit
+        number = 1 / (power * np.pi * np.hypot(*turning))
+        found.append((number, np.degrees(np.arctan2(turning[1], -turning[0])), pressed))
+        for panel, values in zip(panels, found[-1], strict=True):
             panel.plot(e, values, style, color=colour, lw=1.6, label=word)
     theory = "Ocvirk" if short else "half Sommerfeld"
-    some = slice(4, None, 8)
-    dots = {"ls": "", "color": "black", "mfc": "none", "ms": 4}
-    load.plot(e[some], 1 / (power * np.pi * published[0][some]), marker="o", label=theory, **dots)
-    attitude.plot(e[some], np.degrees(published[1][some]), marker="o", label=theory, **dots)
-    squeeze.plot(e[some], half[some], marker="o", label="Reynolds, half the film", **dots)
-    squeeze.plot(e[some], entire[some], marker="s", label="Reynolds, all of it", **dots)
-    load.set_yscale("log")
-    squeeze.set_yscale("log")
-    attitude.set_ylim(0, 95)
-    for panel in panels:
-        panel.set_xlim(0, 1)
-        panel.legend(frameon=False, fontsize=7)
     ratio, scale = ("S (L/D)²", "µ L³ R/c²") if short else ("S", "µ L R³/c²")
-    label(load, "eccentricity ratio [-]", f"Sommerfeld number {ratio} [-]", "load, steady turning")
-    label(attitude, "eccentricity ratio [-]", "attitude angle [°]", "attitude, steady turning")
-    label(squeeze, "eccentricity ratio [-]", f"force / ({scale} dε/dt) [-]", "squeeze")
+    load, attitude, squeeze = panels
+    for panel, values, marker, word in (
+        (load, published[0], "o", theory),
+        (attitude, published[1], "o", theory),
+        (squeeze, half, "o", "Reynolds, half the film"),
+        (squeeze, entire, "s", "Reynolds, all of it"),
+    ):
+        some, look = slice(4, None, 8), {"ls": "", "color": "black", "mfc": "none", "ms": 4}
+        panel.plot(e[some], values[some], marker=marker, label=word, **look)
+    for panel, up, title in (
+        (load, f"Sommerfeld number {ratio} [-]", "load, steady turning"),
+        (attitude, "attitude angle [°]", "attitude, steady turning"),
+        (squeeze, f"force / ({scale} dε/dt) [-]", "squeeze"),
+    ):
+        label(panel, "eccentricity ratio [-]", up, title, small=7)
+        panel.set_xlim(0, 1)
+        if panel is not attitude:
+            panel.set_yscale("log")
+    attitude.set_ylim(0, 95)
 
-    size, angle, pressed = found[next(iter(found))]
-    rows = []
-    for each in (0.1, 0.3, 0.5, 0.7, 0.9, 0.95):
-        i = int(np.argmin(np.abs(e - each)))
-        rows.append(
-            [
-                f"{e[i]:.2f}",
-                f"{1 / (power * np.pi * size[i]):.4g}",
-                f"{1 / (power * np.pi * published[0][i]):.4g}",
-                f"{np.degrees(angle[i]):.1f}",
-                f"{np.degrees(published[1][i]):.1f}",
-                f"{pressed[i]:.4g}",
-                f"{half[i]:.4g}",
-                f"{entire[i]:.4g}",
-            ]
-        )
+    number, angle, pressed = found[0]
+    columns = (
+        *(
+            (e, ".2f"),
+            (number, ".4g"),
+            (published[0], ".4g"),
+            (angle, ".1f"),
+            (published[1], ".1f"),
+        ),
+        *((pressed, ".4g"), (half, ".4g"), (entire, ".4g")),
+    )
+    shown = [int(np.argmin(np.abs(e - each))) for each in (0.1, 0.3, 0.5, 0.7, 0.9, 0.95)]
+    rows = [[format(values[i], form) for values, form in columns] for i in shown]
     squeezed = pressed / half
     worst = int(np.argmax(np.abs(squeezed - 1)))
-    rotation = np.abs(size / published[0] - 1).max()
-    header = [
-        "ε", ratio, theory, "attitude [°]", theory,
-        "squeeze", "Reynolds, half", "Reynolds, all",
-    ]  # fmt: skip
+    rotation = np.abs(published[0] / number - 1).max()
+    header = ["ε", ratio, theory, "attitude [°]", theory]
+    header += ["squeeze", "Reynolds, half", "Reynolds, all"]
     c, radius, length, _ = properties
     kind = "a short" if short else "a long"
     slenderness = length / (2 * radius)
@@ -319,34 +281,26 @@ PROBES = {"normal": normal_probe, "friction": friction_probe, "film": film_probe
 
 def draw_histories(card, found, panels, quick):
     """Histories of the first run: of this law, and of what it is compared to behind it."""
-    scara, crank = panels[:2]
     word = "the same joint, dry" if card.family == "film" else "paper's laws"
-    for panel, mechanism, unit in ((scara, SCARA, 1.0), (crank, CRANK, 1e-3)):
+    turn = "crank angle, last turn [°]", 360.0
+    for panel, (mechanism, key, unit, (across, end), up, title) in zip(panels, (
+        (SCARA, "history", 1.0, ("time [s]", QUICK if quick else 3.0), "joint force [N]",
+         "SCARA, joint B"),
+        (CRANK, "history", 1e-3, turn, "slider acceleration [10³ m/s²]", "slider-crank"),
+        (CRANK, "eccentricity", 1.0, turn, "eccentricity ratio [-]", "slider-crank"),
+    ), strict=False):  # fmt: skip
         trial, other = card.trial(mechanism, quick), card.beside(mechanism, quick)
-        x = np.linspace(0, QUICK if quick else 3.0, found[trial]["history"].shape[1])
-        if mechanism == CRANK:
-            x *= 360.0 / x[-1]
+        x = np.linspace(0, end, found[trial][key].shape[1])
         if other != trial:
-            panel.plot(x, unit * found[other]["history"][0], label=word, **PAPER_STYLE)
+            panel.plot(x, unit * found[other][key][0], label=word, **PAPER_STYLE)
         own = "this law" if other != trial else word
-        panel.plot(x, unit * found[trial]["history"][0], color=COLOURS[0], lw=0.9, label=own)
-        panel.legend(frameon=False, fontsize=8)
-        panel.set_xlim(0, x[-1])
-    scara.set_ylim(bottom=0)
-    label(scara, "time [s]", "joint force [N]", "SCARA, joint B")
-    label(crank, "crank angle, last turn [°]", "slider acceleration [10³ m/s²]", "slider-crank")
-    crank.set_xticks(range(0, 361, 90))
-    if len(panels) > 2:
-        for trial, style in (
-            (card.beside(CRANK, quick), PAPER_STYLE | {"label": word}),
-            (card.trial(CRANK, quick), {"color": COLOURS[0], "lw": 1.4, "label": "this law"}),
-        ):
-            panels[2].plot(x, found[trial]["eccentricity"][0], **style)
-        panels[2].legend(frameon=False, fontsize=8)
-        panels[2].set_xlim(0, 360)
-        panels[2].set_xticks(range(0, 361, 90))
-        panels[2].set_ylim(bottom=0)
-        label(panels[2], "crank angle, last turn [°]", "eccentricity ratio [-]", "slider-crank")
+        panel.plot(x, unit * found[trial][key][0], color=COLOURS[0], lw=0.9, label=own)
+        label(panel, across, up, title)
+        panel.set_xlim(0, end)
+        if mechanism == CRANK:
+            panel.set_xticks(range(0, 361, 90))
+        if "acceleration" not in up:
+            panel.set_ylim(bottom=0)
 
 
 def differs(values, others):
@@ -404,28 +358,20 @@ def work_section(card, found, quick):
         )
         residual = 100 * ensemble["relative_energy_residual"].max()
         parts.append(f"Energy balance within {residual:.2g} % of the energy exchanged.")
-        lines = first_warnings(ensemble)
-        if lines:
-            parts.append(
-                "Warnings of the law's range, first run:\n\n" + "\n".join(f"- {x}" for x in lines)
-            )
-        else:
-            parts.append("No warning of the law's range.")
-        lines = first_warnings(ensemble, "other_warnings")
-        if lines:
-            parts.append("The audit's other warnings, †:\n\n" + "\n".join(f"- {x}" for x in lines))
-    return "\n\n".join(parts) + "\n"
+        for kind, words, none in (
+            ("law_warnings", "Warnings of the law's range, first run", "No warning of its range."),
+            ("other_warnings", "The audit's other warnings, †", ""),
+        ):
+            lines = first_warnings(ensemble, kind)
+            parts.append(f"{words}:\n\n" + "\n".join(f"- {x}" for x in lines) if lines else none)
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
 def write_card(card, found, folder, quick):
     """Page and figure of one law."""
-    if card.family == "film":
-        figure, axes = new_figure(2, 3, 11.0, 6.2)
-    else:
-        figure, axes = new_figure(2, 2, 8.5, 6.2)
-    panels = list(axes.flat)
-    alone = PROBES[card.family](card, panels[: axes.shape[1]], quick)
-    draw_histories(card, found, panels[axes.shape[1] :], quick)
+    figure, axes = new_figure(2, *((3, 11.0) if card.family == "film" else (2, 8.5)), 6.2)
+    by_itself = PROBES[card.family](card, axes[0], quick)
+    draw_histories(card, found, axes[1], quick)
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=DPI)
     # A palette instead of 24 bits: a third of the size, for the same picture.
@@ -447,7 +393,7 @@ $${law.formula}$$
 
 ![{card.name}]({card.stem}.png)
 
-{alone}
+{by_itself}
 {at_work}"""
     (folder / f"{card.stem}.md").write_text(page, encoding="utf-8")
 
@@ -520,27 +466,26 @@ and validity, what it does alone, and what it does in two mechanisms beside the 
 def write_data(path, found):
     """Every run of the mechanisms, a row each."""
     keys = sorted({key for labels in FIGURES.values() for key in labels})
-    fixed = ["mechanism", "family", "law", "seed"]
-    more = ["relative_energy_residual", "audit_warnings"]
+    keys += ["relative_energy_residual", "audit_warnings"]
+    rows = [["mechanism", "family", "law", "seed", *keys]]
+    for trial, ensemble in found.items():
+        for i, seed in enumerate(ensemble["seed"]):
+            place = (trial.mechanism, trial.family, trial.name, str(seed))
+            cells = (f"{ensemble[key][i]:.6g}" if key in ensemble else "" for key in keys)
+            rows.append([*place, *cells])
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*fixed, *keys, *more], restval="")
-        writer.writeheader()
-        for trial, ensemble in found.items():
-            for i, seed in enumerate(ensemble["seed"]):
-                row = {key: f"{ensemble[key][i]:.6g}" for key in [*keys, *more] if key in ensemble}
-                place = (trial.mechanism, trial.family, trial.name, int(seed))
-                writer.writerow(dict(zip(fixed, place, strict=True)) | row)
+        csv.writer(file).writerows(rows)
 
 
 def run_all(cards, args) -> dict[Trial, Ensemble]:
     """All trials that the cards need, by trial."""
-    trials: dict[Trial, None] = {}  # a set that keeps its order
+    trials = []
     for mechanism in FIGURES:
-        trials[Trial(mechanism, *PAPER, args.quick)] = None
+        trials.append(Trial(mechanism, *PAPER, args.quick))
         for card in cards:
-            trials[card.trial(mechanism, args.quick)] = None
-            trials[card.beside(mechanism, args.quick)] = None
-    return dict(zip(trials, ensembles(list(trials), args.runs, args.jobs, measure), strict=True))
+            trials += card.trial(mechanism, args.quick), card.beside(mechanism, args.quick)
+    trials = list(dict.fromkeys(trials))
+    return dict(zip(trials, ensembles(trials, args.runs, args.jobs, measure), strict=True))
 
 
 def main():

@@ -1,18 +1,12 @@
 from .cases import CASES as CASES
 from .cases import CONDITIONS as CONDITIONS
-from .cases import EARLY as EARLY
-from .cases import GRAVITY as GRAVITY
 from .cases import METHODS as METHODS
 from .cases import Condition as Condition
 from .cases import Found as Found
-from .cases import by_method as by_method
 from .cases import early_peak as early_peak
-from .cases import perturbed as perturbed
 from .cases import run_case as run_case
 from .cases import scara as scara
-from .ensembles import Ensembles as Ensembles
 from .ensembles import summary as summary
-from .ensembles import write_claims as write_claims
 from .outputs import FILES as FILES
 from .outputs import JOINT as JOINT
 from .outputs import output_names as output_names
@@ -21,4 +15,3 @@ from .run import errors_table as errors_table
 from .run import errors_text as errors_text
 from .run import measures_table as measures_table
 from .run import run_study as run_study
-from .run import write_errors as write_errors

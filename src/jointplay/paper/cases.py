@@ -42,7 +42,7 @@ CASES = {case: _clearance(case) for case in scenario().cases}
 VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.urdf", ("arm1",))}
 """URDF and the links whose inertia no rigid body has, used because they were printed."""
 
-ENSEMBLE_RECORD_EVERY = 50
+_RECORD_EVERY = 50  # of the perturbed runs
 
 EARLY_S = 0.5
 EARLY = f"peak joint force, first {EARLY_S:g} s"
@@ -66,7 +66,6 @@ class Condition:
     variant: str
 
     def __str__(self) -> str:
-        """Name in tables."""
         return f"{self.gravity}, {self.variant}"
 
 
@@ -80,21 +79,11 @@ def scara(
     seed: int | None = None,
     integrator: str = DEFAULT,
 ) -> Simulation:
-    """Set up one run of the paper's SCARA.
-
-    Args:
-        clearance: C_r = C_a [m], None for the ideal robot.
-        condition: gravity and inertia variant.
-        record_every: steps between records.
-        seed: perturbs the journal's initial position; see `Simulation`.
-        integrator: see `Simulation`.
-    """
+    """One run of the paper's SCARA with clearances C_r = C_a [m]; None: the ideal robot."""
     urdf, unphysical = VARIANTS[condition.variant]
     robot = {"urdf": urdf, "gravity": condition.gravity, "allow_unphysical": list(unphysical)}
     changes: dict[str, Any] = {"robot": robot, "output": {"record_every": record_every}}
-    changes["integration"] = {"integrator": integrator}
-    if seed is not None:
-        changes["integration"]["seed"] = seed
+    changes["integration"] = {"integrator": integrator} | ({} if seed is None else {"seed": seed})
     if clearance is None:
         return scenario().simulation("ideal", changes)
     # Any case with clearance will do: the clearance is all in which they differ.
@@ -104,13 +93,13 @@ def scara(
 
 @cache
 def _ideal(condition: Condition, integrator: str) -> Result:
-    simulation = scara(None, condition, ENSEMBLE_RECORD_EVERY, integrator=integrator)
+    simulation = scara(None, condition, _RECORD_EVERY, integrator=integrator)
     return simulation.run(estimate=False)
 
 
 def perturbed(condition: Condition, label: str, seed: int, integrator: str = DEFAULT) -> Measures:
     """Measures of one perturbed run of the case `label`."""
-    simulation = scara(CASES[label], condition, ENSEMBLE_RECORD_EVERY, seed, integrator)
+    simulation = scara(CASES[label], condition, _RECORD_EVERY, seed, integrator)
     run = simulation.run(estimate=False).completed(f"{condition}, {label}, seed {seed}")
     return measure(run, _ideal(condition, integrator))
 
@@ -134,15 +123,14 @@ def run_case(
     Raises:
         KeyboardInterrupt: after Ctrl-C, when the case has been saved as far as it came.
     """
-    simulation = scara(CASES[label], condition, integrator=integrator)
+    simulation, file = scara(CASES[label], condition, integrator=integrator), out / FILES[label]
     run = Run(simulation, progress)
     run.label = f"case {label} "
-    notes = {"title": scenario().title, "case": label}
-    _, result = run_and_save(run, out / FILES[label], progress, notes)
+    _, result = run_and_save(run, file, progress, {"title": scenario().title, "case": label})
     assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
-    add_certificate(result, out / FILES[label], simulation, progress, claims=True)
+    add_certificate(result, file, simulation, progress, claims=True)
     if signals.stop_requested():
         raise KeyboardInterrupt
     return result
@@ -160,22 +148,22 @@ class Found:
 
 def early_peak(result: Result) -> float:
     """Largest force at the joint from when the run is judged until `EARLY_S` [N]."""
-    name, at = ("joint_force_peak", {"joint": JOINT})
+    name, at = "joint_force_peak", {"joint": JOINT}
     if not result.joints:
-        name, at = ("reaction_force", {"moving_joint": JOINT})
+        name, at = "reaction_force", {"moving_joint": JOINT}
     time = (result.time >= result.judge_from) & (result.time <= EARLY_S)
     return float(np.linalg.norm(result[name].sel(at).values[time], axis=1).max(initial=0.0))
 
 
 def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> Found:
     """Figures of the case `label` by one of the `METHODS`, and of its ideal twin by the same."""
-    options = METHODS[method]
-    simulation = replace(scara(CASES[label], condition), **options)
-    result = simulation.run(estimate=False).completed(f"{label}, {method}")
+
+    def run(clearance: float | None) -> Result:
+        return replace(scara(clearance, condition), **METHODS[method]).run(estimate=False)
+
+    result = run(CASES[label]).completed(f"{label}, {method}")
     found = {EARLY: early_peak(result)}
-    if simulation.duration is None or simulation.duration > EARLY_S:
-        ideal = None
-        if CASES[label] is not None:
-            ideal = replace(scara(None, condition), **options).run(estimate=False)
+    if METHODS[method].get("duration", np.inf) > EARLY_S:
+        ideal = None if CASES[label] is None else run(None)
         found |= {name: value for name, (value, _) in figures(result, ideal).items()}
     return Found(found, tuple(result.audit.warnings))

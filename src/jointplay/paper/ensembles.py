@@ -6,20 +6,21 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import closing, contextmanager
 from functools import partial
+from itertools import product
 from operator import call
 from pathlib import Path
 from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from jointplay.base import files
 from jointplay.base.processes import Pool, number_of
 from jointplay.base.progress import current
 from jointplay.base.tables import Table
-from jointplay.model.urdf import GRAVITY
 from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
     METHODS,
-    VARIANTS,
     Condition,
     Found,
     by_method,
@@ -45,9 +46,6 @@ class Ensembles:
         jobs: processes; None takes one for each core.
         condition: under which the cases are also run by other methods.
         integrator: of the perturbed runs; the other methods are those of `METHODS` without it.
-
-    Attributes:
-        plan: perturbed runs, by condition, case and seed.
     """
 
     def __init__(
@@ -57,15 +55,9 @@ class Ensembles:
         condition: Condition = CONDITIONS[0],
         integrator: str = DEFAULT,
     ) -> None:
-        """Plan the runs."""
         self.runs, self.jobs = runs, number_of(jobs)
-        labels = [label for label, clearance in CASES.items() if clearance is not None]
-        self.plan = [
-            (condition, label, seed)
-            for condition in CONDITIONS
-            for label in labels
-            for seed in range(runs)
-        ]
+        played = [label for label, clearance in CASES.items() if clearance is not None]
+        self.plan = list(product(CONDITIONS, played, range(runs)))
         self._methods = [
             (label, method)
             for label in CASES
@@ -77,6 +69,8 @@ class Ensembles:
         plan |= {key: partial(perturbed, *key, integrator) for key in self.plan}
         self._found = Memory[Any]()
         self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._found)
+        self.to_simulate = len(plan) * length()
+        """What its runs simulate [s]."""
 
     @property
     def measures(self) -> dict[tuple[Condition, str, int], Measures]:
@@ -104,11 +98,6 @@ class Ensembles:
             if (bar := current()) is not None:
                 bar.update(length())
 
-    @property
-    def to_simulate(self) -> float:
-        """What the runs that `started` begins simulate [s]."""
-        return (len(self.plan) + len(self._methods)) * length()
-
     def wait(self, collecting: Future[None]) -> None:
         """Wait for the runs, those by the explicit method among them.
 
@@ -135,67 +124,59 @@ class Ensembles:
 
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""
-        verdicts = []
+        verdicts, found = [], self.measures
         for condition in CONDITIONS:
             small, large = (
-                [self.measures[key] for key in self.plan
-                 if key in self.measures and key[:2] == (condition, label)]
+                [measures for key, measures in found.items() if key[:2] == (condition, label)]
                 for label in ("0.2 mm", "0.5 mm")
-            )  # fmt: skip
+            )
             if min(len(small), len(large)) >= 2:
                 verdicts += judge(small, large, str(condition))
         return sorted(verdicts, key=lambda verdict: verdict.claim)
 
 
-HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
+def claim_rows(verdicts: Sequence[Verdict]) -> list[tuple[str, ...]]:
+    """Of the claims table, its head first."""
+    head = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
+    return [head, *(verdict.row() for verdict in verdicts)]
 
 
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
     """Write ``ensemble.csv``, ``claims.csv`` and ``claims.md``."""
     files.write(out / "ensemble.csv", ensembles.table.csv(17))
-    rows = [HEADER, *(verdict.row() for verdict in verdicts)]
-    table = Table.of_texts(rows)
-    files.write(out / "claims.csv", table.csv())
-    done, planned = len(ensembles.measures), len(ensembles.plan)
-    lines = [
-        "# The paper's claims",
-        "",
-        "Wang et al., Appl. Sci. 2023, 13(4), 2211, Section 5: joint B with "
-        "C_r = C_a = 0.2 mm and 0.5 mm.",
-        "",
-        f"Each row compares {ensembles.runs} runs at either clearance, the journal starting up to "
-        f"{100 * PERTURBATION:.0f} % of its clearance off centre; mean ± standard deviation. A "
-        "comparison holds (yes) if the 95 % confidence interval of the difference (Welch) lies on "
-        "its side of zero, fails (no) if it lies on the other, and is undecided otherwise; claim 4 "
-        "holds if every run visits every mode; peaks are isolated if they fill less than "
-        f"{100 * ISOLATED:.0f} % of the time. The first "
-        f"{START_UP:g} s, in which the journal falls into its bearing, are not judged. *Balanced* "
-        "is without gravity, *loaded* with it; *consistent* and *as printed* are the two inertia "
-        "variants (docs/assumptions.md). Numerical errors of the numbers, of one run: errors.md.",
-        "",
-        *([f"**Incomplete: {done} of {planned} runs.**", ""] if done < planned else []),
-        table.markdown(),
-        "",
-        made_with(),
-        "",
-    ]
-    files.write(out / "claims.md", "\n".join(lines))
+    rows = claim_rows(verdicts)
+    files.write(out / "claims.csv", Table.of_texts(rows).csv())
+    text = filled(
+        "claims.md",
+        rows=rows,
+        runs=ensembles.runs,
+        done=len(ensembles.measures),
+        planned=len(ensembles.plan),
+        displaced=f"{100 * PERTURBATION:.0f}",
+        isolated=f"{100 * ISOLATED:.0f}",
+        start=f"{START_UP:g}",
+    )
+    files.write(out / "claims.md", text)
 
 
-def made_with() -> str:
-    """A line that names the versions."""
+def filled(name: str, **values: Any) -> str:
+    """A page of the study: its text in `pages` with these values, and what it was made with."""
+    made = Environment(
+        loader=PackageLoader("jointplay.paper", "pages"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters["table"] = lambda rows: Table.of_texts(rows).markdown()
     names = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return f"Made with {names}."
+    return made.get_template(name).render(values, made_with=f"Made with {names}.")
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
     """Claims against conditions, for the terminal."""
-    lines = [
-        " " * 16 + "".join(f"{gravity:<24}" for gravity in GRAVITY),
-        " " * 16 + "".join(f"{variant:<12}" for _ in GRAVITY for variant in VARIANTS),
-    ]
+    rows = [("claim", *map(str, CONDITIONS))]
     for number, subject in sorted({(v.claim, v.subject) for v in verdicts}):
         answers = {v.condition: v.holds for v in verdicts if v.claim == number}
-        cells = "".join(f"{answers.get(str(condition), '-'):<12}" for condition in CONDITIONS)
-        lines.append(f"{number} {subject:<14}{cells}")
-    return "\n".join(line.rstrip() for line in lines)
+        rows.append((f"{number} {subject}", *(answers.get(str(c), "-") for c in CONDITIONS)))
+    return str(Table.of_texts(rows))

@@ -13,13 +13,9 @@ JOINT = "joint_b"
 FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
 """Results by case."""
 
-PAGE = "paper.md"
-"""Shows all of the study."""
+PAGE = "paper.md"  # shows all of the study
 DRAWINGS = ("fig01_joint.png", "fig02_forms.png")
-"""Its drawings of the joint."""
-
-MOST_RUNS = 1000
-"""Most perturbed runs for each clearance and condition: days of computing."""
+MOST_RUNS = 1000  # for each clearance and condition: days of computing
 
 
 def output_names() -> list[str]:
@@ -30,11 +26,7 @@ def output_names() -> list[str]:
 
 
 def folder(out: str | Path, runs: int, jobs: int | None) -> Path:
-    """The study's folder, claimed by this process; see `run_study` for what it is asked with.
-
-    Raises:
-        JointplayError: numbers that make no sense, or a folder that cannot be used.
-    """
+    """The study's folder, claimed by this process; arguments and errors as of `run_study`."""
     if require_whole("runs", runs) == 1:
         raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
     if runs > MOST_RUNS:

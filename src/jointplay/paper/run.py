@@ -23,9 +23,9 @@ from jointplay.paper.cases import (
     run_case,
     scara,
 )
-from jointplay.paper.ensembles import Ensembles, made_with, write_claims
+from jointplay.paper.ensembles import Ensembles, filled, write_claims
 from jointplay.paper.outputs import folder
-from jointplay.paper.page import write_page
+from jointplay.paper.page import Rows, write_page
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation.analysis.certification import further_runs
 from jointplay.simulation.analysis.claims import Verdict
@@ -47,10 +47,9 @@ def errors_table(
         its value and the difference, or why there is none.
     """
     methods = list(dict.fromkeys(method for _, method in others))
-    rows: list[tuple[str, ...]] = [("case", "figure", "value ± numerical error", "error", *methods)]
+    rows: Rows = [("case", "figure", "value ± numerical error", "error", *methods)]
     for label, result in cases.items():
-        certificate = result.certificate
-        headline = certificate.headline if certificate else ()
+        headline = result.certificate.headline if result.certificate else ()
         unknown = CertifiedFigure(EARLY, early_peak(result), math.inf, "N")
         for figure in (unknown, *headline):
             beside = [_beside(figure, others.get((label, method))) for method in methods]
@@ -72,15 +71,6 @@ def _beside(figure: CertifiedFigure, found: Found | None) -> str:
     return f"{text} ({100.0 * (other / figure.value - 1.0):+.1f} %{held})"
 
 
-def method_warnings(others: Mapping[tuple[str, str], Found]) -> list[str]:
-    """What the audits of other methods' runs warn of, a line each."""
-    return [
-        f"{label}, {method}: {warning}"
-        for (label, method), found in others.items()
-        for warning in found.warnings
-    ]
-
-
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     """What the claims use, a row for each measure and a column for each case that has it."""
     named = {
@@ -89,43 +79,26 @@ def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
         if (certificate := result.certificate) is not None
     }
     played = {label: measures for label, measures in named.items() if measures}
-    names = dict.fromkeys(name for measures in played.values() for name in measures)
-    head = ("measure", *played)
-    rows = []
-    for name in names:
+    rows: Rows = [("measure", *played)]
+    for name in dict.fromkeys(name for measures in played.values() for name in measures):
         figures = [measures[name] for measures in played.values()]
         rows.append((name, *(f"{one}{' (above 5 %)' if one.marked else ''}" for one in figures)))
-    return [head, *rows]
+    return rows
 
 
-def write_errors(
-    rows: Sequence[tuple[str, ...]],
-    measures: Sequence[tuple[str, ...]],
-    warnings: Sequence[str],
-    setting: str,
-    out: Path,
-) -> None:
+def write_errors(found: Findings, setting: str, out: Path) -> None:
     """Write ``errors.md``."""
-    done = len({label for label, *_ in rows[1:]})
-    used = "What the claims use, of these runs, by the names in ensemble.csv:"
-    lines = [
-        "# The study's figures with their numerical errors",
-        "",
-        f"{setting}. Each case was repeated with finer steps (docs/certificates.md); errors above "
-        "5 % are marked. The columns after that are the same case by other methods, with their "
-        "difference: explicit integration with the paper's fixed step, and the paper's integration "
-        f"tolerance (Table 3), which is run for {EARLY_S:g} s. What an error of the value is not "
-        "stated for has none estimated.",
-        "",
-        *([f"**Incomplete: {done} of {len(CASES)} cases.**", ""] if done < len(CASES) else []),
-        Table.of_texts(rows).markdown(),
-        "",
-        *([*(f"- warning of {line}" for line in warnings), ""] if warnings else []),
-        *([used, "", Table.of_texts(measures).markdown(), ""] if len(measures) > 1 else []),
-        made_with(),
-        "",
-    ]
-    files.write(out / "errors.md", "\n".join(lines))
+    text = filled(
+        "errors.md",
+        setting=setting,
+        early=f"{EARLY_S:g}",
+        rows=found.rows,
+        warnings=found.warnings,
+        measures=measures_table(found.cases),
+        done=len(found.cases),
+        planned=len(CASES),
+    )
+    files.write(out / "errors.md", text)
 
 
 def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -> str:
@@ -139,7 +112,7 @@ class Findings:
 
     cases: dict[str, Result]
     """By label."""
-    rows: list[tuple[str, ...]]
+    rows: Rows
     """Of `errors_table`, its head first."""
     warnings: list[str]
     """Of other methods' runs, a line each."""
@@ -190,9 +163,8 @@ def run_study(
             done(label, cases[label])
 
     of_cases = sum(1 + further_runs(scara(clearance)) for clearance in CASES.values())
-    total = of_cases * length() + ensembles.to_simulate
     try:
-        with whole(total, progress):
+        with whole(of_cases * length() + ensembles.to_simulate, progress):
             run(first)
             with ensembles.started() as collecting:
                 for label in rest:
@@ -200,13 +172,14 @@ def run_study(
                 ensembles.wait(collecting)
     finally:  # whatever happens, what was found is written
         with signals.keeping(f"the tables in {out}"):
-            found = Findings(
-                cases,
-                errors_table(cases, ensembles.others),
-                method_warnings(ensembles.others),
-                ensembles.verdicts(),
-            )
-            write_errors(found.rows, measures_table(cases), found.warnings, setting, out)
+            others = ensembles.others
+            warnings = [
+                f"{label}, {method}: {warning}"
+                for (label, method), one in others.items()
+                for warning in one.warnings
+            ]
+            found = Findings(cases, errors_table(cases, others), warnings, ensembles.verdicts())
+            write_errors(found, setting, out)
             if runs:
                 write_claims(found.verdicts, ensembles, out)
     with signals.keeping(f"the figures in {out}"):

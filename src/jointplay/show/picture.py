@@ -130,7 +130,6 @@ def picture(
 
 
 def _say_missing(figure: Figure, looks: Look) -> None:
-    """Name the meshes that were not found."""
     if looks.missing:
         names = ", ".join(Path(name).name for name in looks.missing[:3])
         more = f" and {len(looks.missing) - 3} more" if len(looks.missing) > 3 else ""
@@ -234,7 +233,6 @@ def _write(axes: Any, notes: Sequence[_Note]) -> None:
 
 
 def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, float]) -> None:
-    """Axes with units around what is shown, equally scaled."""
     room = 0.08 * float((high - low).max())
     low, high = low - room, high + room
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))

@@ -72,7 +72,6 @@ class Machine:
     """
 
     def __init__(self, state: State) -> None:
-        """Nothing is computed yet."""
         self.state = state
         self.superseded: Callable[[], bool] = lambda: False
         self._twins: OrderedDict[str, Result] = OrderedDict()
@@ -237,7 +236,6 @@ class Curves:
     """Charts in one block of bytes: 32-bit floats, the same ones once."""
 
     def __init__(self) -> None:
-        """Begin empty."""
         self.block = bytearray()
         self._places: dict[bytes, dict[str, int]] = {}
 

@@ -126,14 +126,12 @@ class Routes:
     """
 
     def __init__(self, state: State, workers: Workers) -> None:
-        """Nothing is asked yet."""
         self._state, self._workers = state, workers
         self._lock = threading.Lock()
         self._newest = ("", 0)
 
     @property
     def posts(self) -> dict[str, Callable[[bytes], Iterator[bytes]]]:
-        """By name, for the server."""
         return {"ask": self._ask, "scenario": self._scenario}
 
     def _read(self, body: bytes) -> tuple[dict[str, float], tuple[str, int]]:

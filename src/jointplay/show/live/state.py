@@ -83,7 +83,6 @@ class Control:
     along: tuple[float, ...] = ()
 
     def written(self, value: float) -> Any:
-        """As a scenario has it."""
         if self.along:
             return [value * part for part in self.along]
         return f"{value!r} {self.unit}" if self.unit else value
@@ -111,7 +110,6 @@ class State:
         return cls(scenario, case, controls)
 
     def described(self) -> list[dict[str, Any]]:
-        """The controls as plain data."""
         return [
             {key: value for key, value in asdict(one).items() if key not in ("keys", "along")}
             for one in self.controls.values()
@@ -162,7 +160,6 @@ class State:
         return [*([first] if mass > 0.0 else []), *given[1:]]
 
     def data(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """What a scenario file with these values has."""
         return merge(self.scenario.data(self.case), self.changes(values))
 
     def text(self, values: Mapping[str, float]) -> str:
@@ -196,7 +193,6 @@ def _put(table: dict[str, Any], key: Sequence[str], value: Any) -> None:
 
 
 def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Control]:
-    """Of the machine, then of each joint with play."""
     yield from _of_machine(data, simulation)
     for name, joint in simulation.mechanism.given_joints.items():
         if not joint.ideal:

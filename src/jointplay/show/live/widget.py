@@ -56,7 +56,6 @@ def widget(scenario: Scenario | str | Path, case: str | None = None) -> Any:
         block = traitlets.Bytes().tag(sync=True)
 
         def close(self) -> None:
-            """End the processes, and the widget."""
             workers.close()
             super().close()
 
@@ -66,7 +65,6 @@ def widget(scenario: Scenario | str | Path, case: str | None = None) -> Any:
 
 
 def _reply(shown: Any, asked: Any, state: State, workers: Workers) -> None:
-    """Answer a message of the front end."""
     if not isinstance(asked, dict):
         return
     to = asked.get("to")

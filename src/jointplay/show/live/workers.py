@@ -40,7 +40,6 @@ class Workers:
     """
 
     def __init__(self, state: State) -> None:
-        """Start the processes."""
         self.state = state
         context: Any = multiprocessing.get_context(_METHOD)
         self._context = context
@@ -88,7 +87,6 @@ class Workers:
         return number
 
     def _send(self, kind: str) -> None:
-        """Have a process begin with the newest question."""
         with suppress(OSError):  # it is dead, which `_read` finds
             self._connections[kind].send((int(self._newest.value), self._values))
 
@@ -131,7 +129,6 @@ class Workers:
 
 
 def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
-    """What a process does: answer the newest question, until its parent ends."""
     processes.begin()
     os.nice(5)  # what is computed gives way to what is drawn
     machine = Machine(state)

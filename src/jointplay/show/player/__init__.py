@@ -162,6 +162,5 @@ def play(
 
 
 def _tell(scene: Packed, say: Callable[[str], None]) -> None:
-    """Say what is to be known of a scene."""
     for note in scene.notes:
         say(f"note: {note}")

@@ -77,7 +77,6 @@ class Shot:
     ``contact force, JOINT`` and so on; None draws nothing."""
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         for name in ("speed", "begin", "end"):
             value = getattr(self, name)
             if value is not None:
@@ -141,7 +140,6 @@ class MovieFile:
     size: tuple[int, int]
 
     def __str__(self) -> str:
-        """Say it in one line."""
         width, height = self.size
         bytes_ = self.path.stat().st_size
         how = f"{width} x {height}, {bytes_ / 1e6:.2g} MB"
@@ -174,7 +172,6 @@ def check(path: str | Path) -> Path:
 
 
 def _needs(suffix: str) -> None:
-    """Refuse what lacks a library."""
     for name in ("playwright", *(() if suffix == ".png" else ("imageio", "imageio_ffmpeg"))):
         if find_spec(name) is None:
             raise JointplayError(
@@ -303,7 +300,6 @@ def launched(tools: Any, failure: type[Exception]) -> Any:
 
 
 def _encoded(frames: Iterator[bytes], folder: Path, suffix: str, shot: Shot) -> bytes:
-    """The frames as a file of this kind."""
     import imageio.v2 as imageio
 
     target = folder / f"film{suffix}"

@@ -62,7 +62,6 @@ class Server(ThreadingHTTPServer):
         port: int = PORT,
         posts: Mapping[str, Post] | None = None,
     ) -> None:
-        """Begin to listen."""
         port = require_whole("the port", port, 0, 65535)
         self.page, self.wanted, self.posts = page, port, dict(posts or {})
         self.root = f"/{secrets.token_urlsafe(24)}/" if posts else "/"
@@ -88,12 +87,10 @@ class Server(ThreadingHTTPServer):
 
     @property
     def port(self) -> int:
-        """Where it listens."""
         return int(self.server_address[1])
 
     @property
     def url(self) -> str:
-        """Address of the page."""
         host = {"0.0.0.0": HOST, "::": "::1", "": HOST}.get(self._host, self._host)
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self.port}{self.root}"
@@ -175,7 +172,6 @@ class _Handler(BaseHTTPRequestHandler):
         return path[len(root) :]
 
     def _begin(self, status: HTTPStatus, kind: str, size: int | None = None) -> None:
-        """Send the head of an answer."""
         self.send_response(status)
         self.send_header("Content-Type", kind)
         if size is not None:

@@ -136,7 +136,6 @@ class Packer:
     """
 
     def __init__(self) -> None:
-        """Begin empty."""
         self._blocks: list[bytes] = []
         self._size = 0
 
@@ -180,7 +179,6 @@ class Packer:
         return self.raw(planes.tobytes()) | {"numbers": len(used)}
 
     def deflated(self) -> bytes:
-        """All that was appended, compressed (zlib)."""
         return zlib.compress(b"".join(self._blocks), 6)
 
 

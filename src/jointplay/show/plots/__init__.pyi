@@ -1,7 +1,4 @@
-from .figures import FIGURES as FIGURES
-from .figures import NEEDS_CLEARANCE as NEEDS_CLEARANCE
 from .figures import is_paper as is_paper
-from .figures import joint_of as joint_of
 from .figures import save as save
 from .figures import save_pdf as save_pdf
 from .names import file_names as file_names

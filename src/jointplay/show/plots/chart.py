@@ -47,7 +47,6 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """Name and unit."""
         unit = self.shown[1]
         return f"{self.name} [{unit}]" if unit else self.name
 
@@ -199,20 +198,20 @@ class Panel:
 
     def styled(self, **fields: Any) -> Panel:
         """The same with these fields in all marks that are data."""
-
-        def changed(mark: Mark) -> Mark:
+        marks = []
+        for mark in self.marks:
+            framed = isinstance(mark, Rule | Words) or (isinstance(mark, Curve) and mark.frame)
             known = {name: one for name, one in fields.items() if hasattr(mark, name)}
-            return mark if _is_frame(mark) else replace(mark, **known)
+            marks.append(mark if framed else replace(mark, **known))
+        return replace(self, marks=marks)
 
-        return replace(self, marks=[changed(mark) for mark in self.marks])
+    def with_marks(self, *marks: Mark) -> Panel:
+        """The same with further marks."""
+        return replace(self, marks=[*self.marks, *marks])
 
-    def with_marks(self, *marks: Mark, **fields: Any) -> Panel:
-        """The same with further marks, and other fields."""
-        return replace(self, marks=[*self.marks, *marks], **fields)
-
-
-def _is_frame(mark: Mark) -> bool:
-    return isinstance(mark, Rule | Words) or (isinstance(mark, Curve) and mark.frame)
+    def renamed(self, name: str) -> Panel:
+        """The same with this name at its y axis."""
+        return replace(self, y=replace(self.y, name=name))
 
 
 def overlaid(panels: Iterable[Panel]) -> Panel:
@@ -245,7 +244,6 @@ class Chart:
 
     @property
     def panels(self) -> list[Panel]:
-        """All of them, row by row."""
         return [one for row in self.rows for one in row if one is not None]
 
 

@@ -45,7 +45,6 @@ _SHARES = "YlOrRd"
 
 
 def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Figure:
-    """A figure of panels side by side."""
     return draw(Chart([list(panels)], size, **more))
 
 

@@ -124,7 +124,6 @@ def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
 
 
 def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
-    """Label, limits, scale and ticks of an axis."""
     factor, _ = axis.shown
     own = getattr(axes, f"{which}axis")
     getattr(axes, f"set_{which}label")(axis.label)

@@ -46,7 +46,6 @@ def _corners(tilt: float, x: float = 0.0, y: float = 0.0) -> np.ndarray:
 
 
 def _bearing(panel: Axes, left: float, right: float, bottom: float, top: float) -> None:
-    """Bore and end walls."""
     panel.plot([left, right, right, left, left], [top, top, bottom, bottom, top], "k", lw=1.6)
 
 
@@ -105,7 +104,6 @@ def contact_forms() -> StyledFigure:
 
 
 def _measure(panel: Axes, first: Any, last: Any, text: str, at: tuple[float, float]) -> None:
-    """A length between two points, and its name."""
     arrow = {"arrowstyle": "<->", "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
     panel.annotate("", first, last, arrowprops=arrow)
     panel.text(*at, text, fontsize=8, ha="center", va="center")

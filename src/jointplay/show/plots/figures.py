@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.figure import Figure
 
 from jointplay.base import files
 from jointplay.model.mechanism import Mechanism
@@ -32,15 +31,9 @@ _STILL = 1e-6
 """Motion along an axis relative to the largest, below which there is none."""
 
 
-def joint_of(cases: Cases) -> str | None:
-    """The clearance joint that the cases compare: the first one of the first case that has any."""
-    return next((result.joints[0] for result in cases.values() if result.joints), None)
-
-
-def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
+def coloured(cases: Cases) -> list[tuple[str, Result, str]]:
     """Label, result and colour of each case."""
-    for (label, result), colour in zip(cases.items(), colours(cases), strict=True):
-        yield label, result, colour
+    return list(zip(cases, cases.values(), colours(cases), strict=True))
 
 
 def is_paper(cases: Cases) -> bool:
@@ -50,14 +43,9 @@ def is_paper(cases: Cases) -> bool:
     )
 
 
-def _fallen(cases: Cases) -> float:
-    """Until when nothing is judged, while journals fall into their bearings [s]."""
-    return max((result.judge_from for result in cases.values() if result.joints), default=0.0)
-
-
 def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str]:
     """Panels over time in which what is not judged is shaded; its words."""
-    until = _fallen(cases)
+    until = max((result.judge_from for result in cases.values() if result.joints), default=0.0)
     if until <= 0.0:
         return list(panels), ""
     words = f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
@@ -66,14 +54,16 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
 
 def tool_panels(cases: Cases, of: str) -> list[Panel]:
     """x, y, z of the tool over time, all cases in each."""
-    draw = "displacement" if of == "tool_position" else "velocity"
-    return [
-        overlaid(
-            result.plot.panel(draw, axis).styled(colour=colour, name=label)
-            for label, result, colour in coloured(cases)
-        )
-        for axis in moving_axes(cases)
-    ]
+    name = "displacement" if of == "tool_position" else "velocity"
+    return [_over(cases, name, axis) for axis in moving_axes(cases)]
+
+
+def _over(cases: Cases, name: str, *asked: Any) -> Panel:
+    """A plot of all cases over each other, each in its colour."""
+    return overlaid(
+        result.plot.panel(name, *asked).styled(colour=colour, name=label)
+        for label, result, colour in coloured(cases)
+    )
 
 
 def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> list[Panel]:
@@ -81,13 +71,11 @@ def difference_panels(cases: Cases, of: str, ideals: Mapping[str, Result]) -> li
     drawn = [item for item in coloured(cases) if item[0] in ideals]
     found = []
     for axis in moving_axes(cases) if drawn else ():
-        panel = overlaid(
-            result.plot.panel("deviation", axis, ideals[label], of=of).styled(
-                colour=colour, name=label
-            )
-            for label, result, colour in drawn
+        each = (
+            one.plot.panel("deviation", axis, ideals[label], of=of).styled(colour=tone, name=label)
+            for label, one, tone in drawn
         )
-        found.append(replace(panel, y=replace(panel.y, name=f"{axis} - ideal")))
+        found.append(overlaid(each).renamed(f"{axis} - ideal"))
     return found
 
 
@@ -110,15 +98,10 @@ def _tool_history(cases: Cases, of: str) -> Chart:
     if beside:
         beside[0] = replace(beside[0], title="difference from the ideal robot")
         rows = [list(both) for both in zip(panels, beside, strict=True)]
-    still = [axis for axis in AXES if axis not in axes]
-    words = [f"The tool does not move along {' and '.join(still)}."] if still else []
-    return Chart(
-        rows,
-        (9.0 if beside else 6.0, 1.4 + 1.55 * len(axes)),
-        note=" ".join(filter(None, [*words, grey])),
-        key=_LEGEND_COLUMNS,
-        same_x=True,
-    )
+    still = " and ".join(axis for axis in AXES if axis not in axes)
+    note = " ".join(filter(None, [still and f"The tool does not move along {still}.", grey]))
+    size = (9.0 if beside else 6.0, 1.4 + 1.55 * len(axes))
+    return Chart(rows, size, note=note, key=_LEGEND_COLUMNS, same_x=True)
 
 
 def moving_axes(cases: Cases) -> list[str]:
@@ -134,22 +117,9 @@ def is_straight(cases: Cases) -> bool:
     return len(moving_axes(cases)) < 2
 
 
-def tool_displacement(cases: Cases) -> Chart:
-    """Displacement of the end effector over time (Figure 9)."""
-    return _tool_history(cases, "tool_position")
-
-
-def tool_velocity(cases: Cases) -> Chart:
-    """Velocity of the end effector over time (Figure 10)."""
-    return _tool_history(cases, "tool_velocity")
-
-
 def path_panel(cases: Cases) -> Panel:
     """Paths of the end effector in `plane_of` the cases."""
-    return overlaid(
-        result.plot.panel("path", plane_of(cases)).styled(colour=colour, name=label)
-        for label, result, colour in coloured(cases)
-    )
+    return _over(cases, "path", plane_of(cases))
 
 
 def tool_path(cases: Cases) -> Chart:
@@ -175,17 +145,14 @@ def tool_path(cases: Cases) -> Chart:
             spot = (cases[label]["tool_position"].values[k] - error.values[k])[across]
     row: list[Panel | None] = [whole]
     if worst > 0.0:
-        reach = 2.5 * worst
-        (left, low), (right, high) = spot - reach, spot + reach
-        title = f"where it differs most: {1e3 * worst:.2f} mm"
         x_axis, y_axis = (
-            replace(axis, low=a, high=b, ticks=4)
-            for axis, a, b in ((panel.x, left, right), (panel.y, low, high))
+            replace(axis, low=at - 2.5 * worst, high=at + 2.5 * worst, ticks=4)
+            for axis, at in zip((panel.x, panel.y), spot, strict=True)
         )
+        title = f"where it differs most: {1e3 * worst:.2f} mm"
+        frame = Curve([spot[0]], [spot[1]], marker="s", size=9.0, hollow=True, **look)
+        row = [whole.with_marks(frame)]
         row.append(replace(panel, x=x_axis, y=y_axis, title=title, equal="box"))
-        row[0] = whole.with_marks(
-            Curve([spot[0]], [spot[1]], marker="s", size=9.0, hollow=True, **look)
-        )
     size = (9.0 if pairs else 5.0, 4.4)
     return Chart([row], size, note=note, key=_LEGEND_COLUMNS)
 
@@ -205,10 +172,8 @@ def force_joints(result: Result, cases: Cases) -> list[str]:
 
 def orbit_panels(cases: Cases) -> list[tuple[Panel, Panel | None]]:
     """The path of each journal's middle, joint by joint; and that of the nearer rim, if any."""
-    red = Curve(
-        [0.0], [0.0], colour=COLOURS[0], line="", marker="o", size=5.0, frame=True, order=4.0
-    )
-    found = []
+    dot: dict[str, Any] = {"line": "", "marker": "o", "size": 5.0, "frame": True, "order": 4.0}
+    red, found = Curve([0.0], [0.0], colour=COLOURS[0], **dot), []
     for joint in joints_of(cases):
         for label, result, colour in coloured(cases):
             if joint not in result.joints:
@@ -273,21 +238,15 @@ def joint_force(cases: Cases, axis: str) -> Chart:
     With clearance the contact force, each record showing the force at the instant since the last
     record at which its magnitude was largest; for the ideal robot the constraint force.
     """
-    panels, grey = _with_start(force_panels(cases, axis), cases)
-    words = [grey]
+    panels, note = _with_start(force_panels(cases, axis), cases)
     if not all(result.joints for result in cases.values()):
-        words.append(
-            "With clearance the force of the contacts, the largest since the last record; that of "
+        note += (
+            " With clearance the force of the contacts, the largest since the last record; that of "
             "the ideal joint is a constraint force: nothing touches there."
         )
-    return Chart(
-        [[panel] for panel in panels],
-        (7.0, 1.3 + 1.7 * len(panels)),
-        title=f"force on the journal along world {axis}",
-        note=" ".join(filter(None, words)),
-        same_x=True,
-        same_y="col",
-    )
+    size, title = (7.0, 1.3 + 1.7 * len(panels)), f"force on the journal along world {axis}"
+    rows = [[panel] for panel in panels]
+    return Chart(rows, size, title=title, note=note.strip(), same_x=True, same_y="col")
 
 
 def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
@@ -317,8 +276,8 @@ def plane_of(cases: Cases) -> str:
 
 def overview(cases: Cases) -> Chart:
     """The robot from above, its tool's error (or the tilt), the journal's orbit, the force."""
-    shown = [item for item in coloured(cases) if item[1].joints]
-    ideals = ideals_of(cases)
+    every, ideals = coloured(cases), ideals_of(cases)
+    shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
     if not ideals:  # the ideal mechanism is simulated, where it can be
         alone = {label: ideal_run(result) for label, result in cases.items()}
         ideals = {label: ideal for label, ideal in alone.items() if ideal is not None}
@@ -331,34 +290,31 @@ def overview(cases: Cases) -> Chart:
         for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2)
         for line in _skeleton(mechanism, first["q"].values[moment])
     ]
-    named = {label for label, *_ in shown}  # only these have errors and contacts
-    plan = overlaid(
-        result.plot.panel("path", plane).styled(
-            colour=colour, width=1.0, name=label if label in named else ""
+    paths = (
+        one.plot.panel("path", plane).styled(
+            colour=tone, width=1.0, name=label if one.joints else ""
         )
-        for label, result, colour in coloured(cases)
+        for label, one, tone in every
     )
+    plan = overlaid(paths)
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     errors = [
-        result.plot.panel("deviation", "total", ideals[label]).styled(colour=colour)
-        for label, result, colour in reversed(list(coloured(cases)))
+        one.plot.panel("deviation", "total", ideals[label]).styled(colour=tone)
+        for label, one, tone in every[::-1]
         if label in ideals
     ]
-    tilts = [result.plot.panel("tilt").styled(colour=colour) for _, result, colour in shown[::-1]]
-    error = overlaid(errors or tilts)
     if errors:
-        error = replace(error, y=replace(error.y, name="tool error"))
-    label, result, colour = shown[-1]
+        error = overlaid(errors).renamed("tool error")
+    else:
+        error = overlaid(one.plot.panel("tilt").styled(colour=tone) for _, one, tone in shown)
+    label, result, colour = shown[0]
     joint = result.joints[0]
     ring = analysis.rolls(result, joint)
     what = "inner ring in the outer one" if ring else "journal centre in its bearing"
     orbit = result.plot.panel("orbit").styled(colour=colour)
-    force = overlaid(
-        one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown[::-1]
-    )
-    force = replace(
-        force, y=replace(force.y, name="contact force"), title=f"contact force at {joint}"
-    )
+    forces = (one.plot.panel("forces", "total").styled(colour=tone) for _, one, tone in shown)
+    force = overlaid(forces).renamed("contact force")
+    force = replace(force, title=f"contact force at {joint}")
     rows = [[plan, error], [replace(orbit, title=f"{what}, {joint}, {label}"), force]]
     return Chart(rows, (9.0, 6.2), key=_LEGEND_COLUMNS, wide=(1.0, 1.5))
 
@@ -384,29 +340,25 @@ def bearing_loads(cases: Cases) -> Chart:
 
 
 CHARTS: dict[str, Callable[[Cases], Chart]] = {
-    "tool_displacement": tool_displacement,
-    "tool_velocity": tool_velocity,
+    "tool_displacement": partial(_tool_history, of="tool_position"),
+    "tool_velocity": partial(_tool_history, of="tool_velocity"),
     "tool_path": tool_path,
     "journal_orbit": journal_orbit,
     **{f"force_{axis}": partial(joint_force, axis=axis) for axis in AXES},
     "overview": overview,
     "bearing_loads": bearing_loads,
 }
-FIGURES: dict[str, Callable[[Cases], Figure]] = {
-    name: lambda cases, describe=describe: draw(describe(cases))  # type: ignore[misc]
-    for name, describe in CHARTS.items()
+_NEEDS: dict[str, Callable[[Cases], Any]] = {
+    "journal_orbit": joints_of,
+    "overview": joints_of,
+    "tool_path": lambda cases: not is_straight(cases),
+    "bearing_loads": bearings_of,
 }
-"""The same, drawn."""
-NEEDS_CLEARANCE = ("journal_orbit", "overview")
 
 
 def _charts(cases: Cases) -> Iterator[tuple[str, Chart]]:
     for name, describe in CHARTS.items():
-        if name in NEEDS_CLEARANCE and joint_of(cases) is None:
-            continue
-        if name == "tool_path" and is_straight(cases):
-            continue
-        if name != "bearing_loads" or bearings_of(cases):
+        if name not in _NEEDS or _NEEDS[name](cases):
             yield name, describe(cases)
 
 
@@ -439,26 +391,17 @@ def _states(cases: Cases) -> Iterator[Chart]:
     for label, result, colour in coloured(cases):
         panel = result.plot.panel
         for joint in result.joints:
-            has_forms = bool(analysis.shares(result, joint, "form"))
-            names = ["modes", *(["forms"] if has_forms else []), "contacts", "gaps"]
-            shown = (
-                "loads and gaps of elements"
-                if analysis.rolls(result, joint)
-                else ("modes, forms, contacts, gaps")
-            )
-            yield Chart(
-                [[panel(name, joint)] for name in names],
-                (8.0, 8.0),
-                f"{label}, {joint}: {shown}",
-                colour,
-                high=(1, 2, 2, 2)[: len(names)],
-            )
-            yield Chart(
-                [[panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]],
-                (7.0, 4.0),
-                f"{label}, {joint}: contacts by duration and peak; tilt",
-                colour,
-            )
+            names, shown = ["modes", "contacts", "gaps"], "modes, forms, contacts, gaps"
+            if analysis.shares(result, joint, "form"):
+                names.insert(1, "forms")
+            if analysis.rolls(result, joint):
+                shown = "loads and gaps of elements"
+            rows: list[list[Panel | None]] = [[panel(name, joint)] for name in names]
+            high = (1, 2, 2, 2)[: len(names)]
+            yield Chart(rows, (8.0, 8.0), f"{label}, {joint}: {shown}", colour, high=high)
+            both = [panel("impacts", joint), panel("tilt", joint).styled(colour=colour)]
+            title = f"{label}, {joint}: contacts by duration and peak; tilt"
+            yield Chart([both], (7.0, 4.0), title, colour)
         yield Chart([[panel("energy")]], (7.0, 4.2), f"{label}: energy balance", colour)
 
 

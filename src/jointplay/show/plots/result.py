@@ -30,18 +30,11 @@ from jointplay.simulation.result.variables import TERMS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COMPONENTS = (*AXES, "total")
-
-_TICKS = 5
-"""Intervals between the ticks of an orbit, at most."""
-
+_TICKS = 5  # intervals between those of an orbit, at most
 _DRAWN_DEPTH = 0.15
 """Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
-_RIM_EDGE = 1.5
-"""Where deeper ones are drawn, relative to the clearance."""
-
-_RIM_COLOURS = ("#E69F00", "#009E73", MODE_COLOURS[2])
-"""Of the modes; points need more contrast than bars."""
+_RIM_EDGE = 1.5  # where deeper ones are drawn, relative to the clearance
+_RIM_COLOURS = ("#E69F00", "#009E73", MODE_COLOURS[2])  # points need more contrast than bars
 _MARKERS = "o^sDvP*"
 
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
@@ -104,25 +97,23 @@ class Plots:
     """
 
     def __init__(self, result: Result) -> None:
-        """Draw `result`."""
         self.result = result
 
     def __repr__(self) -> str:
-        """The plots that this result has."""
         return f"<plots of a result: {', '.join(self.available)}>"
 
     @property
     def available(self) -> tuple[str, ...]:
         """Names of the plots that have a meaning for this result."""
-        names: tuple[str, ...] = ALWAYS
-        if self.result.joints:
-            names += NEED_CLEARANCE
-            if any(analysis.has_rims(self.result, joint) for joint in self.result.joints):
-                names += ("rims",)
-            if any(analysis.rolls(self.result, joint) for joint in self.result.joints):
-                names += ("loaded",)
-            names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
-        return names + (("deviation",) if analysis.has_play(self.result) else ())
+        result, joints = self.result, self.result.joints
+        further = {
+            "rims": any(analysis.has_rims(result, joint) for joint in joints),
+            "loaded": any(analysis.rolls(result, joint) for joint in joints),
+            "forms": bool(joints) and bool((result["form"] >= 0).any()),
+            "deviation": analysis.has_play(result),
+        }
+        names = ALWAYS + (NEED_CLEARANCE if joints else ())
+        return (*names, *(name for name, there in further.items() if there))
 
     def panel(self, name: str, *args: Any, **options: Any) -> Panel:
         """What a plot shows, as data: for charts of several results, and pages."""
@@ -158,48 +149,30 @@ class Plots:
         x, y = self._plane(ring)
         centre = self.result["journal_centre"].sel(joint=name).values
         room = analysis.clearance_outline(self.result, name)
-        marks, title = [], ""
-        factor, unit = x.shown
+        marks, title = [], f"{name}, no play across" if ring else ""
         if room is not None:
+            factor, unit = x.shown
             marks.append(outline(*room))
             shape = "circle" if room.shape[1] > 5 else "rectangle"
             size = f"{factor * room[0].max():{'.3g' if ring else 'g'}}"
             title = f"{name}, clearance {shape}, ±{size} {unit}"
-        elif ring:
-            title = f"{name}, no play across"
         time = self.result.time
         first = int(np.searchsorted(time, self.result.judge_from))
-        look: dict[str, Any] = {"width": 0.5}
+
+        def path(part: slice, **look: Any) -> Curve:
+            across, up = centre[part, :2].T
+            return Curve(across, up, at=time[part], width=0.5, **look)
+
         if first:  # what is not judged
-            fall = centre[: first + 1]
-            marks.append(
-                Curve(
-                    fall[:, 0],
-                    fall[:, 1],
-                    at=time[: first + 1],
-                    colour="#cccccc",
-                    frame=True,
-                    **look,
-                )
-            )
-        marks.append(Curve(centre[first:, 0], centre[first:, 1], at=time[first:], **look))
-        return Panel(x, y, marks, title, equal="box")
+            marks.append(path(slice(first + 1), colour="#cccccc", frame=True))
+        return Panel(x, y, [*marks, path(slice(first, None))], title, equal="box")
 
     @staticmethod
-    def _plane(ring: bool, reach: float | None = None) -> tuple[Axis, Axis]:
+    def _plane(ring: bool, **limits: Any) -> tuple[Axis, Axis]:
         """Axes across a bearing, of which rolling ones are shown much larger."""
-        frame = "outer ring's" if ring else "bearing"
-        low = None if reach is None else -reach
+        frame, size = ("outer ring's", "fine") if ring else ("bearing", "")
         x, y = (
-            Axis(
-                f"{axis} in the {frame} frame",
-                "m",
-                "fine" if ring else "",
-                low=low,
-                high=reach,
-                ticks=_TICKS,
-            )
-            for axis in "xy"
+            Axis(f"{axis} in the {frame} frame", "m", size, ticks=_TICKS, **limits) for axis in "xy"
         )
         return x, y
 
@@ -239,8 +212,9 @@ class Plots:
             label = f"{MODE_TERMS[one]} ({MODES[one]})"
             x, y = drawn[mode == one].T
             marks.append(Curve(x, y, label, _RIM_COLOURS[one], line="", marker="o", size=1.0))
-        axes = self._plane(False, 1.05 * _RIM_EDGE * clearance)
-        return Panel(*axes, marks, f"{name}, nearer rim, penetration × {factor:g}", equal="box")
+        edge = 1.05 * _RIM_EDGE * clearance
+        title = f"{name}, nearer rim, penetration × {factor:g}"
+        return Panel(*self._plane(False, low=-edge, high=edge), marks, title, equal="box")
 
     @_drawn()
     def contacts(self, joint: str | None = None) -> Panel:
@@ -255,15 +229,9 @@ class Plots:
 
     @_drawn()
     def loaded(self, joint: str | None = None) -> Panel:
-        """How many balls or rollers of a rolling bearing bear load, over time.
-
-        Args:
-            joint: one with a rolling bearing; None takes the first that has one.
-        """
-        name = joint or next(
-            (name for name in self.result.joints if analysis.rolls(self.result, name)), None
-        )
-        name = self._joint("loaded", name)
+        """How many balls or rollers bear load, over time; None: of the first rolling bearing."""
+        rolling = (name for name in self.result.joints if analysis.rolls(self.result, name))
+        name = self._joint("loaded", joint or next(rolling, None))
         if not analysis.rolls(self.result, name):
             raise JointplayError(
                 f"plot 'loaded' is of rolling bearings, and joint {name!r} has none"
@@ -308,21 +276,15 @@ class Plots:
         rows = []
         for form in occurred:
             words = form.name.lower().replace("_", " ")
-            words = f"{form.letter}: {words}" if form else words
-            rows.append(f"{words}, {100 * shares[form.name.lower()]:.1f} %")
+            letter = f"{form.letter}: " if form else ""
+            rows.append(f"{letter}{words}, {100 * shares[form.name.lower()]:.1f} %")
         return self._timeline("form", name, occurred, rows, [COLOURS[1]] * len(rows))
 
     def _timeline(
-        self,
-        variable: str,
-        joint: str,
-        members: Sequence[int],
-        rows: list[str],
-        colours: Sequence[str],
+        self, variable: str, joint: str, members: Sequence[int], rows: list[str], colours: list[str]
     ) -> Panel:
         """A row for each member, filled while a variable equals it."""
-        time = self.result.time
-        values = self.result[variable].sel(joint=joint).values
+        time, values = self.result.time, self.result[variable].sel(joint=joint).values
         marks = [
             Spans(*spans(time, values == int(member)), row, rows[row].partition("\n")[0], colour)
             for row, (member, colour) in enumerate(zip(members, colours, strict=True))
@@ -340,26 +302,19 @@ class Plots:
     def impacts(self, joint: str | None = None, start: float | None = None) -> Panel:
         """Peak normal force [N] of every contact over its duration [ms], by place.
 
-        Args:
-            joint: a clearance joint; None takes the first.
-            start: contacts before this are left out [s]; None: none is.
+        Contacts before `start` [s] are left out.
         """
         name = self._joint("impacts", joint)
-        marks = [
-            Curve(
-                place.duration,
-                place.peak,
-                f"{place.contact.replace('_', ' ')}, {len(place.peak)}",
-                contact_look(i)["colour"],
-                line="",
-                marker=_MARKERS[i % len(_MARKERS)],
-                size=3.5,
-                opacity=0.8,
-            )
-            for i, place in enumerate(
-                one for one in analysis.contacts(self.result, start) if one.joint == name
-            )
-        ]
+        dot: dict[str, Any] = {"line": "", "size": 3.5, "opacity": 0.8}
+        places = [one for one in analysis.contacts(self.result, start) if one.joint == name]
+        marks = []
+        for i, place in enumerate(places):
+            label = f"{place.contact.replace('_', ' ')}, {len(place.peak)}"
+            look = dot | {
+                "colour": contact_look(i)["colour"],
+                "marker": _MARKERS[i % len(_MARKERS)],
+            }
+            marks.append(Curve(place.duration, place.peak, label, **look))
         ring = analysis.rolls(self.result, name)
         log = any(len(mark.x) for mark in marks)
         x = Axis(f"duration of the {'load' if ring else 'contact'}", "s", "fine", log=log)
@@ -385,7 +340,7 @@ class Plots:
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
-            ideal: the ideal robot's run; None simulates it (`analysis.twin`).
+            ideal: the ideal robot's run; None simulates it.
             of: one of `analysis.tool_error.TOOL_MOTIONS`.
         """
         if not analysis.has_play(self.result):
@@ -425,12 +380,11 @@ class Plots:
             of: ``acceleration`` or ``deviation``.
             start: records before this are left out [s]; None: before the run is judged.
         """
-        names = _axes_of(axis)
         density = analysis.spectrum(self.result, ideal, of, start)
         frequency = density["frequency"].values[1:]
         marks = [
-            Curve(frequency, values, **_look_of(name, axis))
-            for name in names
+            Curve(frequency, values, **look)
+            for name, look in _axes_of(axis).items()
             if (values := density.sel(axis=name).values[1:]).any()  # else it does not move this way
         ]
         unit = "(m/s^2)^2/Hz" if of == "acceleration" else "m^2/Hz"
@@ -448,15 +402,15 @@ class Plots:
         """
         if of not in _HISTORIES:
             raise MissingName("history of coordinates", of, tuple(_HISTORIES))
-        every = [str(name) for name in self.result["coordinate"].values]
-        unit = dict(zip(every, map(str, self.result["coordinate_unit"].values), strict=True))
+        coordinates = (self.result[one].values for one in ("coordinate", "coordinate_unit"))
+        unit = {str(name): str(one) for name, one in zip(*coordinates, strict=True)}
         if names is None:
-            plain = [name for name in every if "." not in name] or every
+            plain = [name for name in unit if "." not in name] or list(unit)
             names = [name for name in plain if unit[name] == "rad"] or plain
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
             if name not in unit:
-                raise MissingName("coordinate", name, every)
+                raise MissingName("coordinate", name, list(unit))
         if len({unit[name] for name in names}) != 1:
             raise JointplayError(
                 f"coordinates {', '.join(names)} have different units, or there are none; draw "
@@ -523,27 +477,21 @@ class Plots:
         """One component of vectors (n, 3) over time, or all three in the colours of the axes."""
         time = self.result.time if time is None else time
         marks = []
-        for name in _axes_of(axis):
+        for name, look in _axes_of(axis).items():
             total = name == "total"
             values = np.linalg.norm(vectors, axis=1) if total else vectors[:, AXES.index(name)]
-            marks.append(Curve(time, values, **_look_of(name, axis)))
+            marks.append(Curve(time, values, **look))
         part = {None: "", "total": ", total"}.get(axis, f" {axis}")
         y = replace(shown, name=f"{shown.name}{part}")
         return Panel(TIME, y, marks, columns=0 if axis else 3)
 
     def _of_contacts(self, variable: str, joint: str, axis: Axis) -> Panel:
         """A history of each contact of a joint."""
-        places = self.result[variable].sel(joint=joint)
-        marks = [
-            Curve(
-                self.result.time,
-                places.sel(contact=contact).values,
-                contact.replace("_", " "),
-                width=0.7,
-                **contact_look(i),
-            )
-            for i, contact in enumerate(analysis.places(self.result, joint))
-        ]
+        marks = []
+        for i, contact in enumerate(analysis.places(self.result, joint)):
+            values = self.result[variable].sel(joint=joint, contact=contact).values
+            name = contact.replace("_", " ")
+            marks.append(Curve(self.result.time, values, name, width=0.7, **contact_look(i)))
         # All elements of a rolling bearing are one place.
         return Panel(TIME, axis, marks, columns=0 if analysis.rolls(self.result, joint) else 4)
 
@@ -555,13 +503,9 @@ def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
 
 
-def _axes_of(axis: str | None) -> tuple[str, ...]:
-    """Components that are drawn."""
-    if axis is not None and axis not in COMPONENTS:
-        raise MissingName("axis", axis, COMPONENTS)
-    return AXES if axis is None else (axis,)
-
-
-def _look_of(name: str, asked: str | None) -> dict[str, Any]:
-    """Colour of a component, and its name among several."""
-    return {"colour": AXIS_COLOURS[name], "name": name if asked is None else ""}
+def _axes_of(axis: str | None) -> dict[str, dict[str, Any]]:
+    """Components that are drawn: the colour of each, and its name among several."""
+    if axis is not None and axis not in AXIS_COLOURS:
+        raise MissingName("axis", axis, AXIS_COLOURS)
+    names = AXES if axis is None else (axis,)
+    return {one: {"colour": AXIS_COLOURS[one], "name": "" if axis else one} for one in names}

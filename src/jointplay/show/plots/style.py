@@ -101,13 +101,11 @@ class StyledFigure(Figure):
     """
 
     def __init__(self, *args: Any, look: str = "screen", **options: Any) -> None:
-        """Make a figure in the style `look`."""
         self._placed = False
         super().__init__(*args, **options)
         self.look = look
 
     def draw(self, renderer: Any) -> None:
-        """Draw in the figure's style."""
         with style(self.look):
             super().draw(renderer)
 
@@ -127,7 +125,6 @@ class StyledFigure(Figure):
             super().savefig(fname, **options)
 
     def get_layout_engine(self) -> Any:
-        """None once all has its place."""
         return None if self._placed else super().get_layout_engine()
 
     @contextmanager
@@ -158,7 +155,6 @@ class Decades(LogFormatterSciNotation):
     """Labels of a logarithmic axis as plain text, 10⁻³: text here is not parsed for formulas."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """Label of the tick at `x`."""
         formula = super().__call__(x, pos)
         raised = re.sub(r"\^\{(.*?)\}", lambda found: found[1].translate(_RAISED), formula)
         return re.sub(r"\$|\\mathdefault|[{}]", "", raised).replace(r"\times", "·")

@@ -106,7 +106,6 @@ def _equal_ratios(dataset: xr.Dataset, x: str) -> bool:
 
 
 def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
-    """Mean and its confidence band at each value of a dimension."""
     table = part.transpose(x, ...).values.reshape(part.sizes[x], -1)
     estimates = [estimate(row) for row in table]
     at: np.ndarray = np.arange(len(estimates))
@@ -124,7 +123,6 @@ def _band(at: np.ndarray, estimates: Sequence[Any], factor: float, look: dict[st
 
 
 def _points(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
-    """Values over a sampled quantity."""
     table = scale(dataset, y)[0] * part.transpose(SAMPLE, ...).values
     table = table.reshape(part.sizes[SAMPLE], -1)
     at = np.repeat(dataset[x].values[:, None], table.shape[1], axis=1) * scale(dataset, x)[0]

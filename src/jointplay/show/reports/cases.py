@@ -51,7 +51,6 @@ class Case:
 
     @property
     def joints(self) -> list[str]:
-        """Clearance joints."""
         return self.result.joints
 
     @property

@@ -36,7 +36,6 @@ class Pack:
     """
 
     def __init__(self) -> None:
-        """An empty block."""
         self.chunks: list[bytes] = []
         self.layout: list[tuple[str, int]] = []
 
@@ -60,7 +59,6 @@ class Pack:
         return len(self.layout) - 1
 
     def block(self) -> str:
-        """The compressed block in base64."""
         return base64.b64encode(gzip.compress(b"".join(self.chunks), 6, mtime=0)).decode()
 
 
@@ -73,7 +71,6 @@ class Thinning:
     """
 
     def __init__(self, sparse: np.ndarray) -> None:
-        """Divide the records into intervals."""
         records = np.flatnonzero(sparse)
         self.size = max(1, -(-2 * len(records) // MAX_RECORDS))
         """Records in an interval; one: nothing is left out."""
@@ -110,17 +107,14 @@ class Times:
     """Points of time of one case: whole numbers of its steps, each series of them packed once."""
 
     def __init__(self, case: Case, result: Result) -> None:
-        """Take the records, and every step where the run was replayed."""
         self.time = result.time
         self.step = case.result.audit.step
         self.thinning = Thinning(np.isin(self.time, case.result.time))
 
     def has(self, time: np.ndarray) -> bool:
-        """Whether these are its own, or the first of them."""
         return len(time) > 1 and np.array_equal(self.time[: len(time)], time)
 
     def steps(self, time: np.ndarray) -> np.ndarray:
-        """Times as whole numbers of steps."""
         return np.rint(time / self.step).astype(np.uint32)
 
 
@@ -133,7 +127,6 @@ class Drawing:
     """
 
     def __init__(self, pack: Pack, times: Sequence[Times]) -> None:
-        """Nothing is drawn yet."""
         self._pack, self._times = pack, times
         self._packed: dict[bytes, int] = {}
 

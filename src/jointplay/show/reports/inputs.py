@@ -179,7 +179,6 @@ def _parameters(result: Result) -> dict[str, Cell]:
 
 
 def _drive(fields: dict[str, Any]) -> str:
-    """A drive in one line; long tables are counted, not shown."""
     short = {
         name: f"{len(value)} values" if isinstance(value, list) and len(value) > 6 else value
         for name, value in fields.items()
@@ -239,7 +238,6 @@ def _grouped(cases: Sequence[Case], key: Callable[[dict[str, Any]], str]) -> dic
 
 
 def _motions(cases: Sequence[Case]) -> Html:
-    """The waypoints of each motion, to unfold."""
     parts = []
     groups = _grouped(cases, lambda inputs: json.dumps(inputs["motion"], sort_keys=True))
     for text, those in groups.items():
@@ -264,7 +262,6 @@ def _units(result: Result) -> dict[str, str]:
 
 
 def _robots(cases: Sequence[Case]) -> Html:
-    """The text of each URDF, to unfold."""
     groups = _grouped(cases, lambda inputs: inputs["mechanism"].get("urdf_text", ""))
     parts = []
     for source, those in groups.items():

@@ -262,7 +262,6 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
 
 
 def _percentile(values: np.ndarray, percent: float) -> float | None:
-    """None of no values."""
     return float(np.percentile(values, percent)) if len(values) else None
 
 

@@ -151,7 +151,6 @@ def _cases(dataset: xr.Dataset) -> Html:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> Table:
-    """Rows whose heads have their units."""
     return Table.of([(one, "") for one in head], rows)
 
 
@@ -170,7 +169,6 @@ def _varied(dataset: xr.Dataset) -> list[str]:
 
 
 def _known(dataset: xr.Dataset) -> list[str]:
-    """Measures of the table that have values."""
     names = [name for name, _, _ in columns_of(dataset)]
     return [n for n in names if np.isfinite(dataset[n].values).any()]
 
@@ -187,7 +185,6 @@ def _lines(dataset: xr.Dataset) -> Iterator[Drawn]:
 
 
 def _maps(dataset: xr.Dataset) -> Iterator[Drawn]:
-    """Each measure over the two longest dimensions."""
     dims = _varied(dataset)
     if len(dims) > 1:
         for name in _known(dataset):
@@ -196,7 +193,6 @@ def _maps(dataset: xr.Dataset) -> Iterator[Drawn]:
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
-    """Each measure over what was sampled, and how its mean settled."""
     if not _over(dataset)[1] or _varied(dataset):  # a grid besides: the convergence of which point?
         return
     for name in _known(dataset):
@@ -259,7 +255,6 @@ def _failed(dataset: xr.Dataset) -> Html:
 
 
 def _inputs(dataset: xr.Dataset) -> Html:
-    """Keys of the scenario and of the sweep."""
     identity: dict[str, Any] = dict(dataset.attrs["identity"])
     sweep = {k: v for k, v in identity.items() if k.startswith("sweep.")}
     base = {k: v for k, v in identity.items() if k not in sweep}
