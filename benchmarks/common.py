@@ -249,7 +249,11 @@ class Benchmark:
         self.finish(header, rows, runs_as_rows(cases, found), figure)
 
     def finish(
-        self, header: Sequence[str], rows: Sequence[Sequence[str]], data: list[dict], figure: Figure
+        self,
+        header: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        data: list[dict],
+        figure: Figure | None = None,
     ) -> None:
         """Print and write the table, write data and figure."""
         lines = [header, ["---"] * len(header), *rows]
@@ -260,8 +264,11 @@ class Benchmark:
             writer = csv.DictWriter(file, list(data[0]), restval="")
             writer.writeheader()
             writer.writerows(data)
-        figure.savefig(self.path("png"), dpi=160)
-        print(f"\nwritten: {', '.join(str(self.path(kind)) for kind in ('md', 'csv', 'png'))}")
+        kinds = ["md", "csv"]
+        if figure is not None:
+            figure.savefig(self.path("png"), dpi=160)
+            kinds.append("png")
+        print(f"\nwritten: {', '.join(str(self.path(kind)) for kind in kinds)}")
 
 
 def runs_as_rows(cases: Sequence[Case], found: Sequence[Ensemble]) -> list[dict]:

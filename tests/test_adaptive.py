@@ -69,12 +69,6 @@ def test_records_hold_the_state_at_their_time(bouncing):
     assert result.audit.relative_energy_residual < 1e-3
 
 
-def test_every_step_that_is_asked_for_is_recorded(bouncing):
-    result = bouncing(tolerance=1e-3, record_every=7).finish()
-    assert np.diff(result.time)[:-1] == pytest.approx(7e-5)
-    assert result.time[-1] == pytest.approx(0.0095)
-
-
 def test_a_step_that_met_something_unforeseen_is_done_again(urdf):
     """A stiff stop that no onset announces: a spring that begins to act at an angle."""
     path = urdf(body("arm", 2.0, "0 0 -0.2"), joint("swing", "base", "arm", axis="0 1 0"))

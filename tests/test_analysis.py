@@ -14,7 +14,7 @@ from jointplay import analysis
 from jointplay.bridges import notebook
 from jointplay.paper import scara
 from jointplay.simulation.analysis import headline
-from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
+from jointplay.simulation.result.certificate import alone
 
 
 @pytest.fixture(scope="module")
@@ -78,16 +78,6 @@ def test_the_sentence_names_the_play_and_the_elasticity_that_there_are(pair):
     )
 
 
-def test_the_turn_of_the_tool_stands_beside_its_error_with_its_own_error(pair):
-    ideal, loose = pair
-    angles = np.linalg.norm(analysis.deviation(loose, ideal, "tool_orientation").values, axis=1)
-    loose.certificate = analysis.estimate(loose)
-    figure = loose.certificate["peak tool turn"]
-    assert figure.value == pytest.approx(angles.max(), rel=1e-9)
-    assert 0.0 < figure.error < figure.value
-    assert f", and turns it by up to {figure}, RMS " in headline.headline(loose, ideal)[0]
-
-
 def test_a_force_has_its_error_wherever_it_stands_and_what_has_none_three_digits(pair):
     """In the summary, the audit's line, and what a notebook shows."""
     ideal, made = pair
@@ -113,23 +103,6 @@ def test_a_force_has_its_error_wherever_it_stands_and_what_has_none_three_digits
     assert shown == str(force)
 
 
-def test_stops_have_three_digits_or_where_the_run_knows_no_more_a_bound(pair, monkeypatch):
-    ideal, made = pair
-    loose = jp.Result(made.dataset.copy())
-    error = analysis.deviation(loose, ideal)
-    stop = analysis.Stop(0.2, 0.2, True)
-    monkeypatch.setattr(headline, "stops", lambda *_: [stop])
-    off = 1e3 * float(analysis.error_at(error, 0.2)[-1])
-    loose.dataset.attrs.pop("certificate", None)
-    assert headline._at_stops(loose, error, 0.0) == [f"at its stops: {alone(off)} mm (t = 0.2 s)"]
-    for relative, text in ((0.5, alone(off)), (2.0, plus_minus(off, 2.0 * off))):
-        figure = CertifiedFigure("RMS tool error", 1e-3 * off, 1e-3 * relative * off, "m")
-        loose.certificate = Certificate((figure,))
-        said = [f"at its stops: {text} mm (t = 0.2 s)"]
-        assert headline._at_stops(loose, error, 0.0) == said
-    assert text.startswith("at most ")
-
-
 def test_rattle_counts_impacts_and_splits_a_known_vibration_into_bands(pair):
     _, loose = pair
     known = jp.Result(loose.dataset.copy())
@@ -150,11 +123,6 @@ def test_rattle_counts_impacts_and_splits_a_known_vibration_into_bands(pair):
     assert found.lost == pytest.approx(lost[-1] - lost[0])
     assert found.rate * found.energy == pytest.approx(found.power)
     assert f"{found.rate:.3g} impacts a second" in str(found)
-
-
-def test_what_has_no_clearance_cannot_rattle(pair):
-    with pytest.raises(jp.JointplayError, match="without clearance cannot rattle"):
-        analysis.rattle(pair[0])
 
 
 def test_accuracy_of_a_known_error():
@@ -261,11 +229,6 @@ def test_spectrum_of_a_known_vibration(pair):
     assert float(density.integrate("frequency")) == pytest.approx(
         (2 * np.pi * f * size) ** 2 / 2, rel=0.02
     )
-
-
-def test_twin_is_the_ideal_run(pair):
-    again = analysis.twin(pair[1])
-    assert np.array_equal(again["tool_position"].values, pair[0]["tool_position"].values)
 
 
 @pytest.mark.parametrize("start", [None, "centred"])

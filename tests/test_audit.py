@@ -9,7 +9,6 @@ from conftest import body, joint, still
 import jointplay as jp
 from jointplay.model.impact import friction_step_limit
 from jointplay.simulation.result import Audit
-from jointplay.simulation.result import audit as audit_module
 
 MASS, SPEED = 2.0, 0.2
 GOOD = Audit(
@@ -67,52 +66,45 @@ def test_contact_that_still_lasts_has_begun_but_not_ended(free_mass):
     assert 0.0 < audit.normal_impulse < MASS * SPEED
 
 
-def test_short_contact_without_impulse_is_no_doubt():
-    change = {"under_resolved": 1, "shortest_contact_steps": 7, "under_resolved_impulse": 2.5e-8}
-    assert Audit(**(GOOD.describe() | change)).warnings == []
+DOUBTS = [
+    ({"energy_residual": 0.0099}, {"energy_residual": 0.011}, "energy balance is off by 1.1 %"),
+    ({"energy_residual": 0.0198, "energy_exchanged": 2.0}, {"energy_residual": math.nan}, "nan %"),
+    ({}, {"energy_exchanged": 0.0}, "energy balance is off by inf %"),
+    (
+        {"under_resolved": 1, "under_resolved_impulse": 0.99e-3},
+        {"under_resolved": 2, "under_resolved_impulse": 1.01e-3},
+        "2 of 5 contacts lasted fewer",
+    ),
+    ({"unsolved": 10}, {"unsolved": 11}, "velocity equations of 11 steps"),
+    ({"unresolved": 0}, {"unresolved": 1}, "1 of the shortest micro steps did not reach"),
+    ({"friction_fed": 0.0099}, {"friction_fed": 0.0101}, "friction returned 0.0101 J"),
+    ({"penetration_over_clearance": 0.49}, {"penetration_over_clearance": 0.51}, "51 % of its"),
+    (
+        {"relative_step_error": 0.01, "step_error": 1.0},
+        {"relative_step_error": 0.0101, "step_error": 8e-3},
+        "tool is off by about 0.008 m",
+    ),
+    ({}, {"relative_step_error": 0.09}, "results: all coordinates by 9 %"),  # a file edited
+    ({}, {"step_error": math.inf, "relative_step_error": math.inf}, "the run ends differently"),
+    ({"tooth_steps": 10.0}, {"tooth_steps": 9.9}, "gear teeth last 9.9 steps"),
+    (  # another step gives the same
+        {"tooth_steps": 6.0, "relative_step_error": 0.0, "step_error": 0.0},
+        {"tooth_steps": 6.0},
+        "gear teeth last 6 steps",
+    ),
+    ({"friction_step_limit": 1e-5}, {"friction_step_limit": 0.99e-5}, "does not follow friction"),
+    ({"loop_drift": 1e-6}, {"loop_drift": 1.01e-6}, "ideal loops drifted apart"),
+]
 
 
-def test_sound_run_does_not_warn():
-    assert GOOD.warnings == []
-    assert (
-        Audit(**(GOOD.describe() | {"relative_step_error": 0.009, "step_error": 1.0})).warnings
-        == []
-    )
-    found = {"tooth_steps": 6.0, "relative_step_error": 0.0, "step_error": 0.0}
-    assert Audit(**(GOOD.describe() | found)).warnings == []  # another step gives the same
-    assert "warning" not in str(GOOD)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"energy_residual": 0.011}, "energy balance is off by 1.1 %"),
-        ({"energy_residual": math.nan}, "energy balance is off by nan %"),
-        ({"energy_exchanged": 0.0}, "energy balance is off by inf %"),
-        (
-            {"under_resolved": 2, "shortest_contact_steps": 7, "under_resolved_impulse": 0.002},
-            "2 of 5 contacts lasted fewer",
-        ),
-        ({"unsolved": 30}, "velocity equations of 30 steps"),
-        ({"unresolved": 2}, "2 of the shortest micro steps did not reach the tolerance"),
-        ({"friction_fed": 0.02}, "friction returned 0.02 J"),
-        ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
-        ({"step_error": 8e-3, "relative_step_error": 0.09}, "tool is off by about 0.008 m"),
-        (
-            {"relative_step_error": 0.09},
-            "different results: all coordinates by 9 %",
-        ),  # a file edited
-        ({"step_error": math.inf, "relative_step_error": math.inf}, "the run ends differently"),
-        ({"tooth_steps": 6.0}, "gear teeth last 6 steps"),
-        ({"friction_step_limit": 4e-6}, "does not follow friction"),
-        ({"friction_step_limit": 5e-6}, "does not follow friction"),
-    ],
-)
-def test_each_doubt_is_voiced_once(change, said):
-    audit = Audit(**(GOOD.describe() | change))
-    assert len(audit.warnings) == 1
-    assert said in audit.warnings[0]
-    assert f"warning: {audit.warnings[0]}" in str(audit)
+@pytest.mark.parametrize(("below", "above", "said"), DOUBTS)
+def test_each_doubt_is_voiced_once_beyond_its_limit(below, above, said):
+    sound, doubtful = (Audit(**(GOOD.describe() | change)) for change in (below, above))
+    assert sound.warnings == []
+    assert "warning" not in str(sound)
+    (warning,) = doubtful.warnings
+    assert said in warning
+    assert f"warning: {warning}" in str(doubtful)
 
 
 def test_nothing_that_moves_has_nothing_to_balance(urdf):
@@ -132,41 +124,6 @@ def test_under_resolved_contacts_are_counted_and_warned_of(free_mass):
     assert audit.under_resolved == audit.impacts > 0
     assert audit.shortest_contact_steps < 10
     assert any("fewer than 10 steps" in text for text in audit.warnings)
-
-
-@pytest.mark.parametrize(
-    ("below", "above"),
-    [
-        ({"energy_residual": 0.0099}, {"energy_residual": 0.0101}),
-        ({"energy_residual": 0.0198, "energy_exchanged": 2.0}, {"energy_residual": 0.0101}),
-        ({"under_resolved_impulse": 0.99e-3}, {"under_resolved_impulse": 1.01e-3}),
-        ({"penetration_over_clearance": 0.49}, {"penetration_over_clearance": 0.51}),
-        ({"friction_step_limit": 1e-5}, {"friction_step_limit": 0.99e-5}),
-        ({"unsolved": 10}, {"unsolved": 11}),
-        ({"unresolved": 0}, {"unresolved": 1}),
-        ({"friction_fed": 0.0099}, {"friction_fed": 0.0101}),
-        (
-            {"relative_step_error": 0.01, "step_error": 1.0},
-            {"relative_step_error": 0.0101, "step_error": 0.0},
-        ),
-        ({"tooth_steps": 10.0}, {"tooth_steps": 9.9}),
-        ({"loop_drift": 1e-6}, {"loop_drift": 1.01e-6}),
-    ],
-)
-def test_doubts_begin_where_the_limits_say(below, above):
-    assert Audit(**(GOOD.describe() | below)).warnings == []
-    assert len(Audit(**(GOOD.describe() | above)).warnings) == 1
-
-
-def test_relative_residual_is_that_of_the_energy_exchanged():
-    audit = Audit(**(GOOD.describe() | {"energy_residual": 0.5, "energy_exchanged": 4.0}))
-    assert audit.relative_energy_residual == 0.125
-
-
-def test_figures_that_are_not_given_are_none():
-    assert (GOOD.unsolved, GOOD.unresolved, GOOD.friction_fed, GOOD.loop_drift) == (0, 0, 0.0, 0.0)
-    assert GOOD.tooth_steps == math.inf
-    assert audit_module.Judgement().judged_from == 0.0
 
 
 @pytest.mark.parametrize(
@@ -200,17 +157,6 @@ def test_headline_says_how_the_run_began_and_what_is_judged(change, line):
     assert (line in str(audit)) == (audit.peak_force is not None)
 
 
-def test_figures_are_printed_with_their_units():
-    change = {"step_error": 2e-3, "relative_step_error": 0.005, "loop_drift": 5e-7}
-    assert str(Audit(**(GOOD.describe() | change))).splitlines() == [
-        "  energy residual: 100 µJ, 0.01 % of 1 J exchanged",
-        "  contacts: 5, shortest 30 steps, 0 under 10 steps",
-        "  largest penetration: 1 µm, 1 % of the clearance",
-        "  error by the step: tool 2 mm, 0.5 % of the motion",
-        "  drift of ideal loops: 500 nm",
-    ]
-
-
 def test_largest_force_of_any_contact_asks_for_the_smallest_explicit_step(free_mass):
     """Friction's limit falls with the normal force: the peak counts, not a typical record."""
     hard = bouncing(
@@ -224,10 +170,3 @@ def test_largest_force_of_any_contact_asks_for_the_smallest_explicit_step(free_m
     mechanism = hard.simulation.mechanism
     q = hard["q"].values[0]
     assert hard.audit.friction_step_limit == friction_step_limit(mechanism, "pin", q, peak)
-
-
-def test_contacts_that_did_not_end_have_no_length():
-    change = {"impacts": 3, "shortest_contact_steps": 0}
-    assert "contacts: 3, none ended," in str(Audit(**(GOOD.describe() | change)))
-    ended = {"impacts": 3, "shortest_contact_steps": 12}
-    assert "contacts: 3, shortest 12 steps," in str(Audit(**(GOOD.describe() | ended)))

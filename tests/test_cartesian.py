@@ -137,18 +137,6 @@ def test_lines_are_straight_and_timed_by_the_quintic(six_axes):
     assert np.abs(along(bent, six_axes)[0] - wanted).max() > 1e-3  # the check sees a curve
 
 
-def test_samples_of_a_line_are_dense_and_exact(scara):
-    places, _ = poses(scara, SCARA_CONFIGURATIONS)
-    line = cartesian_motion(scara, TIMES, places, path="line", start={"joint_b": 0.5})
-    assert np.diff(line.times).max() < 5e-3 + 1e-12
-    found = poses(scara, line.positions)[0]
-    assert np.linalg.norm(np.diff(found, axis=0), axis=1).max() < 2e-3
-    for a, b in ((0, 1), (1, 2)):
-        part = (line.times >= TIMES[a]) & (line.times <= TIMES[b])
-        off = np.cross(found[part] - places[a], places[b] - places[a])
-        assert np.abs(off).max() < 1e-11
-
-
 def test_a_line_lists_the_waypoints_that_were_given_and_rests_at_each(scara):
     """Not the points between them, of which there are hundreds."""
     places = poses(scara, SCARA_CONFIGURATIONS)[0][[0, 1, 1, 2]]
@@ -215,23 +203,6 @@ def test_redundant_joints_take_the_nearest_configuration(urdf):
     every = [q for phi in np.linspace(0, 3, 30001) for q in solutions(phi)]
     nearest = min(np.linalg.norm(q - begin) for q in every)
     assert np.linalg.norm(found[1] - begin) == pytest.approx(nearest, abs=1e-7)
-
-
-def test_ideal_robot_leads_its_tool_along_the_line(scara):
-    places, _ = poses(scara, SCARA_CONFIGURATIONS)
-    motion = cartesian_motion(scara, TIMES, places, path="line", start={"joint_b": 0.5})
-    result = jp.simulate(scara, motion, duration=0.4)
-    off = np.cross(result["tool_position"].values - places[0], places[1] - places[0])
-    assert np.abs(off).max() / np.linalg.norm(places[1] - places[0]) < 1e-5
-
-
-def test_clearance_does_not_change_the_reference(scara):
-    places, _ = poses(scara, SCARA_CONFIGURATIONS)
-    play = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
-    worn = scara.with_clearance({"joint_b": play})
-    one, two = (cartesian_motion(r, TIMES, places, start={"joint_b": 0.5}) for r in (scara, worn))
-    assert one.joints == two.joints
-    assert np.array_equal(one.positions, two.positions)
 
 
 def refused(*args, **options):

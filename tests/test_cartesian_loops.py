@@ -81,6 +81,11 @@ def refused(mechanism, positions, orientations=None, **options):
     return str(caught.value)
 
 
+def prescribed(robot, found):
+    options = {"integrator": "rk4", "step": 1e-4, "estimate": False, "state": found.start}
+    return jp.simulate(robot, found.motion, drive=jp.loads.Prescribed(), **options)
+
+
 def arms_of_the_delta(place):
     """Angles of its arms in closed form (Williams 2015), lower branch of three [rad]."""
     base, platform, upper, rod = 0.567 * 3**0.5 / 6, 0.076 * 3**0.5 / 3, 0.524, 1.244
@@ -132,15 +137,7 @@ def test_a_run_begins_as_the_path_is_assembled(five_bar):
     places = [(*HOME, 0.0), (0.1, 0.4, 0.0)]
     for sides in ((1, -1), (1, 1), (-1, 1)):
         found = cartesian_path(five_bar, [0, 0.2], places, start=legs(*HOME, *sides))
-        result = jp.simulate(
-            five_bar,
-            found.motion,
-            drive=jp.loads.Prescribed(),
-            state=found.start,
-            integrator="rk4",
-            step=1e-4,
-            estimate=False,
-        )
+        result = prescribed(five_bar, found)
         tool = result["tool_position"].values
         assert tool[0] == pytest.approx(places[0], abs=1e-8)
         assert tool[-1] == pytest.approx(places[1], abs=1e-6)
@@ -374,23 +371,6 @@ def test_cranks_geared_to_each_other_lead_the_tool_up_and_down(urdf):
     assert "the tool can be led along y; its x stays 0 m; its z stays 0 m" in message
 
 
-def test_cranks_geared_to_each_other_run(urdf):
-    robot = geared(urdf)
-    found = cartesian_path(robot, [0, 0.2], [(*HOME, 0), (0, 0.4, 0)], start=legs(*HOME))
-    result = jp.simulate(
-        robot,
-        found.motion,
-        drive=jp.loads.Prescribed(),
-        state=found.start,
-        integrator="rk4",
-        step=1e-4,
-        estimate=False,
-    )
-    tool = result["tool_position"].values
-    assert tool[-1] == pytest.approx([0, 0.4, 0], abs=1e-6)
-    assert np.abs(tool[:, 0]).max() < 1e-6
-
-
 def test_a_joint_that_mimics_one_that_follows_from_loops_follows(urdf):
     """A pointer beside the loops turns twice as far as an elbow, and 0.1 rad further."""
     pointer = joint("pointer", "base", "needle", "continuous", at="0 0 0.1")
@@ -399,15 +379,7 @@ def test_a_joint_that_mimics_one_that_follows_from_loops_follows(urdf):
     robot = jp.Mechanism(urdf(*five_bar_parts(), needle), loops=END, tool="tool", gravity=(0, 0, 0))
     found = cartesian_path(robot, [0, 0.2], [(*HOME, 0), (0.1, 0.4, 0)], start=legs(*HOME))
     assert found.motion.joints == ("left", "right")
-    result = jp.simulate(
-        robot,
-        found.motion,
-        drive=jp.loads.Prescribed(),
-        state=found.start,
-        integrator="rk4",
-        step=1e-4,
-        estimate=False,
-    )
+    result = prescribed(robot, found)
     q = result["q"].values
     names = list(robot.ideal().coordinates)
     elbow, turned = q[:, names.index("left_elbow")], q[:, names.index("pointer")]

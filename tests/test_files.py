@@ -386,7 +386,11 @@ ELSEWHERE = {
         "h5netcdf.File(",
     },
     "simulation/checkpoint.py": {"np.savez(out, "},  # in memory
-    "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
+    "simulation/spool.py": {
+        "path.open('r+b')",
+        "file.truncate(",
+        "self._file.truncate(",
+    },  # marked as ours
     "study/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
     "study/journal.py": {"self._file.truncate("},  # torn lines are known by their checksums
     "study/sealed.py": {  # pieces of a store, whose seals tell what is whole

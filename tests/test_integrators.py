@@ -7,7 +7,7 @@ from conftest import body, joint, release, still
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.physics.kernel.integrators import INTEGRATORS, integrator
+from jointplay.physics.kernel.integrators import INTEGRATORS
 
 ELASTIC = {"normal": jp.contact.Hertz(), "restitution": 1.0, "friction": jp.contact.Ambrosio(0.0)}
 METHODS = pytest.mark.parametrize("method", INTEGRATORS.values(), ids=INTEGRATORS.keys())
@@ -96,10 +96,3 @@ def test_order_through_an_impact_is_limited_by_its_onset(free_mass, method):
         assert order == pytest.approx(1.0, abs=0.2)
     else:
         assert 1.8 < order < 3.5
-
-
-def test_unknown_integrator_answers_with_those_that_exist():
-    with pytest.raises(
-        jp.JointplayError, match="'euler'; available: multi-rate, semi-implicit-euler, rk4"
-    ):
-        integrator("euler")

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
@@ -68,6 +67,9 @@ CASES = {
     "seed": lambda: simulation(duration=0.045, seed=3),
     "loop": lambda: crank(True, duration=0.006),
     "ideal loop": lambda: crank(False, duration=0.006),
+    "payload": lambda: simulation(
+        duration=0.045, payloads=[jp.Payload("suction_cup", 0.5, pick=0.011, release=0.043)]
+    ),
     "fixed step": lambda: simulation(duration=0.045, integrator="rk4"),
     "tolerance": lambda: simulation(duration=0.045, tolerance=1e-3),
 }
@@ -198,12 +200,6 @@ def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys)
     assert float(size) == pytest.approx(30001 * record.strides[0] / 1e9, rel=0.1)
 
 
-def test_payloads_come_and_go_on_disk_as_in_memory(small_portions, tmp_path):
-    load = jp.Payload("suction_cup", 0.5, pick=0.011, release=0.043)
-    one = simulation(duration=0.045, payloads=[load])
-    same(one.run_to(tmp_path / "long.nc"), one.run(check_step=False))
-
-
 def stepped(run, until):
     for moment in run.steps(1e-3):
         if moment.time >= until:
@@ -291,56 +287,6 @@ def test_a_lazily_opened_file_keeps_nothing_in_memory_and_is_checked(tmp_path):
     path.write_bytes(content)
     with pytest.raises(jp.JointplayError, match="checksum"):
         jp.Result.open(path)
-
-
-CHILD = """
-import resource, sys
-import jointplay as jp
-from jointplay.paper import scara
-
-def peak():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-
-made = scara(2e-4)
-def simulation(duration):
-    return jp.Simulation(made.mechanism, made.motion, record_every=1, duration=duration)
-
-simulation(0.01).run_to(sys.argv[1] + "/short.nc")
-before = peak()
-result = simulation(2.0).run_to(sys.argv[1] + "/long.nc")
-print(before, peak(), result.dataset.nbytes)
-"""
-
-ALLOWED = 80e6
-"""What a long run may add to the memory of a short one [bytes]."""
-
-
-@pytest.mark.thorough
-def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
-    done = subprocess.run(
-        [PYTHON, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
-    )
-    before, after, histories = map(float, done.stdout.split())
-    assert histories > 1.5 * ALLOWED
-    assert after - before < ALLOWED
-
-
-def test_of_the_index_of_a_long_file_little_is_in_memory(monkeypatch, tmp_path):
-    monkeypatch.setattr(netcdf, "CHUNK", 8)
-
-    def portion(k):
-        names, zeros = (f"v{number}" for number in range(25)), np.zeros((8, 1, 3))
-        histories = {name: (("time", "joint", "axis"), zeros) for name in names}
-        return xr.Dataset(histories, {"time": np.arange(8.0) + 8.0 * k})
-
-    with (tmp_path / "long.nc").open("w+b") as file:
-        made = netcdf.GrowingDataset(file, portion(0))
-        for k in range(1, 300):
-            made.append(portion(k))
-        assert made._h5.id.get_mdc_size()[2] <= netcdf.INDEX_BYTES
-        made.finish({}, {})
-    with netcdf.open_lazily(tmp_path / "long.nc") as found:
-        np.testing.assert_array_equal(found["time"], np.arange(2400.0))
 
 
 RUN = """

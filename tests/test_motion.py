@@ -34,14 +34,6 @@ def test_derivatives_belong_to_the_position(interpolation):
     assert np.allclose((v1 - v0) / (2 * h), a, atol=1e-4)
 
 
-def test_splines_pass_through_without_stopping():
-    motion = Motion(["j"], [0, 1, 2, 3], [[0], [1], [2], [3]], "spline")
-    q, v, _ = motion(np.arange(4.0))
-    assert np.allclose(q[:, 0], range(4))
-    assert np.allclose(v[[0, 3]], 0.0, atol=1e-9)
-    assert abs(v[1, 0]) > 0.5
-
-
 def test_joints_stand_still_outside_the_motion():
     motion = Motion(["j"], [1.0, 2.0], [[0.0], [1.0]], "spline")
     q, v, a = motion(np.array([0.0, 5.0]))
@@ -79,10 +71,3 @@ def test_bad_arguments_are_named():
         Motion(["j"], [0, 1], [[0]])
     with pytest.raises(JointplayError, match="rest-to-rest, spline"):
         Motion(["j"], [0, 1], [[0], [1]], "cubic")
-
-
-def test_description_round_trip():
-    motion = Motion.from_csv(shipped("scara_motion.csv"))
-    again = Motion.from_description(motion.describe())
-    t = np.linspace(0, 3, 77)
-    assert all(np.array_equal(x, y) for x, y in zip(motion(t), again(t), strict=True))

@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
-from conftest import body, joint, still
+from conftest import body, joint
 
 import jointplay as jp
 from jointplay.cli.commands import name_and_value
@@ -95,49 +95,34 @@ def free(arm, **options):
 
 
 @pytest.mark.parametrize("options", METHODS)
-def test_before_the_first_step_the_state_is_whole(arm, tmp_path, options):
-    """`synchronize`, `begin`, a look and a checkpoint change nothing, in whatever order."""
+def test_synchronize_begin_a_look_and_a_checkpoint_change_nothing(arm, tmp_path, options):
+    """Before the first step, in whatever order; between steps, where it is done once."""
     simulation = free(arm, state=SPEEDS, **options)
-
-    def resumed(run):
-        return jp.Simulation.resume(run.checkpoint(tmp_path / "kept"))
-
-    ways = ["s", "bsb", "bb", "ms", "sb", "rs", "bsr", "sbrm"]
     done = {"s": jp.Run.synchronize, "b": jp.Run.begin, "m": jp.Run.moment}
-    plain = jp.Run(simulation)
-    plain.run_to_end()
-    for way in ways:
+
+    def ended(way, steps=0):
         run = jp.Run(simulation)
+        assert run.advance(steps)
         for one in way:
             if one == "r":
-                run = resumed(run)
+                run = jp.Simulation.resume(run.checkpoint(tmp_path / "kept"))
             else:
                 done[one](run)
-        start = run.moment()
-        assert start.speed("b") == 3.0
-        assert start.speed("a.x") == 0.02
+        if not steps:
+            start = run.moment()
+            assert (start.speed("b"), start.speed("a.x")) == (3.0, 0.02)
         run.run_to_end()
-        assert same(run, plain), way
+        return run
 
-
-@pytest.mark.parametrize("options", METHODS)
-def test_between_steps_synchronize_and_begin_are_done_once(arm, tmp_path, options):
-    simulation = free(arm, state=SPEEDS, **options)
-    runs = {}
-    for way in ("s", "ss", "sb", "sbb", "ssbsb", "smb", "bsb", "sr"):
-        runs[way] = run = jp.Run(simulation)
-        assert run.advance(150)
-        for one in way:
-            if one == "r":
-                run = runs[way] = jp.Simulation.resume(run.checkpoint(tmp_path / "kept"))
-            else:
-                {"s": run.synchronize, "b": run.begin, "m": run.moment}[one]()
-        run.run_to_end()
-    assert all(same(run, runs["s"]) for run in runs.values())
     plain = jp.Run(simulation)
     plain.run_to_end()
-    assert runs["s"].workspace.q == pytest.approx(plain.workspace.q, abs=1e-4)
-    assert runs["s"].result().audit.energy_residual < 1e-3
+    for way in ("s", "bsb", "bb", "ms", "sb", "rs", "bsr", "sbrm"):
+        assert same(ended(way), plain), way
+    once = ended("s", 150)
+    for way in ("ss", "sb", "sbb", "ssbsb", "smb", "bsb", "sr"):
+        assert same(ended(way, 150), once), way
+    assert once.workspace.q == pytest.approx(plain.workspace.q, abs=1e-4)
+    assert once.result().audit.energy_residual < 1e-3
 
 
 @pytest.mark.parametrize("options", METHODS)
@@ -221,16 +206,9 @@ def test_a_sampled_controller_is_asked_once_at_an_instant(arm, tmp_path, options
     run.begin()
     for one in (plain, run):
         one.run_to_end()
-    memories = [one.memory()["watch"]["sampling"] for one in (plain, run)]
+    memories = [one.memory()["watch"] for one in (plain, run)]
     assert memories[0] == memories[1]
     assert memories[0]["states"] == [5]
-
-
-def test_one_can_stop_looking(arm):
-    for moment in moving(arm).steps(every=1e-3):
-        if moment.time > 3e-3:
-            break
-    assert 3e-3 < moment.time < 5e-3
 
 
 def test_wrong_names_in_a_moment_are_told_with_choices(arm):
@@ -314,13 +292,6 @@ def test_a_run_at_its_end_is_not_run_again(arm, tmp_path, options):
         assert (np.diff(kept.time) > 0.0).all()
 
 
-def test_a_run_that_one_looked_at_until_its_end_gives_its_result(arm):
-    run = jp.Run(moving(arm, 1e-3))
-    assert run.result().status == Status.INTERRUPTED
-    list(run.steps())
-    assert run.result().status == Status.COMPLETED
-
-
 def test_a_loop_is_continued_bit_for_bit(tmp_path):
     simulation = jp.Scenario.load("jointplay:four_bar.toml").simulation("0.2 mm")
     simulation = dataclasses.replace(simulation, duration=4e-3)
@@ -350,22 +321,6 @@ def test_damaged_and_foreign_checkpoints_are_refused(arm, tmp_path):
     other.write_bytes(CHECKPOINT + other.read_bytes())
     with pytest.raises(jp.JointplayError, match=r"another version \(numba 0\.1"):
         jp.Simulation.resume(other)
-
-
-def test_guards_surround_the_time_loop(arm):
-    seen = []
-
-    class Guard:
-        def __enter__(self):
-            seen.append(run.workspace.steps)
-
-        def __exit__(self, *_):
-            seen.append(run.workspace.steps)
-
-    run = jp.Run(moving(arm, 1e-3))
-    run.guards.append(Guard)
-    run.finish()
-    assert seen == [0, run.total_steps]
 
 
 def turning(urdf, **options):
@@ -419,11 +374,6 @@ def test_falling_journals_are_not_judged_in_long_runs(arm):
     assert moving(arm, 0.2, start="centred").judged_from == 0.0
 
 
-def test_still_machine_says_how_it_began(arm):
-    audit = jp.Simulation(arm, still(arm, 1e-3)).run().audit
-    assert "starts at rest (residual force" in audit.headline
-
-
 def test_the_twin_takes_of_a_state_what_it_has(arm):
     gear = jp.Gear(play=2e-3, rotor_inertia=1e-3, stiffness=1e4)
     bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
@@ -438,8 +388,8 @@ def test_the_twin_takes_of_a_state_what_it_has(arm):
     assert np.abs(error.values[0]).max() < 1e-3
 
 
-@pytest.mark.parametrize("name", ["a.b", "a$b$", "a=b", "a.x", "..", 'a"b', "a[1]", "_a", "tool"])
-def test_names_of_joints_are_never_parsed(urdf, tmp_path, name):
+@pytest.mark.parametrize("name", ["a$b$", "a=b", "a.x", 'a"b', "tool"])
+def test_names_of_joints_are_never_parsed(urdf, name):
     text = quoteattr(name)
     path = urdf(
         body("one", com="0.1 0 0"), joint("NAME", "base", "one", axis="0 1 0"),
@@ -454,7 +404,6 @@ def test_names_of_joints_are_never_parsed(urdf, tmp_path, name):
     result = jp.Simulation(robot, motion, duration=1e-3, state=state).run()
     assert result["q"].sel(coordinate=f"{name}.x").values[0] == 1e-5
     assert jp.analysis.deviation(result, jp.analysis.twin(result)).size
-    result.plot.forces().savefig(tmp_path / "forces.png")
     key = ("joints", name, "radial_clearance")
     assert path_of(dotted(key)) == key
     assert parse(f"{dotted(key)}=3").key == key
@@ -502,6 +451,7 @@ def changed_checkpoints(path, folder):
                 yield f"{name}.{field} = {wild}", other
 
 
+@pytest.mark.thorough
 def test_no_number_of_a_checkpoint_leads_compiled_code_astray(arm, tmp_path):
     bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4, wear_rate=1e-13)
     simulation = moving(arm.with_clearance({"a": bearing}), 2e-3)

@@ -277,9 +277,7 @@ def test_a_result_has_what_pinocchio_says_of_its_states(make):
 
 @pytest.mark.parametrize("make", RUNS.values(), ids=RUNS.keys())
 def test_a_run_without_records_gives_an_empty_result(make):
-    run = jp.Run(make())
-    made = histories(run.mechanism, run.simulation.describe(), run.workspace, run.friction,
-                     run.phases, Status.INTERRUPTED, "interrupted", 0.0)  # fmt: skip
+    made = histories(jp.Run(make()), Status.INTERRUPTED)
     assert len(made.time) == 0
     assert made.audit.loop_drift == 0.0
 

@@ -53,7 +53,7 @@ def seconds(function, *arguments):
 
 def measure(simulation, repeats, bar):
     """CPU seconds per record of each part, and of a result of one record, (repeats,) each."""
-    run, plain = jp.Run(simulation), simulation.describe()
+    run = jp.Run(simulation)
     first = jp.Run(simulation)
     first.begin()
     first.advance(1)
@@ -65,15 +65,12 @@ def measure(simulation, repeats, bar):
     none = LoadWrenches(np.zeros_like(q), (), np.zeros((rows, 0, 6)))
     records = histories.records_of(w)
     stretches = variables.phase_stretches(run.phases, 0, rows)
-    end = (Status.COMPLETED, "", 0.0)
     samples = {WHOLE: [], MOTION: [], FORCES: [], "one record": []}
     for turn in range(repeats + 1):
-        whole = (mechanism, plain, w, run.friction, run.phases, *end)
-        single = (mechanism, plain, first.workspace, first.friction, first.phases, *end)
         costs = {
-            WHOLE: seconds(histories.histories, *whole) / rows,
+            WHOLE: seconds(histories.histories, run, Status.COMPLETED) / rows,
             MOTION: seconds(variables.kinematics, mechanism, q, v, stretches, {}) / rows,
-            "one record": seconds(histories.histories, *single),
+            "one record": seconds(histories.histories, first, Status.COMPLETED),
         }
         if not mechanism.clearance:
             held = [mechanism.constraints(q[first], 0.0) for first, _, _ in stretches]

@@ -21,7 +21,7 @@ import warnings
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from common import COLOURS, JOINT, MARKERS, Benchmark, ensembles, motion, new_figure
+from common import JOINT, Benchmark, ensembles, motion
 from scipy.stats import t as student
 
 import jointplay as jp
@@ -121,26 +121,24 @@ class Case:
         return Settings(micro, macro, None, jp.Simulation.integrator)
 
     def simulation(self, settings: Settings, ideal: bool = False) -> jp.Simulation:
+        play = {"radial_clearance": self.clearance, "axial_clearance": self.clearance}
         if self.mechanism in SCENARIOS:
             scenario = jp.Scenario.load(f"jointplay:{SCENARIOS[self.mechanism]}.toml")
             simulation = scenario.simulation(f"{1e3 * self.clearance:g} mm")
         elif self.mechanism == UR5:
-            play = {"radial_clearance": self.clearance, "axial_clearance": self.clearance}
             elbow = jp.RevoluteClearance(**play, **UR5_BEARING)
             arm = jp.Mechanism(robot_urdf("ur5"), {"elbow_joint": elbow}, tool="tool0")
             way = jp.Motion(list(arm.joints), [0.0, 1.0, 2.0], UR5_WAYPOINTS)
             simulation = jp.Simulation(arm, way)
         else:
-            play = {"radial_clearance": self.clearance, "axial_clearance": self.clearance}
             bearing = jp.RevoluteClearance(**play, friction=FRICTION[self.friction]())
             gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
             arm = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
             simulation = jp.Simulation(arm, motion())
         if ideal:
             simulation = replace(simulation, mechanism=simulation.mechanism.ideal())
-        if self.duration is not None:
-            simulation = replace(simulation, duration=self.duration)
-        simulation = replace(simulation, start="centred")
+        duration = simulation.duration if self.duration is None else self.duration
+        simulation = replace(simulation, duration=duration, start="centred")
         return settings.apply(simulation, INTERVAL[self.mechanism])
 
 
@@ -170,7 +168,6 @@ def ideal_tool(case: Case, settings: Settings) -> np.ndarray:
 
 
 def measure(trial: Trial, seed: int | None) -> dict[str, float]:
-    """Run once and reduce the run to its figures."""
     case = trial.case
     # The reference does not depend on what only the joint with clearance has.
     ideal = replace(case, friction="Ambrosio", clearance=2e-4, settings=DEFAULT, crossed=False)
@@ -273,17 +270,12 @@ def run_all(cases: list[Case], args) -> dict[Trial, dict[str, np.ndarray]]:
     """All single runs, then the ensembles of the chaotic cases."""
     trials = []
     for case in cases:
-        bare = stripped(case)
-        trials += [Trial(bare, case.settings), *levels(case), *asides(case)]
-        if case.crossed:
-            trials += crossing(case)
+        trials += [Trial(stripped(case), case.settings), *levels(case), *asides(case)]
+        trials += crossing(case) if case.crossed else []
     trials = list(dict.fromkeys(trials))
     found = dict(zip(trials, ensembles(trials, 1, args.jobs, measure), strict=True))
-    many = []
-    for case in cases:
-        if any(chaotic(case, found).values()):
-            many += many_of(case)
-    many = list(dict.fromkeys(many))
+    wild = [case for case in cases if any(chaotic(case, found).values())]
+    many = list(dict.fromkeys(trial for case in wild for trial in many_of(case)))
     if many:
         found |= dict(zip(many, ensembles(many, args.runs, args.jobs, measure), strict=True))
     return found
@@ -342,35 +334,10 @@ def judge(case: Case, found) -> tuple[dict[str, Error], dict[str, float]]:
     return errors, worth
 
 
-def draw(cases, errors):
-    figure, (axes,) = new_figure(1, 1, 9.0, 0.26 * len(cases) + 1.6)
-    panel = axes[0]
-    for index, (name, label) in enumerate(QUANTITIES.items()):
-        for row, found in enumerate(errors):
-            error = found[name]
-            x = max(100 * abs(error.error), 1e-4)
-            style = {"color": COLOURS[index], "marker": MARKERS[index], "ms": 4, "ls": ""}
-            face = "none" if error.runs > 1 else COLOURS[index]
-            panel.plot(x, row, mfc=face, label=label if row == 0 else None, **style)
-    for target, style in ((2.0, "-"), (0.5, "--")):
-        panel.axvline(target, color="0.4", lw=0.9, ls=style)
-    panel.set_xscale("log")
-    panel.set_yticks(range(len(cases)), [case.label for case in cases], fontsize=7)
-    panel.invert_yaxis()
-    panel.set_xlabel(
-        "error at default settings [%]; hollow: means of ensembles; lines: targets of forces (2 %) "
-        "and of all else (0.5 %)",
-        fontsize=8,
-    )
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
-    return figure
-
-
-def percent(value: float) -> str:
-    return "" if np.isnan(value) else f"{100 * value:.1g}"
-
-
 def report(benchmark, cases, found):
+    def percent(value):
+        return "" if np.isnan(value) else f"{100 * value:.1g}"
+
     judged = [judge(case, found) for case in cases]
     rows, data = [], []
     for case, (errors, worth) in zip(cases, judged, strict=True):
@@ -400,7 +367,6 @@ def report(benchmark, cases, found):
         ],
         rows,
         data,
-        draw(cases, [errors for errors, _ in judged]),
     )
     means = [e for errors, _ in judged for e in errors.values() if e.runs > 1]
     if means:

@@ -23,19 +23,12 @@ import jointplay as jp
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.poses import along_motion, over_workspace
 from jointplay.base.files import temporary
+from jointplay.base.tables import Table
 from jointplay.bridges.reduced_mjcf import compile_robot, follow
 from jointplay.bridges.reduction import reduce
 from jointplay.model.robots import robot_urdf
 from jointplay.study.courses import dynamic_error
 
-UR5 = (
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
-    "wrist_3_joint",
-)
 PLAYS = ("shoulder_lift_joint", "elbow_joint", "wrist_2_joint")
 CLEARANCE_M = 1e-4
 MOVE_RAD = 0.15
@@ -44,11 +37,11 @@ SPEEDS = {"slow": 2.0, "fast": 0.25}
 """Duration of a movement of `MOVE_RAD` in every joint [s]."""
 
 
-HEAD = (
-    "| joint | reversals | stated [urad] | MuJoCo, largest | MuJoCo, RMS | lean: stated [mrad] | "
-    "MuJoCo's lean, largest | us a step | s per s simulated | full model, s per s |",
-    "|" + " --- |" * 10,
-)
+HEAD = [
+    *("joint", "reversals", "stated [urad]", "MuJoCo, largest", "MuJoCo, RMS"),
+    *("lean: stated [mrad]", "MuJoCo's lean, largest", "us a step", "s per s simulated"),
+    "full model, s per s",
+]
 
 
 def robot() -> jp.Mechanism:
@@ -63,16 +56,17 @@ def one(number: int) -> dict[str, float]:
     mechanism = robot()
     at = over_workspace(mechanism, 64, seed=7)[number]
     random = np.random.default_rng(number)
-    begin = np.array([at[mechanism.coordinate(name)] for name in UR5])
-    end = begin + MOVE_RAD * random.choice([-1.0, 1.0], len(UR5))
+    joints = mechanism.joints
+    begin = np.array([at[mechanism.coordinate(name)] for name in joints])
+    end = begin + MOVE_RAD * random.choice([-1.0, 1.0], len(joints))
     row: dict[str, float] = {"pose": number}
     for name, duration in SPEEDS.items():
         times = np.array([0.0, 0.3, 0.3 + duration])
-        motion = jp.Motion(UR5, times, [begin, begin, end])
+        motion = jp.Motion(joints, times, [begin, begin, end])
         # Limits do not matter here: a turn more or less is the same pose.
         t = np.linspace(0.0, times[-1], 40)
-        positions = motion(t)[0]
-        q = np.array([mechanism.configuration(dict(zip(UR5, p, strict=True))) for p in positions])
+        named = [dict(zip(joints, row, strict=True)) for row in motion(t)[0]]
+        q = np.array([mechanism.configuration(one) for one in named])
         found = budget(mechanism, q)
         simulation = jp.Simulation(mechanism, motion, limits="ignore")
         seen = dynamic_error(mechanism, motion, simulation, runs=1)
@@ -132,9 +126,9 @@ def command_times(quick: bool) -> dict[str, float]:
     return found
 
 
-def reductions(quick: bool) -> list[str]:
+def reductions(quick: bool) -> list[list[str]]:
     """MuJoCo with the reduced model against the full model, in reversals other than the fit's."""
-    rows = []
+    rows = [HEAD]
     pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.0}
     for joint in ("shoulder_pan_joint", "elbow_joint"):
         bearing = jp.RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
@@ -155,13 +149,18 @@ def reductions(quick: bool) -> list[str]:
             )
             seen = follow(stiff.mjcf([fitted]), past, stiff.meshes)
             lean = follow(leaning.mjcf([fitted]), past, leaning.meshes).lean_error
+            angles = (fitted.angle_error, seen.error, seen.rms)
+            leans = (fitted.tilt_error, lean)
             rows.append(
-                f"| {joint} | {amplitude:g} rad, {period:g} s | {1e6 * fitted.angle_error:.0f} | "
-                f"{1e6 * seen.error:.0f} | {1e6 * seen.rms:.0f} | {1e3 * fitted.tilt_error:.2f} | "
-                f"{1e3 * lean:.2f} | {1e6 * seen.step_seconds:.0f} | "
-                f"{seen.step_seconds / seen.step:.3f} | {spent / (2.0 * period):.2f} |"
+                [
+                    *(joint, f"{amplitude:g} rad, {period:g} s"),
+                    *(f"{1e6 * one:.0f}" for one in angles),
+                    *(f"{1e3 * one:.2f}" for one in leans),
+                    *(f"{1e6 * seen.step_seconds:.0f}", f"{seen.step_seconds / seen.step:.3f}"),
+                    f"{spent / (2.0 * period):.2f}",
+                ]
             )
-            print(rows[-1], flush=True)
+            print(*rows[-1], sep=", ", flush=True)
             if quick:
                 return rows
     return rows
@@ -229,7 +228,7 @@ def main() -> None:
         (out / "times.txt").write_text("\n".join(lines) + "\n")
         print("\n".join(lines), flush=True)
     if "reductions" in parts:
-        (out / "reductions.txt").write_text("\n".join([*HEAD, *reductions(quick)]) + "\n")
+        (out / "reductions.txt").write_text(Table.of_texts(reductions(quick)).markdown() + "\n")
     if "poses" in parts:
         study = jp.Study(range(poses), one)
         for _, row in study.outcomes(options.jobs):

@@ -34,6 +34,7 @@ from common import folder_of
 
 import jointplay as jp
 from jointplay.base.files import temporary
+from jointplay.base.tables import Table
 from jointplay.physics.contact import Ambrosio, Flores
 
 LENGTHS = {"ground": 3.0, "crank": 1.0, "coupler": 4.0, "rocker": 2.5}
@@ -171,21 +172,17 @@ def draw(results: dict[str, jp.Result], path: Path) -> None:
     times, angles, _ = np.array(REFERENCE).T
     left.semilogy(times, np.abs(angles - 6.0 * np.sin(rate * times)), "kx", label="Siconos' result")
     left.set_ylim(bottom=1e-5)
-    left.set_xlabel("time [s]")
-    left.set_ylabel("error of the crank's angle [rad]")
+    left.set(xlabel="time [s]", ylabel="error of the crank's angle [rad]")
     left.legend()
     result = results["controller as in the example"]
     centre = 1e3 * result["journal_centre"].sel(joint="rocker_end").values
     right.plot(centre[:, 0], centre[:, 1], lw=0.7)
-    right.set_aspect("equal")
-    right.set_xlabel("x [mm]")
-    right.set_ylabel("y [mm]")
+    right.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     right.set_title("journal's centre in the bore between coupler and rocker", fontsize=10)
     figure.savefig(path, dpi=130)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run, compare, draw."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
     parser.add_argument("--quick", action="store_true", help=f"the first {QUICK_S:g} s")
@@ -200,23 +197,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
             .completed()
             for words, made in ((w, machine(path, corrected)) for w, corrected in laws.items())
         }
-    lines = [
-        "| t [s] | Siconos: angle [rad], speed [rad/s] | " + " | ".join(laws) + " |",
-        "|" + " --- |" * 4,
+    differences = [
+        np.column_stack(crank(result)) - np.array(REFERENCE)[:, 1:] for result in results.values()
     ]
-    differences = {
-        words: np.column_stack(crank(result)) - np.array(REFERENCE)[:, 1:]
-        for words, result in results.items()
-    }
     ends = min(result.time[-1] for result in results.values()) + 1e-9
-    for row, (time, angle, speed) in enumerate(REFERENCE):
-        if time > ends:
-            break
-        cells = [
-            f"{1e3 * one[row, 0]:+.2f} mrad, {one[row, 1]:+.3f}" for one in differences.values()
-        ]
-        lines.append(f"| {time:g} | {angle:.4f}, {speed:.3f} | " + " | ".join(cells) + " |")
-    text = "\n".join(lines) + "\n"
+    rows = [["t [s]", "Siconos: angle [rad], speed [rad/s]", *laws]]
+    for k, (time, angle, speed) in enumerate(row for row in REFERENCE if row[0] <= ends):
+        cells = [f"{1e3 * one[k, 0]:+.2f} mrad, {one[k, 1]:+.3f}" for one in differences]
+        rows.append([f"{time:g}", f"{angle:.4f}, {speed:.3f}", *cells])
+    text = Table.of_texts(rows).markdown() + "\n"
     (out / "four_bar_control.txt").write_text(text)
     draw(results, out / "four_bar_control.png")
     print(text, end="")

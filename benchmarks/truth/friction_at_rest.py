@@ -67,7 +67,6 @@ class Case:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
     def build(self) -> tuple[jp.Mechanism, np.ndarray]:
-        """The mechanism, and its configuration with centred journals."""
         path = jp.shipped("scara.urdf") if self.robot == "scara" else robot_urdf(self.robot)
         tools = {"ur5": {"tool": "tool0"}, "panda": {"tool": "panda_hand_tcp"}}
         loose = jp.RevoluteClearance(
@@ -120,23 +119,16 @@ class Journal:
         self.ideal = self.place(np.zeros(5))
 
     def configuration(self, xi: np.ndarray) -> np.ndarray:
-        """With the journal at x, y, z, pitch, roll."""
         q = self.q.copy()
         q[self.coordinates] = xi
         return q
 
     def place(self, xi: np.ndarray) -> np.ndarray:
-        """Where the tool is [m]."""
         pin.framesForwardKinematics(self.model, self.data, self.configuration(xi))
         return self.data.oMf[self.frame].translation.copy()
 
     def error(self, xi: np.ndarray) -> np.ndarray:
-        """Of the tool [m]."""
         return self.place(xi) - self.ideal
-
-    def energy(self, xi: np.ndarray) -> float:
-        """Of gravity [J]."""
-        return float(pin.computePotentialEnergy(self.model, self.data, self.configuration(xi)))
 
     def load(self, xi: np.ndarray) -> np.ndarray:
         """Gravity's force on x, y, z, pitch, roll [N, N m]."""
@@ -417,22 +409,29 @@ def parameters(journal: Journal, xi: np.ndarray) -> np.ndarray:
     return np.array([*(p / journal.radial), *(q / journal.radial), xi[2] / journal.axial, 0.0])
 
 
-def lowest(journal: Journal, random: np.random.Generator, starts: int = 12) -> list[np.ndarray]:
-    """Places of least energy, from several starts."""
+BOUNDS = [(-2.5, 2.5)] * 5
+
+
+def problem(journal: Journal):
+    """What makes displacements of size one, their energy, and that they stay in the bearing."""
     scale = np.array([journal.radial] * 2 + [journal.axial] + [journal.radial / journal.length] * 2)
     load = np.abs(journal.load(np.zeros(5)) * scale).sum() or 1.0
-    inside = {
-        "type": "ineq",
-        "fun": lambda y: journal.room(y * scale) / journal.radial,
-    }
+
+    def energy(y: np.ndarray) -> float:  # midpoint rule: quadratic in small displacements
+        return -(journal.load(0.5 * y * scale) @ (y * scale)) / load
+
+    room = {"type": "ineq", "fun": lambda y: journal.room(y * scale) / journal.radial}
+    return scale, energy, room
+
+
+def lowest(journal: Journal, random: np.random.Generator, starts: int = 12) -> list[np.ndarray]:
+    """Places of least energy, from several starts."""
+    scale, energy, inside = problem(journal)
     results = []
     for k in range(starts):
         y = 0.3 * random.normal(size=5) if k else np.zeros(5)
-        found = minimize(
-            lambda y: -(journal.load(0.5 * y * scale) @ (y * scale)) / load,
-            y, constraints=[inside], bounds=[(-2.5, 2.5)] * 5,
-            options={"ftol": 1e-14, "maxiter": 300},
-        )  # fmt: skip
+        options = {"ftol": 1e-14, "maxiter": 300}
+        found = minimize(energy, y, constraints=[inside], bounds=BOUNDS, options=options)
         if journal.room(found.x * scale).min() > -1e-9:
             results.append((found.fun, found.x * scale))
     least = min((value for value, _ in results), default=0.0)
@@ -442,13 +441,9 @@ def lowest(journal: Journal, random: np.random.Generator, starts: int = 12) -> l
 def flat(journal: Journal, seed: int = 0) -> np.ndarray:
     """Errors at the ends of the set of least energy, (m, 3) [m]."""
     random = np.random.default_rng(seed)
-    scale = np.array([journal.radial] * 2 + [journal.axial] + [journal.radial / journal.length] * 2)
-    load = np.abs(journal.load(np.zeros(5)) * scale).sum() or 1.0
+    scale, energy, inside = problem(journal)
     begun = lowest(journal, random, 24)
-    # Midpoint rule: gravity's energy is quadratic in small displacements.
-    energy = lambda y: -(journal.load(0.5 * y * scale) @ (y * scale)) / load  # noqa: E731
     least = min(energy(xi / scale) for xi in begun)
-    inside = {"type": "ineq", "fun": lambda y: journal.room(y * scale) / journal.radial}
     low = {"type": "ineq", "fun": lambda y: 1e6 * (least + FLAT - energy(y))}
     ends = [journal.error(xi) for xi in begun]
     size = max(np.linalg.norm(one) for one in ends) or journal.radial
@@ -457,7 +452,7 @@ def flat(journal: Journal, seed: int = 0) -> np.ndarray:
             for xi in begun[:8]:
                 found = minimize(
                     lambda y, a=axis, s=sign: -s * journal.error(y * scale)[a] / size,
-                    xi / scale, constraints=[inside, low], bounds=[(-2.5, 2.5)] * 5,
+                    xi / scale, constraints=[inside, low], bounds=BOUNDS,
                     options={"ftol": 1e-10, "maxiter": 300},
                 )  # fmt: skip
                 good = journal.room(found.x * scale).min() > -1e-9
@@ -467,7 +462,6 @@ def flat(journal: Journal, seed: int = 0) -> np.ndarray:
 
 
 def compare(name: str, case: Case, mu: float, states: int) -> tuple[float, float]:
-    """Print one case; the least part covered and the largest overshoot."""
     mechanism, q = case.build()
     journals = [Journal(mechanism, q, joint) for joint in case.joints]
     begun = time.process_time()
@@ -504,7 +498,6 @@ def compare(name: str, case: Case, mu: float, states: int) -> tuple[float, float
 
 
 def main() -> None:
-    """Print all cases."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--cases", default=",,".join(CASES | PAIRS), help="names, with ,, between them"

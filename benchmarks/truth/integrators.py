@@ -69,17 +69,13 @@ ROOMY = {
 
 def positions(case, **options):
     """Positions of the journal and of the tool in the window [m]."""
-    result = window(case, **options).run()
+    result = case.simulation(0, duration=WINDOW, **options).run()
     return result["journal_centre"].values[:, 0], result["tool_position"].values
-
-
-def window(case, **options):
-    return case.simulation(0, duration=WINDOW, **options)
 
 
 def cpu_time(case):
     """CPU seconds of the window's time loop."""
-    run = jp.Run(window(case))
+    run = jp.Run(case.simulation(0, duration=WINDOW))
     started = time.process_time()
     run.run_to_end()
     return time.process_time() - started
@@ -209,22 +205,17 @@ def draw(cases, window_found, cycles, ensemble, order):
             label=f"{situation}, {method}: order {slope:.1f}",
         )
     axes[1, 0].set_yscale("log")
-    for panel, x, y in zip(
-        axes.flat,
-        ("CPU time per simulated second [s]",) * 2
-        + ("step [µs]", "CPU time of the 3 s cycle [s]", "step [µs]", "step [µs]"),
-        (
-            "largest journal error in 0.1 s [µm]",
-            "largest tool error in 0.1 s [µm]",
-            "journal error at the end [µm]",
-            "largest energy residual [J]",
-            CYCLE["peak_force_N"],
-            CYCLE["impacts"],
-        ),
-        strict=True,
-    ):
-        panel.set_xlabel(x)
-        panel.set_ylabel(y)
+    per_second, step = "CPU time per simulated second [s]", "step [µs]"
+    labels = (
+        (per_second, "largest journal error in 0.1 s [µm]"),
+        (per_second, "largest tool error in 0.1 s [µm]"),
+        (step, "journal error at the end [µm]"),
+        ("CPU time of the 3 s cycle [s]", "largest energy residual [J]"),
+        (step, CYCLE["peak_force_N"]),
+        (step, CYCLE["impacts"]),
+    )
+    for panel, (x, y) in zip(axes.flat, labels, strict=True):
+        panel.set(xlabel=x, ylabel=y)
     axes[1, 0].xaxis.set_minor_formatter(NullFormatter())
     axes[0, 2].set_ylim(bottom=1e-17)  # room for the legend
     axes[0, 2].legend(fontsize=7, frameon=False, loc="lower left")
@@ -240,20 +231,18 @@ def draw(cases, window_found, cycles, ensemble, order):
 def report(benchmark, cases, found, cycles, ensemble, order):
     errors = dict(zip(cases, found, strict=True))
     runs = dict(zip(cycles, ensemble, strict=True))
-    rows = []
-    for case, figures in errors.items():
-        statistics = [spread(runs[case][name]) if case in runs else "" for name in CYCLE]
-        rows.append(
-            [
-                millimetres(case.radial),
-                case.integrator,
-                f"{1e6 * case.step:g}",
-                f"{figures['cpu_s_per_s']:.2f}",
-                f"{figures['journal_error_um']:.2g}",
-                f"{figures['tool_error_um']:.2g}",
-                *statistics,
-            ]
-        )
+    rows = [
+        [
+            millimetres(case.radial),
+            case.integrator,
+            f"{1e6 * case.step:g}",
+            f"{figures['cpu_s_per_s']:.2f}",
+            f"{figures['journal_error_um']:.2g}",
+            f"{figures['tool_error_um']:.2g}",
+            *(spread(runs[case][name]) if case in runs else "" for name in CYCLE),
+        ]
+        for case, figures in errors.items()
+    ]
     data = [
         row | figures
         for case, figures in errors.items()

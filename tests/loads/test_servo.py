@@ -147,16 +147,6 @@ def test_energy_balances_with_gear_and_servo(pendulum, options):
     assert np.ptp(result["q"].values[:, 0]) > 0.3
 
 
-def test_a_run_of_the_ideal_mechanism_takes_the_same_servo(pendulum):
-    servo = replace(SERVO, dead_band=0.002)
-    motion = jp.Motion(["a"], [0, 0.1], [[0.0], [0.1]])
-    result = jp.simulate(pendulum(GEAR), motion, drive=servo, **QUIET)
-    twin = jp.analysis.twin(result)
-    assert list(twin["coordinate"].values) == ["a"]
-    force = twin["reaction_force"].values
-    assert np.isfinite(force).all()
-
-
 def test_a_budget_rests_where_servos_hold(pendulum):
     servo = replace(SERVO, dead_band=0.01)
     found = jp.budget(pendulum(GEAR), {"a": 0.0}, drive=servo)
@@ -231,9 +221,3 @@ def test_a_sampled_servo_goes_on_bit_for_bit(disc, tmp_path):
             run.advance(3000)
         assert np.array_equal(whole.workspace.q, other.workspace.q)
         assert np.array_equal(whole.workspace.servos, other.workspace.servos)
-
-
-def test_a_servo_reads_back_from_its_description():
-    data = SERVO.describe()
-    assert data["kind"] == "servo"
-    assert jp.loads.Drive.from_description(data) == SERVO

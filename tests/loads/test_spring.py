@@ -113,17 +113,6 @@ def test_the_multi_rate_method_is_of_second_order_with_springs(urdf):
     assert (orders > 1.8).all(), (errors, orders)
 
 
-def test_a_curve_on_a_line_is_the_linear_spring(urdf):
-    robot, options = arm(urdf), {"duration": 0.1, "state": {"a": 0.4}, **QUIET}
-    place = {"at": (0.2, 0.0, 0.0), "other_at": (0.3, 0.1, 0.5)}
-    linear = Spring("two", 300.0, 0.3, **place)
-    curve = CurveSpring("two", (0.2, 0.3, 0.9), (-30.0, 0.0, 180.0), **place)
-    one, two = (
-        jp.simulate(robot, loads={"s": load}, **options)["q"].values for load in (linear, curve)
-    )
-    assert two == pytest.approx(one, abs=1e-11)
-
-
 @given(
     st.lists(st.floats(0.01, 1.0), min_size=2, max_size=6, unique=True),
     st.data(),
@@ -173,16 +162,6 @@ def test_a_step_too_large_for_a_spring_is_refused(urdf):
     spring = Spring("cart", 8e6, 0.5, other_at=(-0.5, 0.0, 0.0))
     with pytest.raises(jp.JointplayError, match=r"too large for the load 'stiff'.* at 318 Hz"):
         jp.simulate(slider(urdf), duration=0.1, step=1e-3, loads={"stiff": spring}, **QUIET)
-
-
-def test_loads_travel_with_the_result_and_run_again(urdf, tmp_path):
-    loads = {"s": Spring("cart", 800.0, 0.5, other_at=(-0.5, 0.0, 0.0), damping=1.0)}
-    run = jp.Simulation(slider(urdf), duration=0.02, state={"x": 0.05}, loads=loads, **QUIET)
-    result = run.run()
-    result.save(tmp_path / "run.nc")
-    again = jp.Result.load(tmp_path / "run.nc")
-    assert again.simulation.loads == loads
-    assert np.array_equal(again.simulation.run()["q"].values, result["q"].values)
 
 
 def test_the_chart_of_energies_shows_what_loads_store(urdf):

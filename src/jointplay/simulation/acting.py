@@ -47,10 +47,7 @@ def check(loads: Mapping[str, Load]) -> None:
 def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> LoadSite:
     """What the kernels must know of a load.
 
-    Args:
-        load: what acts.
-        mechanism: on what.
-        bounds: largest efforts of actuators by joint, to which they are cut [N m or N].
+    `bounds`: largest efforts of actuators by joint, to which they are cut [N m or N].
     """
     site = load.site(mechanism)
     law, numbers = int(compiled_law(load).address), load.numbers(mechanism)
@@ -59,23 +56,15 @@ def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> 
         cut = largest if any(math.isfinite(one) for one in largest) else ()
         return LoadSite(law, numbers, load.stores, load.implicit(), site.inputs, site.outputs, cut)
     (i, _), (j, _) = site.frames
-    return LoadSite(
-        law,
-        numbers,
-        load.stores,
-        load.implicit(),
-        carriers=site.frames,
-        signs=signs_between(mechanism.model, i, j),
-    )
+    signs = signs_between(mechanism.model, i, j)
+    return LoadSite(law, numbers, load.stores, load.implicit(), carriers=site.frames, signs=signs)
 
 
 def highest_frequency(
     loads: Mapping[str, Load], mechanism: Mechanism, q: np.ndarray
 ) -> tuple[float, str]:
-    """The fastest swing of the mechanism on the loads' springs, all together.
-
-    Returns:
-        Its frequency [rad/s], 0 without springs, and the name of the stiffest.
+    """Frequency of the fastest swing on the loads' springs together [rad/s], 0 without springs;
+    and the name of the stiffest.
     """
     model, data = mechanism.model, mechanism.model.createData()
     inverse = pin.computeMinverse(model, data, q)
@@ -94,11 +83,7 @@ def highest_frequency(
 
 
 def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: np.ndarray) -> None:
-    """Refuse a step too large for the loads' springs, all together.
-
-    Raises:
-        JointplayError: naming the stiffest one.
-    """
+    """Refuse a step too large for the loads' springs, all together, naming the stiffest one."""
     frequency, stiffest = highest_frequency(loads, mechanism, q)
     if frequency * step > LARGEST_STEP_TURN:
         raise JointplayError(
@@ -127,11 +112,7 @@ def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> n
 
 
 def _steps_in(period: float, step: float, whose: str) -> int:
-    """Steps in a sampling period [s].
-
-    Raises:
-        JointplayError: it is no multiple of the step.
-    """
+    """Steps in a sampling period [s], which must be a multiple of the step."""
     steps = round(period / step)
     if steps < 1 or abs(period / step - steps) > 1e-6 * steps:
         raise JointplayError(
@@ -140,91 +121,13 @@ def _steps_in(period: float, step: float, whose: str) -> int:
     return steps
 
 
-class Sampling:
-    """The sampled controllers of a run, and when they are due.
-
-    Args:
-        loads: all loads, by name.
-        sites: what the kernels know of them.
-        workspace: of the run.
-
-    Raises:
-        JointplayError: a period that is no multiple of the step.
-    """
-
-    def __init__(
-        self,
-        loads: Mapping[str, Load],
-        sites: Sequence[LoadSite],
-        workspace: Workspace,
-        step: float,
-    ) -> None:
-        self._workspace = workspace
-        self._asked = -1
-        """Step at which they were asked last."""
-        self._members = []
-        for (name, load), site in zip(loads.items(), sites, strict=True):
-            if not isinstance(load, Controller) or load.period is None:
-                continue
-            steps = _steps_in(load.period, step, f"the controller {name!r}")
-            self._members.append((load, site, steps, load.sampler()))
-
-    def __bool__(self) -> bool:
-        return bool(self._members)
-
-    def steps_until_next(self, step: int) -> int | None:
-        """Steps from `step` until a sample is due after it; None if none ever is."""
-        return min((every - step % every for _, _, every, _ in self._members), default=None)
-
-    def memory(self) -> dict[str, Any]:
-        """Last step, and state of each controller that has one, by its `memory`: for a checkpoint.
-
-        Raises:
-            JointplayError: a controller that has a state and does not say it.
-        """
-        states = [load.remember(sampler) for load, _, _, sampler in self._members]
-        return {"asked": self._asked, "states": states}
-
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self._asked = int(memory["asked"])
-        for (_, _, _, sampler), state in zip(self._members, memory["states"], strict=True):
-            if state is not None:
-                cast(Any, sampler).recall(state)
-
-    def is_due(self, step: int) -> bool:
-        return any(step % every == 0 for _, _, every, _ in self._members)
-
-    def sample(self, q: np.ndarray, v: np.ndarray, jumps: bool) -> None:
-        """Call those controllers that are due at the present step.
-
-        Once at an instant, for what they integrate: if the loop begins again there, their torques
-        are held from it on.
-
-        Args:
-            q, v: the state now.
-            jumps: whether the torques before count for half of the present instant.
-        """
-        w = self._workspace
-        for load, site, every, sampler in self._members:
-            if w.steps % every == 0:
-                inputs = list(site.inputs)
-                if self._asked == w.steps:
-                    torques = held(site.numbers)
-                else:
-                    torques = load.torques(sampler, w.time, q[inputs].copy(), v[inputs].copy())
-                hold(site.numbers, w.time, torques, jumps)
-        self._asked = w.steps
-
-
 class Events:
     """Picks and releases in the order of the steps at which they happen.
 
     Args:
         mechanism: the mechanism.
         model: the run's own, whose inertias change.
-        payloads: what is picked up and released.
-        step: time step [s].
-        record_every: steps between records.
+        payloads, step, record_every: of the simulation.
 
     Attributes:
         phases: the stretches so far in which the bodies keep their inertias.
@@ -248,9 +151,9 @@ class Events:
             if not model.existFrame(payload.frame):
                 names = [frame.name for frame in model.frames if frame.name != "universe"]
                 raise MissingName("frame for a payload", payload.frame, names)
-            times = [(payload.pick, True)]
-            times += [] if payload.release is None else [(payload.release, False)]
-            planned += [(round(time / step), payload, picked) for time, picked in times]
+            for time, picked in ((payload.pick, True), (payload.release, False)):
+                if time is not None:
+                    planned.append((round(time / step), payload, picked))
         self._planned = sorted(planned, key=lambda event: event[0], reverse=True)
 
     @property
@@ -273,6 +176,7 @@ class Events:
             self.phases.append(Phase(int(row), bodies, float(energy)))
 
     def _change(self, payload: Payload, picked: bool) -> pin.Model:
+        """Change the inertias of the run's model; returns the bodies that then are."""
         bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
         frame = bodies.frames[frame_index(bodies, payload.frame)]
         body = frame.placement.act(payload.body)
@@ -305,23 +209,12 @@ def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
     return float(kinetic + pin.computePotentialEnergy(model, data, q))
 
 
-# Forces that joints transmit, for friction that grows with them: means over short intervals.
-
-
 REACTION_S = 2e-4
-"""Interval over which a transmitted force is a mean [s]."""
+"""Interval over which a force that a joint transmits, and its friction follows, is a mean [s]."""
 
 
 class ReactionLoads:
-    """The loads of a run that follow the force that their joint transmits.
-
-    Args:
-        loads: all loads, by name.
-        sites: what the kernels know of them.
-        mechanism: where they act.
-        workspace: of the run.
-        step: time step [s].
-    """
+    """The loads of a run that follow the force that their joint transmits."""
 
     def __init__(
         self,
@@ -329,30 +222,20 @@ class ReactionLoads:
         sites: Sequence[LoadSite],
         mechanism: Mechanism,
         workspace: Workspace,
-        step: float,
     ) -> None:
         self._workspace = workspace
-        self.every = max(round(REACTION_S / step), 1)
-        self._members = []
-        self._pushers: list[tuple[int, Site]] = []
-        for index, (load, site) in enumerate(zip(loads.values(), sites, strict=True)):
-            if isinstance(load, LoadedFriction):
-                self._members.append((load, site.numbers, *_axis(mechanism, load.joint)))
-            elif site.carriers is not None:
-                self._pushers.append((index, load.site(mechanism)))
+        self.members = [
+            (load, site.numbers, *_axis(mechanism, load.joint))
+            for load, site in zip(loads.values(), sites, strict=True)
+            if isinstance(load, LoadedFriction)
+        ]
+        self._pushers = [
+            (index, load.site(mechanism))
+            for index, (load, site) in enumerate(zip(loads.values(), sites, strict=True))
+            if site.carriers is not None
+        ]
         self._data: pin.Data | None = None
-        self._none = pin.StdVec_Force()
-        self._none.extend([pin.Force.Zero()] * mechanism.model.njoints)
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
-
-    def __bool__(self) -> bool:
-        return bool(self._members)
-
-    def steps_until_next(self, step: int) -> int | None:
-        return self.every - step % self.every if self._members else None
-
-    def is_due(self, step: int) -> bool:
-        return bool(self._members) and step % self.every == 0
 
     def memory(self) -> list[Any] | None:
         if self._before is None:
@@ -368,9 +251,8 @@ class ReactionLoads:
     def begin(self, model: pin.Model, v: np.ndarray, acceleration: np.ndarray) -> None:
         """Take the forces of the first instant, which no friction has changed yet."""
         w = self._workspace
-        for (_, numbers, *_rest), level in zip(
-            self._members, self._friction(model, w.q, v, acceleration), strict=True
-        ):
+        levels = self._friction(model, w.q, v, acceleration)
+        for (_, numbers, *_rest), level in zip(self.members, levels, strict=True):
             numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
         self._before = (w.time, w.q.copy(), v.copy())
 
@@ -383,9 +265,8 @@ class ReactionLoads:
         if span <= 0.0:
             return
         middle = 0.5 * (w.q + q), (w.q - q) / span, (v - speed) / span
-        for (_, numbers, *_rest), level in zip(
-            self._members, self._friction(model, *middle), strict=True
-        ):
+        levels = self._friction(model, *middle)
+        for (_, numbers, *_rest), level in zip(self.members, levels, strict=True):
             now = time + 0.5 * span
             apart = now - numbers[TIME]
             rate = (level - numbers[LEVEL]) / apart if apart > 0.0 else 0.0
@@ -395,21 +276,19 @@ class ReactionLoads:
     def _friction(
         self, model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> list[float]:
-        if self._data is None:
-            self._data = model.createData()
-        data = self._data
+        data = self._data = self._data or model.createData()
         pin.rnea(model, data, q, v, a, self._external(model, data, q))
         return [
             load.friction(data.f[joint].linear, axis, slides)
-            for load, _, joint, axis, slides in self._members
+            for load, _, joint, axis, slides in self.members
         ]
 
     def _external(self, model: pin.Model, data: pin.Data, q: np.ndarray) -> pin.StdVec_Force:
-        if not self._pushers:
-            return self._none
+        """Wrenches of loads between frames, on the bodies and in their joints' frames."""
         forces = pin.StdVec_Force()
         forces.extend([pin.Force.Zero()] * model.njoints)
-        pin.forwardKinematics(model, data, q)
+        if self._pushers:
+            pin.forwardKinematics(model, data, q)
         for index, site in self._pushers:
             assert site.frames is not None
             (i, first), (j, second) = site.frames
@@ -448,7 +327,7 @@ class LoadSchedule:
         step: time step [s].
 
     Raises:
-        JointplayError: a controller's period that is no multiple of the step.
+        JointplayError: a period of a controller or servo that is no multiple of the step.
     """
 
     def __init__(
@@ -461,44 +340,67 @@ class LoadSchedule:
         step: float,
     ) -> None:
         self._workspace, self._model = workspace, model
-        self._sampling = Sampling(loads, sites, workspace, step)
-        self._reactions = ReactionLoads(loads, sites, mechanism, workspace, step)
-        self._servos = []
-        """Steps in a period of each servo that has one: it samples at a state, in compiled code."""
-        for period in map(float, workspace.servos["period"]):
-            if period > 0.0:
-                self._servos.append(_steps_in(period, step, "a servo"))
+        self._reactions = ReactionLoads(loads, sites, mechanism, workspace)
+        self._controllers = [
+            (load, site, _steps_in(load.period, step, f"the controller {name!r}"), load.sampler())
+            for (name, load), site in zip(loads.items(), sites, strict=True)
+            if isinstance(load, Controller) and load.period is not None
+        ]
+        self._asked = -1
+        """Step at which they were asked last."""
+        periods = map(float, workspace.servos["period"])  # servos sample in compiled code
+        servos = [_steps_in(period, step, "a servo") for period in periods if period > 0.0]
+        reactions = [max(round(REACTION_S / step), 1)] if self._reactions.members else []
+        self._looks = [*(every for _, _, every, _ in self._controllers), *reactions]
+        self._stops = [*self._looks, *servos]
+        self._reactions_every = reactions[0] if reactions else None
 
     def steps_until_next(self, step: int) -> int | None:
-        waits = [self._sampling.steps_until_next(step), self._reactions.steps_until_next(step)]
-        waits += [every - step % every for every in self._servos]
-        return min((due for due in waits if due is not None), default=None)
+        """Steps from `step` until one of them looks again; None if none ever does."""
+        return min((every - step % every for every in self._stops), default=None)
 
     def is_due(self, step: int) -> bool:
-        return self._sampling.is_due(step) or self._reactions.is_due(step)
+        return any(step % every == 0 for every in self._looks)
 
     def start(self, loop: TimeLoop) -> None:
         """Let a loop begin, once more when the forces that joints transmit are known."""
         w = self._workspace
-        self._sampling.sample(w.q, w.v, jumps=False)
+        self._sample(w.v, jumps=False)
         loop.begin()
-        if self._reactions:
+        if self._reactions.members:
             self._reactions.begin(self._model, w.v, w.acceleration)
             loop.begin()
 
     def look(self, loop: TimeLoop, last: bool) -> None:
         """Let those look at the state whose time it is; no controller samples the last one."""
         w = self._workspace
-        if self._reactions.is_due(w.steps):
+        if self._reactions_every and w.steps % self._reactions_every == 0:
             self._reactions.update(self._model, loop.velocity())
-        if last or not self._sampling.is_due(w.steps):
+        if last or all(w.steps % every for _, _, every, _ in self._controllers):
             return
         if loop.method.single_rate:
             loop.synchronize()
-            self._sampling.sample(w.q, w.v, jumps=False)
+            self._sample(w.v, jumps=False)
             loop.begin()
         else:
-            self._sampling.sample(w.q, loop.velocity(), jumps=True)
+            self._sample(loop.velocity(), jumps=True)
+
+    def _sample(self, v: np.ndarray, jumps: bool) -> None:
+        """Call those controllers that are due at the present step.
+
+        Once at an instant, for what they integrate: if the loop begins again there, their torques
+        are held from it on. With `jumps` the torques before count for half of the present instant.
+        """
+        w = self._workspace
+        for load, site, every, sampler in self._controllers:
+            if w.steps % every == 0:
+                inputs = list(site.inputs)
+                if self._asked == w.steps:
+                    torques = held(site.numbers)
+                else:
+                    torques = load.torques(sampler, w.time, w.q[inputs].copy(), v[inputs].copy())
+                hold(site.numbers, w.time, torques, jumps)
+        self._asked = w.steps
 
     def memory(self) -> dict[str, Any]:
         """What a checkpoint holds; the numbers of the loads are the workspace's.
@@ -506,8 +408,12 @@ class LoadSchedule:
         Raises:
             JointplayError: a controller that cannot say its state.
         """
-        return {"sampling": self._sampling.memory(), "reactions": self._reactions.memory()}
+        states = [load.remember(sampler) for load, _, _, sampler in self._controllers]
+        return {"asked": self._asked, "states": states, "reactions": self._reactions.memory()}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        self._sampling.recall(memory["sampling"])
+        self._asked = int(memory["asked"])
+        for (_, _, _, sampler), state in zip(self._controllers, memory["states"], strict=True):
+            if state is not None:
+                cast(Any, sampler).recall(state)
         self._reactions.recall(memory["reactions"])

@@ -48,12 +48,8 @@ LARGEST_TURN = 1.0
 
 
 def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
-    """The joint with clearance `name`, as the kernels have it.
-
-    Args:
-        mechanism: whose joint it is.
-        name: of the joint.
-        q: configuration at the start, shape (nq,).
+    """The joint with clearance `name` as the kernels have it, in the configuration q at the
+    start.
     """
     joint = mechanism.clearance[name]
     mass = effective_mass(mechanism, name, q)
@@ -134,9 +130,8 @@ def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndar
 
 
 def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: np.ndarray) -> None:
-    """Refuse contacts that meet no mass, and a step [s] too large for an impact.
-
-    None: steps are chosen by their error, and none is too large.
+    """Refuse contacts that meet no mass, and a step [s] too large for an impact; None: steps are
+    chosen by their error, and none is too large.
     """
     for name in mechanism.clearance:
         mass = effective_mass(mechanism, name, q)

@@ -31,11 +31,7 @@ radian between two looks to come near a right angle."""
 
 
 def check_start(mechanism: Mechanism, q: np.ndarray) -> None:
-    """Refuse a pitch of a right angle at the start.
-
-    Raises:
-        JointplayError: it is one, so that yaw and roll turn the base about the same axis.
-    """
+    """Refuse a pitch of a right angle at the start: yaw and roll turn the base about one axis."""
     if mechanism.free_base is not None and abs(np.cos(q[ANGLES][1])) < STEEPEST_START:
         raise JointplayError(
             f"{mechanism.free_base}.pitch = {q[ANGLES][1]:.6g} rad is a right angle, where yaw and "
@@ -50,12 +46,6 @@ class BaseChart:
 
     The run's own model has it as the placement of the base's turning joint; records, and all who
     read the state, have angles counted from the pose of the URDF.
-
-    Args:
-        mechanism: what is run.
-        model: the run's own.
-        workspace: holds the state.
-        step: time step [s].
     """
 
     def __init__(

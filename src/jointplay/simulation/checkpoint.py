@@ -36,14 +36,14 @@ def save(run: Run, path: Path) -> Path:
     on_disk = run.on_disk if run.on_disk is not None and run.on_disk.needed else None
     records = None
     if on_disk is not None:
-        records = {"file": on_disk.path.name, "run": on_disk.write_to_disk(sync=True).name}
+        on_disk.write_to_disk(sync=True)
+        records = {"file": on_disk.path.name, "run": on_disk.name}
     arrays = run.workspace.snapshot()
     for name, values in (memory.pop("unjudged") or {}).items():
         arrays[_STATISTICS + name] = values
     head = {
         "simulation": run.simulation.describe(),
-        "versions": versions(),
-        "kernels": fingerprint(),
+        "versions": _versions(),
         "memory": memory,
         "records": records,
     }
@@ -57,10 +57,8 @@ def save(run: Run, path: Path) -> Path:
 def resume(path: Path, made: Callable[[dict[str, Any], Path | None], Run]) -> Run:
     """A run as it was left, see `Simulation.resume`.
 
-    Args:
-        path: the checkpoint.
-        made: from the description of a simulation, and where its records are if that is on disk,
-            to a run of it.
+    `made`: from the description of a simulation, and where its records are if that is on disk, to a
+    run of it.
     """
     arrays, head = read(path)
     with _naming_checkpoint(path):
@@ -73,11 +71,7 @@ def resume(path: Path, made: Callable[[dict[str, Any], Path | None], Run]) -> Ru
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse a result that a continued run would replace, but for its own so far.
-
-    Raises:
-        JointplayError: another file is there.
-    """
+    """Refuse a result that a continued run would replace, but for its own so far."""
     from jointplay.physics.kernel import Status
     from jointplay.simulation.result.result import Result
 
@@ -143,24 +137,7 @@ def _naming_checkpoint(path: Path) -> Iterator[None]:
 
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays of a checkpoint, and what else it says.
-
-    Raises:
-        JointplayError: no such file, damaged, or written by another version.
-    """
-    arrays, head = _read(path)
-    now = {"versions": versions(), "kernels": fingerprint()}
-    for what, value in now.items():
-        if head.get(what) != value:
-            raise JointplayError(
-                f"{str(path)!r} was written by another version "
-                f"({_difference(head.get(what), value)}), which may compute different steps; "
-                "continue it with that version"
-            )
-    return arrays, head
-
-
-def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays of a checkpoint, and what else it says; refused if another version wrote it."""
     if not files.is_file(path):
         raise files.missing(path, "checkpoint")
     try:
@@ -173,11 +150,17 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         raise damaged(path, "checkpoint", error) from None
     if not isinstance(head, dict):
         raise damaged(path, "checkpoint", "its head is not a table")
+    others = ", ".join(
+        f"{name} {was}, here {now}"
+        for name, was, now in differences(head.get("versions"), _versions())
+    )
+    if others:
+        raise JointplayError(
+            f"{str(path)!r} was written by another version ({others}), which may compute different "
+            "steps; continue it with that version"
+        )
     return arrays, head
 
 
-def _difference(theirs: Any, ours: Any) -> str:
-    if isinstance(theirs, dict) and isinstance(ours, dict):
-        names = [name for name in {**theirs, **ours} if theirs.get(name) != ours.get(name)]
-        return ", ".join(f"{name} {theirs.get(name)}, here {ours.get(name)}" for name in names)
-    return "its compiled kernels differ"
+def _versions() -> dict[str, str]:
+    return {**versions(), "kernels": fingerprint()}

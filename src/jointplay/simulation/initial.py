@@ -48,11 +48,7 @@ State = Mapping[str, Any]
 
 
 def position_and_speed(name: str, value: Any) -> tuple[float | None, float | None]:
-    """Position and speed that were given for a coordinate, checked.
-
-    Raises:
-        JointplayError: neither a number nor two of them.
-    """
+    """Position and speed that were given for a coordinate, checked."""
     given = list(value) if isinstance(value, list | tuple) else [value, None]
     if len(given) != 2:
         raise JointplayError(
@@ -126,8 +122,7 @@ class InitialState:
     def acceleration(self, along: np.ndarray) -> np.ndarray:
         """Acceleration with which loops stay closed, journals at rest; (nv,).
 
-        Args:
-            along: acceleration of the reference, zero where there is none, (nv,).
+        `along`: acceleration of the reference, zero where there is none, (nv,).
         """
         if not self.mechanism.loops or not (self.v.any() or along.any()):
             return along

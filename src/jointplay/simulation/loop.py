@@ -25,11 +25,7 @@ LOOP_CORRECTION = 0.1
 def moving_bodies(
     model: pin.Model, frames: Sequence[Frame]
 ) -> tuple[np.ndarray, list[CarriedFrame]]:
-    """Bodies between some frames and the ground, for the kernels.
-
-    Args:
-        model: of the run.
-        frames: joints of Pinocchio's, and placements in them.
+    """Bodies between some frames (joints of Pinocchio's, and placements in them) and the ground.
 
     Returns:
         Records of `layout.BODY`, the ground first, parents before their children; and by frame the
@@ -55,14 +51,7 @@ def moving_bodies(
 
 
 class TimeLoop(ABC):
-    """Steps a run from one event to the next.
-
-    Args:
-        model, data: Pinocchio's, of the run.
-        workspace: holds the state.
-        method: the integrator.
-        constraints: of the ideal loops.
-    """
+    """Steps a run from one event to the next; `constraints` are of the ideal loops."""
 
     def __init__(
         self,
@@ -132,10 +121,8 @@ class TimeLoop(ABC):
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do some steps, no more than `steps`; returns whether all is well.
 
-        Args:
-            steps: to do at most.
-            pause: return at or after this step, between macro steps, if that is earlier; what
-                follows is the same as without.
+        `pause`: return at or after this step, between macro steps, if that is earlier; what follows
+        is the same as without.
         """
 
     @abstractmethod
@@ -185,8 +172,7 @@ _PLAN = int(Command.PLAN)
 class MultiRate(TimeLoop):
     """Pinocchio once a macro step; the micro steps in compiled code.
 
-    Args:
-        macro_step: length of macro steps [s]; None lets an error estimate choose.
+    `macro_step`: its length [s]; None lets an error estimate choose.
     """
 
     advancing = Command.ADVANCE

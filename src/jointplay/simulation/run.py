@@ -126,7 +126,10 @@ def end_message(
 
 @dataclass(frozen=True)
 class Moment:
-    """State and contact forces at one instant; arrays are copies, the run goes on without them."""
+    """State and contact forces at one instant; arrays are copies, the run goes on without them.
+
+    Names that do not exist are a `MissingName`.
+    """
 
     time: float
     """[s]."""
@@ -150,44 +153,24 @@ class Moment:
         return tuple(self.mechanism.coordinates)
 
     def position(self, name: str) -> float:
-        """Of a joint or of a single coordinate such as ``joint.x`` [rad or m].
-
-        Raises:
-            MissingName: no such joint or coordinate.
-        """
+        """Of a joint or of a single coordinate such as ``joint.x`` [rad or m]."""
         return float(self.q[self._index(name)])
 
     def speed(self, name: str) -> float:
-        """Of a joint or of a single coordinate [rad/s or m/s].
-
-        Raises:
-            MissingName: no such joint or coordinate.
-        """
+        """Of a joint or of a single coordinate [rad/s or m/s]."""
         return float(self.v[self._index(name)])
 
     def journal(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
-        """Centre (3,) [m] and orientation (3, 3) of a journal in its bearing frame.
-
-        Raises:
-            MissingName: no such joint with clearance.
-        """
+        """Centre (3,) [m] and orientation (3, 3) of a journal in its bearing frame."""
         pose = self.poses[self._joint(joint)]
         return pose[:3], pose[3:].reshape(3, 3)
 
     def force(self, joint: str) -> np.ndarray:
-        """Force on a journal in the axes of its bearing, shape (3,) [N].
-
-        Raises:
-            MissingName: no such joint with clearance.
-        """
+        """Force on a journal in the axes of its bearing, shape (3,) [N]."""
         return self.wrenches[self._joint(joint), :3]
 
     def contacts(self, joint: str) -> dict[str, float]:
-        """Normal force by the name of the contact [N].
-
-        Raises:
-            MissingName: no such joint with clearance.
-        """
+        """Normal force by the name of the contact [N]."""
         at = self._joint(joint)
         names = self.mechanism.clearance[joint].contacts
         return {name: float(self.normal_forces[at, k]) for k, name in enumerate(names)}
@@ -207,31 +190,14 @@ class Moment:
         return joints.index(name)
 
 
-def moment_of(
-    workspace: Workspace,
-    loop: TimeLoop,
-    mechanism: Mechanism,
-    single_rate: bool,
-    chart: BaseChart,
-) -> Moment:
-    """The present instant of a run, which goes on as if nobody had looked."""
-    kept = [array.copy() for array in workspace.state()]
-    loop.look()
-    touching = workspace.contacts["touching"] > 0
-    if not single_rate:
-        touching &= (workspace.joints["touching"] > 0)[:, None]
-    moment = Moment(
-        workspace.time,
-        workspace.steps,
-        *chart.state(workspace.q, workspace.v),
-        mechanism,
-        workspace.joints["pose"].copy(),
-        workspace.joints["wrench"].copy(),
-        np.where(touching, workspace.contacts["normal_now"], 0.0),
-    )
-    for array, values in zip(workspace.state(), kept, strict=True):
-        np.copyto(array, values)
-    return moment
+@contextmanager
+def _refusing_overflow() -> Iterator[None]:
+    try:
+        yield
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise JointplayError(
+            f"a number is far too large or too small to compute with: {error}"
+        ) from None
 
 
 class Run:
@@ -240,15 +206,16 @@ class Run:
     Args:
         simulation: what is run.
         progress: show a bar on standard error while a long motion is tabulated.
-        records: where records go that memory has no room for: a file, of which
-            `Simulation.run_to` makes a result, or a function that takes them portion by portion.
-            None: all stay in memory.
+        records: where records go that memory has no room for: a file, of which `Simulation.run_to`
+            makes a result, or a function that takes them portion by portion. None: all stay in
+            memory.
 
     Raises:
-        JointplayError: a step, duration or record interval that makes no sense, a step too
-            large for the contact stiffness, or a motion that does not fit the mechanism.
+        JointplayError: a step, duration or record interval that makes no sense, a step too large
+            for the contact stiffness, or a motion that does not fit the mechanism.
     """
 
+    @_refusing_overflow()
     def __init__(
         self,
         simulation: Simulation,
@@ -256,19 +223,6 @@ class Run:
         records: Path | Callable[[Records], None] | None = None,
     ) -> None:
         require_a("simulation", simulation, "Simulation")
-        try:
-            self._prepare(simulation, progress, records)
-        except (ArithmeticError, np.linalg.LinAlgError) as error:
-            raise JointplayError(
-                f"a number is far too large or too small to compute with: {error}"
-            ) from None
-
-    def _prepare(
-        self,
-        simulation: Simulation,
-        progress: bool,
-        records: Path | Callable[[Records], None] | None,
-    ) -> None:
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
         self.mechanism = mechanism = simulation.mechanism
@@ -469,10 +423,8 @@ class Run:
         initial.displace_journals(self.mechanism, self.workspace.q, distance)
 
     def shorten_macro_steps(self, factor: float) -> None:
-        """Have macro steps, and their error, so much smaller than settings say; before it begins.
-
-        Args:
-            factor: of the lengths; the error allowed falls with its square.
+        """Have macro steps so much shorter before the run begins; their error falls with the
+        square.
         """
         if isinstance(self._loop, MultiRate):
             self._loop.shorten_macro_steps(factor)
@@ -480,16 +432,14 @@ class Run:
     def finish(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
+        Interrupted by Ctrl-C, or stopped because the state ran away, the result holds everything up
+        to there and says so in `Result.status` and `Result.message`; a run that stopped also warns.
+
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
-            check_step: where nothing else judges the step, run again with another one: see
-                `step_check`. Takes about half of the run's time, in doubt two and a half times
-                the run's. Not for a run that was continued.
-
-        Returns:
-            The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
-            everything up to there and says so in `Result.status` and `Result.message`; a run that
-            stopped also warns.
+            check_step: where nothing else judges the step, run again with another one
+                (`step_check`), which takes about half of the run's time, in doubt two and a half
+                times as long. Not for a run that was continued.
 
         Raises:
             JointplayError: the run is at its end already; see `result`.
@@ -526,28 +476,13 @@ class Run:
         Args:
             status: how the run ended; if not given, as it did: at its end, by a failure, or
                 interrupted here.
-            reactions: whether a mechanism without clearance gets the forces in its joints; who
-                asks only where it goes can do without.
-            only: histories that are wanted; None: all.
+            reactions, only: see `histories.histories`.
         """
         if status is None:
             failed = self.workspace.status != Status.COMPLETED
             status = self.workspace.status if self._finished or failed else Status.INTERRUPTED
         self._chart.convert_records()
-        return histories(
-            self.mechanism,
-            self.simulation.describe(),
-            self.workspace,
-            self.friction,
-            self.phases,
-            status,
-            self.message(status),
-            self._elapsed,
-            self.judgement(),
-            self.simulation.loads,
-            reactions,
-            only,
-        )
+        return histories(self, status, reactions, only)
 
     def judgement(self) -> Judgement:
         start = "centred" if self.rest is None or not self.rest.solved else "rest"
@@ -560,14 +495,7 @@ class Run:
         )
 
     def run_to_end(self, progress: bool = False) -> Status:
-        """Step until the end, a failure, or Ctrl-C; returns why it stopped. Warns if it failed.
-
-        Args:
-            progress: see `finish`.
-
-        Raises:
-            JointplayError: see `finish`.
-        """
+        """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""
         self._check_unfinished()
         workspace = self.workspace
         if workspace.steps == 0:
@@ -606,10 +534,10 @@ class Run:
         return self._elapsed if self._since is None else time.perf_counter() - self._since
 
     def _stretches(self, pause: int = CHUNK) -> Iterator[float]:
-        """Step to the end, or to a failure, and give the time after every stretch [s].
+        """Step to the end, or to a failure; gives the time [s] after every stretch of `pause`
+        steps.
 
-        Args:
-            pause: steps of a stretch; the multi-rate method stops at the macro step that passes it.
+        The multi-rate method stops at the macro step that passes them.
         """
         self._check_unfinished()
         while self.workspace.steps < self.total_steps:
@@ -627,9 +555,6 @@ class Run:
         Args:
             every: a moment at the first macro step that ends at or after each multiple of this
                 [s]; None: one after every macro step.
-
-        Raises:
-            JointplayError: `every` is not positive; see `finish`.
         """
         self._check_unfinished()
         if every is not None:
@@ -645,10 +570,26 @@ class Run:
                 yield self.moment()
 
     def moment(self) -> Moment:
+        """The present instant, to be read; the run goes on as if nobody had looked."""
         self.begin()
-        return moment_of(
-            self.workspace, self._loop, self.mechanism, self.method.single_rate, self._chart
+        w = self.workspace
+        kept = [array.copy() for array in w.state()]
+        self._loop.look()
+        touching = w.contacts["touching"] > 0
+        if not self.method.single_rate:
+            touching &= (w.joints["touching"] > 0)[:, None]
+        moment = Moment(
+            w.time,
+            w.steps,
+            *self._chart.state(w.q, w.v),
+            self.mechanism,
+            w.joints["pose"].copy(),
+            w.joints["wrench"].copy(),
+            np.where(touching, w.contacts["normal_now"], 0.0),
         )
+        for array, values in zip(w.state(), kept, strict=True):
+            np.copyto(array, values)
+        return moment
 
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
@@ -697,10 +638,7 @@ class Run:
         """Write the run as it stands; `Simulation.resume` continues it bit for bit.
 
         Between stretches or moments, or after Ctrl-C within them. An older checkpoint of that name
-        is replaced, at once or not at all.
-
-        Raises:
-            JointplayError: the file cannot be written, or one is there that is no checkpoint.
+        is replaced, at once or not at all; what is none is not.
         """
         return checkpoint.save(self, Path(path))
 
@@ -735,12 +673,10 @@ class Run:
         self._chart.recall(memory["chart"])
 
     def _advance_stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
-        """Do some steps, then what is due; returns whether all is well.
+        """Do at most so many steps, then what is due; returns whether all is well.
 
-        Args:
-            most: this many at most.
-            pause: return after the first macro step that ends at or after this step, if earlier;
-                the run is the same with and without.
+        With `pause` it returns after the first macro step that ends at or after this step, if
+        earlier; the run is the same with and without.
         """
         w = self.workspace
         self.begin()
@@ -802,6 +738,7 @@ class Run:
         return True
 
     def message(self, status: Status) -> str:
+        """One line on how the run ended."""
         return end_message(self.mechanism, self.workspace, status, list(self.simulation.loads))
 
 

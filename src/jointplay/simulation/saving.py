@@ -134,32 +134,22 @@ def _save_from_disk(
     progress: bool,
 ) -> None:
     assert run.on_disk is not None
-    w, loads = run.workspace, run.simulation.loads
-    on_disk = run.on_disk.write_to_disk()
-    made = HistoryBuilder(
-        run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
-    )
-    portions = on_disk.portions(w.fields)
-    bar = ProgressBar((), "writing the histories", total=on_disk.rows, disable=not progress)
+    run.on_disk.write_to_disk()
+    portions, made = run.on_disk.portions(), HistoryBuilder(run)
+    bar = ProgressBar((), "writing the histories", total=run.on_disk.rows, disable=not progress)
     with bar, files.writing(path, overwrite=overwrite) as file:
-        whole, records = made.totals(w), next(portions)
-        first = made.portion(records, run.phases).assign(whole)
+        whole, records = made.totals(), next(portions)
+        first = made.portion(records).assign(whole)
         bar.update(records.rows)
         with closing(GrowingDataset(file, first)) as growing:
             for records in portions:
-                growing.append(made.portion(records, run.phases))
+                growing.append(made.portion(records))
                 bar.update(records.rows)
-            end = (status, run.message(status), run.elapsed, run.judgement())
-            growing.finish({**made.attributes(w, *end), **(notes or {})}, whole)
+            growing.finish({**made.attributes(status), **(notes or {})}, whole)
 
 
 def save(result: Result, path: Path, overwrite: bool = False) -> None:
     """Save to `path`, or, if that cannot be, among temporary files.
-
-    Args:
-        result: what is saved.
-        path: the file.
-        overwrite: whether a file of that name is replaced.
 
     Raises:
         JointplayError: it cannot be written to `path`; the message says where it is instead.

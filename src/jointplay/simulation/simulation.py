@@ -116,9 +116,7 @@ class Simulation(Overview, Inputs):
 
         `judge_from` if given, else when `settle` is over; else, where journals fall into their
         bearings at the start, after `START_UP`, if the run is more than twice as long; else 0.
-
-        Raises:
-            JointplayError: numbers that make no sense, or turns of what does not turn.
+        Refused if it makes no sense, as turns of what does not turn.
         """
         duration = self._simulated_time()
         if self.judge_from is not None:
@@ -147,11 +145,8 @@ class Simulation(Overview, Inputs):
 
     @classmethod
     def from_description(cls, description: Any) -> Self:
-        """Build the simulation that `describe` described.
-
-        Raises:
-            JointplayError: an input that this version does not know or that is missing, or a value
-                that cannot be; `where` has its place.
+        """Build the simulation that `describe` described; refuses inputs that this version does not
+        know.
         """
         known = [field.name for field in fields(cls)]
         for name in description if isinstance(description, Mapping) else ():
@@ -160,12 +155,9 @@ class Simulation(Overview, Inputs):
         return super().from_description(description)
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:
-        """Run, and look at the state between macro steps.
+        """Run, and look at the state between macro steps, at most so often [s]: see `Run.steps`.
 
-        Stop the loop when you have seen enough; `Run.steps` also gives the run to hold.
-
-        Args:
-            every: at most so often [s]; None: after every macro step.
+        Stop the loop when you have seen enough.
         """
         return Run(self).steps(every)
 
@@ -202,8 +194,8 @@ class Simulation(Overview, Inputs):
             The result, opened as by `Result.open`. Interrupted, it holds everything up to there.
 
         Raises:
-            JointplayError: see `Run`; the file exists (and nothing is to be continued); it
-                cannot be written.
+            JointplayError: see `Run`; the file exists (and nothing is to be continued); it cannot
+                be written.
         """
         return run_to(self, Path(path), progress, resume)
 
@@ -221,9 +213,6 @@ class Simulation(Overview, Inputs):
             certify: find the errors in `Result.certificate` by several further runs, more finely.
             check_step: see `Run.finish`.
             estimate: find them by one further run, which takes about half the time of the run.
-
-        Raises:
-            JointplayError: see `Run`.
         """
         result = Run(self, progress).finish(progress, check_step)
         if (certify or estimate) and result.status == Status.COMPLETED:
@@ -271,10 +260,8 @@ def simulate(
 ) -> Result:
     """Simulate `mechanism` following `motion`: `Simulation(...).run(...)` in one call.
 
-    Args:
-        mechanism, motion: what moves, and how.
-        progress, certify, estimate: those of `Simulation.run`.
-        settings: fields of `Simulation`, which says what each means, its unit and its default.
+    `progress`, `certify` and `estimate` are those of `Simulation.run`, the settings fields of
+    `Simulation`, which says what each means, its unit and its default.
 
     Raises:
         JointplayError: on anything that cannot be simulated.

@@ -1,7 +1,9 @@
 """Runs of any length in bounded memory: their records go to disk while they run.
 
-The result file is made of them at the end, portion by portion. Until then they are plain numbers:
-a NetCDF file that its process was killed over cannot be read any more.
+The result file is made of them at the end, portion by portion. Until then they are plain numbers
+behind one line that says whose they are: a NetCDF file that its process was killed over cannot be
+read any more, these can be cut to what a checkpoint knows of, and no other file is ever taken for
+them.
 """
 
 from __future__ import annotations
@@ -9,113 +11,22 @@ from __future__ import annotations
 import os
 import secrets
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
-from jointplay.physics.kernel.layout import Quantity
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.result.audit import PORTION
 from jointplay.simulation.result.variables import Records
 from jointplay.simulation.working_files import RECORDS
 
-# Records of a run on disk, one after the other as they are made.
-#
-# A plain file of numbers behind one line that says whose it is: what a killed process has left
-# can be cut to what a checkpoint knows of, and no other file is ever taken for it.
-
-
 PORTION_BYTES = 2 << 20
 """Records that are in memory at once when histories are made of them [bytes]."""
-
-
-class Spool:
-    """A file of records.
-
-    Args:
-        path: the file; what it holds beyond `rows` is cut off. Another run's records are replaced.
-        columns: numbers of a record.
-        rows: records that it holds, of an earlier process.
-        name: of the run, if it was begun by an earlier process.
-
-    Attributes:
-        name: of the run; no other has it.
-
-    Raises:
-        JointplayError: the file is not of this kind, or of another run than `name`; it cannot be
-            written, or holds fewer records.
-    """
-
-    def __init__(self, path: Path, columns: int, rows: int = 0, name: str | None = None) -> None:
-        self.path, self._columns, self.rows = path, columns, rows
-        self.name = name or secrets.token_hex(8)
-        self._head = head = RECORDS + self.name.encode() + b"\n"
-        size = len(head) + rows * columns * 8
-        files.check_own(path, RECORDS, "file of records")
-        if name is not None and files.is_file(path) and not files.begins(path, head):
-            raise JointplayError(f"{str(path)!r} holds records of another run")
-        if not files.begins(path, head) and not rows:
-            # Gets its name with the mark in it: a file without is never one of ours.
-            files.write(path, head, overwrite=files.begins(path, RECORDS), announced=False)
-        try:
-            self._file = path.open("r+b")
-            length = self._file.seek(0, os.SEEK_END)
-            if length >= size:
-                self._file.truncate(size)
-                self._file.seek(size)
-        except (OSError, ValueError) as error:
-            raise files.cannot_write(path, error) from None
-        if length < size:
-            self._file.close()
-            raise JointplayError(
-                f"{str(path)!r} is missing records of the run: it holds {length} bytes instead of "
-                f"{size}"
-            )
-
-    def append(self, records: np.ndarray) -> None:
-        """Append records, shape (n, columns).
-
-        Raises:
-            JointplayError: they cannot be written; the file is as it was.
-        """
-        try:
-            self._file.write(np.ascontiguousarray(records).data)
-            self._file.flush()
-        except OSError as error:
-            with suppress(OSError):
-                self._file.truncate(len(self._head) + self.rows * self._columns * 8)
-            raise files.cannot_write(self.path, error) from None
-        self.rows += len(records)
-
-    def sync(self) -> None:
-        with suppress(OSError):
-            os.fsync(self._file.fileno())
-
-    def portions(self, fields: Mapping[str, Quantity]) -> Iterator[Records]:
-        """All records in order, a portion in memory at a time.
-
-        Args:
-            fields: see `Records`.
-        """
-        rows = max(PORTION_BYTES // (8 * self._columns) // PORTION, 1) * PORTION
-        self._file.seek(len(self._head))
-        for first in range(0, self.rows, rows):
-            count = min(rows, self.rows - first)
-            numbers = np.fromfile(self._file, np.float64, count * self._columns)
-            yield Records(numbers.reshape(count, self._columns), fields, first)
-
-    def close(self) -> None:
-        with suppress(OSError):
-            self._file.close()
-
-    def remove(self) -> None:
-        self.close()
-        files.remove_own(self.path, self._head)
-
 
 MOST_BYTES = 32 << 20
 """Records of a run that take more do not stay in memory, if they may go elsewhere [bytes]."""
@@ -176,8 +87,9 @@ class DiskRecords(Overflow):
         workspace, records, most: see `Overflow`.
 
     Attributes:
-        path: as given.
-        name: of the run in its file of records, if an earlier process has begun it.
+        name: of the run in its file of records, if an earlier process has begun it; no other run
+            has it.
+        rows: records in the file.
 
     Raises:
         JointplayError: another file than one of records is there.
@@ -185,36 +97,92 @@ class DiskRecords(Overflow):
 
     def __init__(self, path: Path, workspace: Workspace, records: int, most: int) -> None:
         files.check_own(path, RECORDS, "file of records")
-        self.path = path
+        self.path, self.rows = path, 0
         self.name: str | None = None
-        self._spool: Spool | None = None
+        self._file: BinaryIO | None = None
         super().__init__(workspace, records, most)
 
+    def _opened(self) -> BinaryIO:
+        """The file, cut to the records that the workspace knows of; another run's are replaced.
+
+        Raises:
+            JointplayError: the file is not of this kind, or of another run; it cannot be written,
+                or holds fewer records.
+        """
+        if self._file is not None:
+            return self._file
+        path, self.rows = self.path, self._workspace.kept_elsewhere
+        name = self.name or secrets.token_hex(8)
+        self._head = head = RECORDS + name.encode() + b"\n"
+        size = len(head) + self.rows * self._workspace.record.strides[0]
+        files.check_own(path, RECORDS, "file of records")
+        if self.name and files.is_file(path) and not files.begins(path, head):
+            raise JointplayError(f"{str(path)!r} holds records of another run")
+        if not files.begins(path, head) and not self.rows:
+            # Gets its name with the mark in it: a file without is never one of ours.
+            files.write(path, head, overwrite=files.begins(path, RECORDS), announced=False)
+        try:
+            self._file = path.open("r+b")
+            length = self._file.seek(0, os.SEEK_END)
+            if length >= size:
+                self._file.truncate(size)
+                self._file.seek(size)
+        except (OSError, ValueError) as error:
+            raise files.cannot_write(path, error) from None
+        if length < size:
+            self.close()
+            raise JointplayError(
+                f"{str(path)!r} is missing records of the run: it holds {length} bytes instead of "
+                f"{size}"
+            )
+        self.name = name
+        return self._file
+
     def _take(self, records: np.ndarray) -> None:
-        self._opened().append(records)
+        file = self._opened()
+        try:
+            file.write(np.ascontiguousarray(records).data)
+            file.flush()
+        except OSError as error:
+            with suppress(OSError):
+                file.truncate(len(self._head) + self.rows * records[0].nbytes)
+            raise files.cannot_write(self.path, error) from None
+        self.rows += len(records)
 
-    def _opened(self) -> Spool:
-        w = self._workspace
-        if self._spool is None:
-            self._spool = Spool(self.path, w.record.shape[1], w.kept_elsewhere, self.name)
-        return self._spool
-
-    def write_to_disk(self, sync: bool = False) -> Spool:
+    def write_to_disk(self, sync: bool = False) -> None:
         """Put all records on disk; `sync`: so that they survive a power failure.
 
         Raises:
             JointplayError: they cannot be written.
         """
-        spool = self._opened()
+        file = self._opened()
         self.empty()
         if sync:
-            spool.sync()
-        return spool
+            with suppress(OSError):
+                os.fsync(file.fileno())
+
+    def portions(self) -> Iterator[Records]:
+        """All records in order, a portion in memory at a time."""
+        w, file = self._workspace, self._opened()
+        columns = w.record.shape[1]
+        rows = max(PORTION_BYTES // (8 * columns) // PORTION, 1) * PORTION
+        file.seek(len(self._head))
+        for first in range(0, self.rows, rows):
+            count = min(rows, self.rows - first)
+            numbers = np.fromfile(file, np.float64, count * columns)
+            yield Records(numbers.reshape(count, columns), w.fields, first)
+
+    def close(self) -> None:
+        if self._file is not None:
+            with suppress(OSError):
+                self._file.close()
+        self._file = None
 
     def remove(self) -> None:
-        if self._spool is not None:
-            self._spool.remove()
-        self._spool = None
+        """Delete the records on disk."""
+        if self._file is not None:
+            self.close()
+            files.remove_own(self.path, self._head)
 
 
 class PassedRecords(Overflow):
@@ -233,13 +201,12 @@ class PassedRecords(Overflow):
         super().__init__(workspace, records, most)
 
     def _take(self, records: np.ndarray) -> None:
-        self._left = np.concatenate([self._left, records]) if len(self._left) else records.copy()
+        self._left = np.concatenate([self._left, records])
         self._pass(len(self._left) // PORTION * PORTION)
 
     def _pass(self, count: int) -> None:
         if count:
-            w = self._workspace
-            given = Records(self._left[:count], w.fields, self._passed)
+            given = Records(self._left[:count], self._workspace.fields, self._passed)
             self._left, self._passed = self._left[count:], self._passed + count
             self._taker(given)
 
@@ -247,6 +214,5 @@ class PassedRecords(Overflow):
         """Pass the rest; what never left memory is one portion."""
         self.before_writing()
         w = self._workspace
-        rest = w.record[: w.rows - w.kept_elsewhere]
-        self._left = np.concatenate([self._left, rest]) if len(self._left) else rest
+        self._left = np.concatenate([self._left, w.record[: w.rows - w.kept_elsewhere]])
         self._pass(len(self._left))

@@ -45,9 +45,8 @@ class TrialState:
     load: float
 
     def gain(self, other: TrialState, expected: float) -> float:
-        """Part of the expected gain that another place brings.
-
-        Where the gain drowns in rounding, 1 if it is less steep there, else 0.
+        """Part of the expected gain that another place brings; where the gain drowns in rounding, 1
+        if it is less steep there, else 0.
         """
         if expected < _ROUNDING * max(abs(self.height), expected):
             return float(np.linalg.norm(other.slope) < np.linalg.norm(self.slope))
@@ -180,11 +179,7 @@ def depths(joint: Clearance, contact: int, force: np.ndarray) -> np.ndarray:
 
 
 class ElasticJoint:
-    """The elastic contacts of one joint, without friction and damping.
-
-    Args:
-        joint: the joint.
-    """
+    """The elastic contacts of one joint, without friction and damping."""
 
     def __new__(cls, joint: Clearance) -> ElasticJoint:
         return object.__new__(cls if joint.resultant is None else _ElasticElements)
@@ -316,11 +311,6 @@ class StaticLoads:
     What a load stores energy for has a potential; anything else, such as a wrench, a damper at a
     moving start or a compiled controller, is a given force. What sampled controllers will give is
     not known yet and not counted, nor is friction that grows with a joint's load.
-
-    Args:
-        loads: by name.
-        mechanism: on which they act.
-        sites: what the kernels know of them.
     """
 
     def __init__(
@@ -516,9 +506,8 @@ class StaticEquilibrium:
         q: journals centred, or where they are given, shape (nq,).
         v: speeds of the start, shape (nv,).
         drives: of every moving joint.
-        rows: what the kernels know of the drives; what follows a motion without one of finite
-            stiffness is held where `q` has it.
-        servos: what they know of the servos.
+        rows, servos: what the kernels know of the drives; what follows a motion without one of
+            finite stiffness is held where `q` has it.
         reference: positions, speeds and torques of the drives' columns at time 0.
         friction: by joint.
         loads: what else acts.
@@ -718,10 +707,9 @@ class StaticEquilibrium:
         return np.where(np.isfinite(scale), scale, room), np.where(np.isfinite(rooms), rooms, room)
 
     def refresh(self, q: np.ndarray) -> None:
-        """Reckon anew, in configuration q, what is no potential.
-
-        That is inertia forces of a moving start, given loads, and what kinematic errors make of the
-        torques of motors that trail behind their teeth.
+        """Reckon anew, in configuration q, what is no potential: inertia forces of a moving start,
+        given loads, and what kinematic errors make of the torques of motors that trail behind their
+        teeth.
         """
         for m, k, gear in self._gears:
             if m in self._through and gear.error_terms:
@@ -836,12 +824,11 @@ class StaticEquilibrium:
         """Search downhill for the equilibrium.
 
         Where loads leave open where a journal rests (one whose axis is vertical, pressed to its
-        bore by a moment alone), all states of a whole set are equilibria; a soft spring towards
-        the start, taken away in the end, leads to the one nearest to it whatever the way.
+        bore by a moment alone), all states of a whole set are equilibria; a soft spring towards the
+        start, taken away in the end, leads to the one nearest to it whatever the way.
 
-        Args:
-            near: a configuration (nq,) not far from it; None: joint by joint from the start, for
-                what the others do to a joint's load is of second order.
+        `near`: a configuration (nq,) not far from it; None: joint by joint from the start, for what
+        the others do to a joint's load is of second order.
         """
         self.refresh(self._start)
         self._pull = TOWARDS_MIDDLE * self.weight() * self._rooms

@@ -19,10 +19,8 @@ def working_paths(path: Path) -> tuple[Path, Path]:
 
 
 def check_own(path: Path) -> None:
-    """Refuse files of others where the run whose result goes to `path` would keep what it has.
-
-    Raises:
-        JointplayError: there is one; only what begins as ours does is ever replaced or deleted.
+    """Refuse files of others where the run whose result goes to `path` would keep what it has: only
+    what begins as ours does is ever replaced or deleted.
     """
     records, kept = working_paths(path)
     files.check_own(records, RECORDS, "file of records")

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite
-from jointplay.model.tree import BodyMotion, Tree
 from jointplay.physics.joints import RollingBearing
 from jointplay.physics.kernel import JOINT_FRICTION_SPEED
-from jointplay.simulation.analysis.twins import rolls
+from jointplay.simulation.analysis.twins import journal_poses, rolls
 from jointplay.simulation.result.certificate import alone
 from jointplay.simulation.result.result import Result
 
@@ -26,11 +24,7 @@ CENTURY_H = 100 * 365.25 * 24
 
 
 def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
-    """Rolling bearings of a result by joint.
-
-    Raises:
-        JointplayError: the result's mechanism cannot be built again.
-    """
+    """Rolling bearings of a result by joint; refused if its mechanism cannot be built again."""
     if not any(rolls(result, joint) for joint in result.joints):
         return {}
     every = result.simulation.mechanism.clearance
@@ -38,12 +32,7 @@ def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
 
 
 def bearing_of(result: Result, joint: str) -> RollingBearing:
-    """The rolling bearing of a joint.
-
-    Raises:
-        MissingName: no such joint with clearance.
-        JointplayError: it has no rolling bearing.
-    """
+    """The rolling bearing of a joint, refused if it has none."""
     if joint not in result.joints:
         raise MissingName("clearance joint", joint, result.joints)
     bearings = rolling_bearings(result)
@@ -60,19 +49,11 @@ def element_loads(result: Result, joint: str) -> xr.DataArray:
 
     Returns:
         Dimensions ``time`` and ``element``, row by row from the cage's azimuth on [N].
-
-    Raises:
-        JointplayError: the joint has no rolling bearing; the result cannot be built again.
     """
     import xarray as xr
 
     bearing = bearing_of(result, joint)
-    mechanism, q = result.simulation.mechanism, np.ascontiguousarray(result["q"].values)
-    n, ground, still = len(q), (0, pin.SE3.Identity()), np.zeros((len(q), mechanism.model.nv))
-    motion = BodyMotion.of(n, 1)
-    pair = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
-    Tree(mechanism.model).move(motion, 0, n, q, still, ground, [pair])
-    pose = motion.poses[0]
+    pose = journal_poses(result, joint)
     cage = result["cage_angle"].sel(joint=joint).values
     loads, _ = bearing.element_loads(pose[:, :3], pose[:, [5, 8, 11]], cage)
     return xr.DataArray(

@@ -121,25 +121,13 @@ class Measured:
     """How far it may be off because it is computed from records, not from all steps."""
 
 
-def estimate(
-    source: Simulation | Result,
-    *,
-    progress: bool = False,
-    simulation: Simulation | None = None,
-    begin: Begin = lambda _: None,
-) -> Certificate:
+def estimate(source: Simulation | Result, **options: Any) -> Certificate:
     """Estimate the numerical error of every headline figure from two further runs.
 
-    Their steps go by their own error: see `TOLERANCES`, `ASIDE_M`.
-
-    Args:
-        source, progress, simulation, begin: see `certify`.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C.
-        JointplayError: the simulation cannot be run.
+    Their steps go by their own error: see `TOLERANCES`, `ASIDE_M`. `options` and errors are those
+    of `certify`.
     """
-    return _find_errors(source, simulation, progress, begin, strict=False, claims=False)
+    return certify(source, strict=False, **options)
 
 
 def certify(
@@ -149,6 +137,7 @@ def certify(
     simulation: Simulation | None = None,
     begin: Begin = lambda _: None,
     claims: bool = False,
+    strict: bool = True,
 ) -> Certificate:
     """State the numerical error of every headline figure more strictly, from three further runs.
 
@@ -161,22 +150,12 @@ def certify(
         begin: told of each further run before it begins.
         claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
             with clearance.
+        strict: without, as `estimate` does.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
         JointplayError: the simulation cannot be run.
     """
-    return _find_errors(source, simulation, progress, begin, strict=True, claims=claims)
-
-
-def _find_errors(
-    source: Simulation | Result,
-    simulation: Simulation | None,
-    progress: bool,
-    begin: Begin,
-    strict: bool,
-    claims: bool,
-) -> Certificate:
     require_a("source", source, "Simulation", "Result")
     if isinstance(source, Simulation):
         simulation, result = source, source.run(progress, estimate=False)
@@ -188,20 +167,22 @@ def _find_errors(
     plans = further_simulations(simulation, result, strict)
     # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
     ideal, unknown = _ideal(simulation, result, progress, begin)
-    measured, notes = [_measure(result, ideal, claims)], []
+    with_claims = claims and _fits(result)
+    measured, notes = [_measure(result, ideal, with_claims)], []
     what = "certifying" if strict else "estimating errors"
     for number, (other, aside, macro) in enumerate(reversed(plans), 1):
         label = f"{what}, {number} of {len(plans)} ({_words(other)}) "
         figures = _Headline(result.time, result.judge_from, ideal, hinges(result))
-        run, message = _begun(other, label, progress, begin, aside, macro, figures)
-        message = message if run is None else _to_end(run, progress)
-        if run is None or message:
-            notes.append(f"with {_words(other)}, {message}")
-        elif run.overflow is not None and run.overflow.needed:  # too many records to have them all
-            measured.append(figures.finish(run))
-        else:
-            measured.append(_measure(run.result(Status.COMPLETED), ideal, claims))
-    found, sensitive = [], []
+        try:
+            run = _completed(other, label, progress, begin, aside, macro, figures)
+        except JointplayError as why:
+            notes.append(f"with {_words(other)}, {why}")
+            continue
+        found = figures.finish(run)
+        if with_claims:
+            found |= _of_claims(run.result(Status.COMPLETED), ideal)
+        measured.append(found)
+    certified, sensitive = [], []
     slow = _approaches_slowly(simulation)
     for name, one in measured[0].items():
         others = [of[name] for of in measured[1:] if name in of]
@@ -212,7 +193,7 @@ def _find_errors(
             error = max(math.ceil(error), 1)
         elif name.startswith(HEADLINE) and not notes and is_sensitive(one, others, slow):
             sensitive.append(name)
-        found.append(CertifiedFigure(name, one.value, float(error), one.unit))
+        certified.append(CertifiedFigure(name, one.value, float(error), one.unit))
     if sensitive:
         notes.append(
             "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
@@ -220,13 +201,13 @@ def _find_errors(
             "one run is one draw"
         )
     notes += [unknown] if unknown else []
-    if claims and not _fits(result):
+    if claims and not with_claims:
         notes.append(
             "the measures of the paper's claims are left out: they need all histories at once, "
             f"which take more than {spool.MOST_BYTES >> 20} MB; record less often"
         )
     runs = tuple(_words(other, aside) for other, aside, _ in plans)
-    return Certificate(tuple(found), runs, "; ".join(notes), strict)
+    return Certificate(tuple(certified), runs, "; ".join(notes), strict)
 
 
 def further_runs(simulation: Simulation, strict: bool = True) -> int:
@@ -297,35 +278,30 @@ def further_simulations(
         judge_from=result.audit.judged_from,
     )
     if _approaches_slowly(simulation):
-        plans = [
-            (_with_finer_steps(base, times), aside, 2.0 if times == FINER[-1] else 1.0)
-            for times, aside in zip(FINER, ASIDE_M, strict=True)
+        macros = [1.0, 1.0, 2.0]
+        others = [  # with records at the same times
+            replace(
+                base,
+                tolerance=None,
+                step=base.step / times,
+                record_every=base.record_every * times,
+            )
+            for times in FINER
         ]
-        return plans if strict else [plans[0], plans[-1]]
-    own = simulation.tolerance
-    tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
-    macros = [1.0] * len(TOLERANCES)
-    if own is not None or simulation.macro_step is not None:
-        macros[0] = 0.5  # as the run chose them, they would not show what they are off
-    plans = [
-        (replace(base, tolerance=tolerance), aside, macro)
-        for tolerance, aside, macro in zip(tolerances, ASIDE_M, macros, strict=True)
-    ]
+    else:
+        own = simulation.tolerance
+        tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
+        others = [replace(base, tolerance=one) for one in tolerances]
+        # As the run chose its macro steps, they would not show what they are off.
+        chosen = own is None and simulation.macro_step is None
+        macros = [1.0 if chosen else 0.5, 1.0, 1.0]
+    plans = list(zip(others, ASIDE_M, macros, strict=True))
     return plans if strict else [plans[0], plans[-1]]
 
 
 def _approaches_slowly(simulation: Simulation) -> bool:
     """Whether any contact has bristles, see `FINER`."""
     return any(one.friction.bristles for one in simulation.mechanism.clearance.values())
-
-
-def _with_finer_steps(simulation: Simulation, times: int) -> Simulation:
-    return replace(
-        simulation,
-        tolerance=None,
-        step=simulation.step / times,
-        record_every=simulation.record_every * times,
-    )
 
 
 def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
@@ -341,7 +317,7 @@ def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
     return words
 
 
-def _begun(
+def _completed(
     simulation: Simulation,
     label: str,
     progress: bool,
@@ -349,37 +325,37 @@ def _begun(
     aside: Sequence[float] = (0.0, 0.0, 0.0),
     macro: float = 1.0,
     figures: _Headline | None = None,
-) -> tuple[Run | None, str]:
-    """A further run before its first step, or None and why there is none.
+) -> Run:
+    """A further run at its end.
 
     Args:
         simulation, label, progress, begin: what runs, and who is told.
         aside: how far journals start from where they would [m].
         macro: by how much macro steps are shorter.
         figures: are made of records that memory has no room for; None: it has.
+
+    Raises:
+        JointplayError: why it did not complete.
     """
     try:
         run = Run(simulation, progress, None if figures is None else figures.take)
     except JointplayError as error:
-        return None, f"the run is refused: {error}"
+        raise JointplayError(f"the run is refused: {error}") from None
     if any(aside):
         run.displace(aside)
     run.shorten_macro_steps(macro)
     run.label = label
     if figures is not None:
-        figures.watch(run)
+        figures.builder = HistoryBuilder(run)
     begin(run)
-    return run, ""
-
-
-def _to_end(run: Run, progress: bool) -> str:
-    """Run; returns why it did not complete, or nothing."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
         status = run.run_to_end(progress)
     if status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    return "" if status == Status.COMPLETED else f"the run {run.message(status)}"
+    if status != Status.COMPLETED:
+        raise JointplayError(f"the run {run.message(status)}")
+    return run
 
 
 def _ideal(
@@ -394,23 +370,17 @@ def _ideal(
         same = replace(same, record_every=same.record_every * seldom)
     try:
         twin = analysis.ideal_simulation(same)
+        run = _completed(twin, "the ideal mechanism ", progress, begin)
+        return run.result(Status.COMPLETED, reactions=False, only=COMPARED), ""
     except JointplayError as error:
-        why = str(error)
-    else:
-        run, why = _begun(twin, "the ideal mechanism ", progress, begin)
-        why = why if run is None else _to_end(run, progress)
-        if run is not None and not why:
-            return run.result(Status.COMPLETED, reactions=False, only=COMPARED), ""
-    text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({why})"
+        text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
     warnings.warn(text, RuntimeWarning, stacklevel=4)
     return None, text
 
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
-    """Headline figures of a run from `Result.judge_from` on, and what the claims use.
-
-    Returns:
-        Value and unit by name.
+    """Value and unit of each headline figure of a run from `Result.judge_from` on, and what claims
+    use.
     """
     found = _measure(result, ideal, claims=True)
     return {name: (one.value, one.unit) for name, one in found.items()}
@@ -422,20 +392,25 @@ def _fits(result: Result) -> bool:
 
 def _measure(result: Result, ideal: Result | None, claims: bool) -> dict[str, Measured]:
     """The headline figures of a run, and where it can be what the claims use."""
-    figures, fits = _Headline(result.time, result.judge_from, ideal, hinges(result)), _fits(result)
+    figures = _Headline(result.time, result.judge_from, ideal, hinges(result))
     dataset, rows = result.dataset, len(result.time)
-    if not fits:
+    if not _fits(result):
         dataset = dataset[[name for name in _Headline.HISTORIES if name in dataset]]
         rows = AT_ONCE
     for first in range(0, len(result.time), rows):
         figures.add(dataset.isel(time=slice(first, first + rows)).load())
     found = figures.measured(result.audit.judged_impacts)
-    long = len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP
-    if claims and ideal is not None and long and fits:
-        measures = measure(result, ideal)
-        for name, unit in CLAIM_UNITS.items():
-            found[name] = Measured(float(measures[name]), unit, np.empty(0))
-    return found
+    return found | (_of_claims(result, ideal) if claims and _fits(result) else {})
+
+
+def _of_claims(result: Result, ideal: Result | None) -> dict[str, Measured]:
+    """What the claims use, of a long run with one joint with clearance."""
+    if ideal is None or len(result.joints) != 1 or not result.time[-1] > 2.0 * START_UP:
+        return {}
+    found = measure(result, ideal)
+    return {
+        name: Measured(float(found[name]), unit, np.empty(0)) for name, unit in CLAIM_UNITS.items()
+    }
 
 
 class _Headline:
@@ -455,6 +430,8 @@ class _Headline:
     )
     """What is looked at."""
 
+    builder: HistoryBuilder
+
     def __init__(
         self, time: np.ndarray, judge_from: float, ideal: Result | None, soft: set[str]
     ) -> None:
@@ -471,24 +448,15 @@ class _Headline:
         self._work: list[np.ndarray] = []
         self._play = False
 
-    def watch(self, run: Run) -> None:
-        self._run = run
-        self._builder = HistoryBuilder(
-            run.mechanism,
-            run.simulation.describe(),
-            run.friction,
-            run.judged_from,
-            run.simulation.loads,
-        )
-
     def take(self, records: Records) -> None:
-        self.add(self._builder.portion(records, self._run.phases))
+        """Add records of the run for which there is a `builder`."""
+        self.add(self.builder.portion(records))
 
     def finish(self, run: Run) -> dict[str, Measured]:
+        """The figures of that run, at its end."""
         assert isinstance(run.overflow, spool.PassedRecords)
         run.overflow.finish()
-        audit = self._builder.audit(run.workspace, run.judgement())
-        return self.measured(audit.judged_impacts)
+        return self.measured(self.builder.audit().judged_impacts)
 
     def add(self, part: xr.Dataset) -> None:
         judged = part["time"].values >= self._judge_from
@@ -546,13 +514,7 @@ class _Headline:
 
 
 class _History:
-    """The largest or the root mean square of a history of sizes, in one part or in many.
-
-    Args:
-        how: ``peak`` or ``RMS``.
-        unit: of the sizes.
-        count: how many there are.
-    """
+    """The ``peak`` or ``RMS`` of a history of `count` sizes, in one part or in many."""
 
     def __init__(self, how: str, unit: str, count: int) -> None:
         self._how, self._unit = how, unit
@@ -596,20 +558,15 @@ class _History:
 
 
 def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate | None:
-    """What `certify` says of a finished run, or `estimate`; None, with a warning, if it cannot be.
+    """What `certify` says of a finished run; None, with a warning, if it cannot be.
 
-    Whatever goes wrong here, the run has been made, and is kept.
-
-    Args:
-        result: of the run.
-        strict: certify, else estimate.
-        told: the other arguments of `certify` or `estimate`.
+    Whatever goes wrong here, the run has been made, and is kept. `told`: see `certify`.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
     try:
-        return (certify if strict else estimate)(result, **told)
+        return certify(result, strict=strict, **told)
     except Exception as error:
         reason = str(error) if isinstance(error, JointplayError) else repr(error)
         text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
@@ -632,9 +589,7 @@ def add_certificate(
 
     Args:
         result, path: what `run_and_save` gave, and its file.
-        simulation: what was run.
-        progress, begin: see `certify`.
-        strict, claims: certify, with what the claims use; else estimate.
+        simulation, progress, begin, strict, claims: see `certify`.
 
     Raises:
         JointplayError: the file cannot be written again; the message says where the result is.
@@ -642,13 +597,12 @@ def add_certificate(
     """
     if signals.stop_requested():
         return
-    told: dict[str, Any] = {"simulation": simulation, "progress": progress, "begin": begin}
-    told |= {"claims": claims} if strict else {}
+    told: dict[str, Any] = {"progress": progress, "begin": begin, "claims": claims}
     given = result or Result.open(path)
     with closing(given.dataset):
         if given.status == Status.INTERRUPTED:
             return
-        certificate = errors_if_possible(given, strict, **told)
+        certificate = errors_if_possible(given, strict, simulation=simulation, **told)
     if certificate is None:
         return
     with signals.keeping(f"the certificate of {path}"):

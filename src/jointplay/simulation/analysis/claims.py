@@ -231,12 +231,10 @@ CLAIMS: Mapping[int, tuple[str, str, Check]] = {
 
 
 def judge(small: Ensemble, large: Ensemble, condition: str) -> list[Verdict]:
-    """Decide all claims under one condition.
+    """Decide all claims under one condition, named for the table.
 
-    Args:
-        small, large: what `measure` found in each run at the smaller and the larger clearance, at
-            least two runs each.
-        condition: gravity and inertia variant, for the table.
+    `small` and `large` are what `measure` found in each run at the smaller and the larger
+    clearance, at least two runs each.
     """
     verdicts = []
     for number, (subject, statement, check) in CLAIMS.items():

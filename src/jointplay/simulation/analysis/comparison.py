@@ -76,11 +76,10 @@ class Comparison:
 
     @property
     def inputs_table(self) -> Table:
-        rows = []
-        for place, was, now in self.inputs:
-            rows.append(
-                (place, *(("a", "another") if place in _TEXTS else (short(was), short(now))))
-            )
+        rows = [
+            (place, "a", "another") if place in _TEXTS else (place, short(was), short(now))
+            for place, was, now in self.inputs
+        ]
         return Table.of([(head, "") for head in ("input", *self.labels)], rows)
 
     def __str__(self) -> str:
@@ -109,10 +108,9 @@ class Comparison:
 
 
 def _shown(figure: CertifiedFigure) -> str:
-    if math.isfinite(figure.error):
-        return str(figure)
     factor, unit = displayed(figure.unit)
-    return f"{factor * figure.value:.4g} {unit}".rstrip()
+    known = math.isfinite(figure.error)
+    return str(figure) if known else f"{factor * figure.value:.4g} {unit}".rstrip()
 
 
 def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:
@@ -135,8 +133,10 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
         if len(result.time) < 2:
             raise JointplayError(f"{label} has {len(result.time)} record; nothing can be compared")
     (first, a), (second, b) = results.items()
-    ideals = [_ideal(one, other, progress) for one, other in ((a, b), (b, a))]
-    found = [_figures(one, ideal) for one, ideal in zip((a, b), ideals, strict=True)]
+    found = [
+        _figures(one, other if is_twin(one, other) else reference(one, progress))
+        for one, other in ((a, b), (b, a))
+    ]
     pairs = tuple(
         Pair(name, found[0][name], found[1][name]) for name in found[0] if name in found[1]
     )
@@ -146,10 +146,6 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
         away = np.linalg.norm(difference(b, a).values, axis=1)
         apart = float(away.max()), float(np.sqrt((away**2).mean()))
     return Comparison((first, second), tuple(differences(*inputs)), pairs, apart)
-
-
-def _ideal(result: Result, other: Result, progress: bool) -> Result | None:
-    return other if is_twin(result, other) else reference(result, progress)
 
 
 def _figures(result: Result, ideal: Result | None) -> dict[str, CertifiedFigure]:

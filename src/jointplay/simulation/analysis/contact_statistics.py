@@ -76,17 +76,10 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
 def shares(
     result: Result, joint: str, of: str = "mode", start: float | None = None
 ) -> dict[str, float]:
-    """Fractions of the time from `start` [s] on that `joint` spends in each mode or form.
+    """Fractions of the time from `start` [s] on that `joint` spends in each ``mode`` or ``form``.
 
-    Args:
-        result: a run with clearance.
-        joint: its clearance joint.
-        of: ``mode`` or ``form``.
-        start: records before this are left out [s]; None: before the run is judged.
-
-    Returns:
-        By name, in the order of the enumeration; they sum to 1. Nothing for the forms of a joint
-        that Figure 2 does not show.
+    None: from when on the run is judged. By name, in the order of the enumeration; they sum to 1.
+    Nothing for the forms of a joint that Figure 2 does not show.
     """
     if joint not in result.joints:
         raise MissingName("clearance joint", joint, result.joints)

@@ -59,9 +59,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
 def headline(result: Result, ideal: Result | None) -> list[str]:
     """Lines that say what came out of a run from `Result.judge_from` on.
 
-    Args:
-        result: the run.
-        ideal: see `reference`; without it nothing is said of the tool.
+    `ideal`: see `reference`; without it nothing is said of the tool.
     """
     finite = np.isfinite(result["tool_position"].values).all(axis=1)
     if not finite.all():  # where the run stopped

@@ -41,10 +41,8 @@ class Replay:
 
 
 def largest_impacts(result: Result, number: int) -> list[tuple[Contacts, int]]:
-    """The contacts with the largest peak forces, no two of them in the same `window`.
-
-    Returns:
-        Pairs of the place's contacts and the index among them, largest first.
+    """The contacts with the largest peak forces, no two of them in the same `window`, largest
+    first, each as the contacts of its place and the index among them.
     """
     number = require_whole("number", number)
     step = result.audit.step
@@ -81,11 +79,9 @@ def window(place: Contacts, index: int, step: float) -> tuple[float, float]:
 
 
 def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
-    """Repeat the run of `result` and record every step within the `windows`.
+    """Repeat the run of `result`, up to its end, and record every step within the `windows`.
 
-    Args:
-        result: a run; its simulation is repeated up to where the result ends.
-        windows: start and end of each [s]; what lies outside the run is left out.
+    `windows`: start and end of each [s]; what lies outside the run is left out.
 
     Raises:
         JointplayError: the simulation cannot be built again, or the run is empty.
@@ -104,17 +100,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     for moment in run.steps(CHUNK * step):  # in the stretches of any run
         if moment.step > steps:
             break
-    again = histories(
-        run.mechanism,
-        simulation.describe(),
-        workspace,
-        run.friction,
-        _phases(run, simulation),
-        workspace.status,
-        "repeated",
-        0.0,
-        loads=simulation.loads,
-    ).dataset
+    again = histories(run, workspace.status, phases=_phases(run, simulation)).dataset
     indices = np.rint(again["time"].values / step).astype(int)
     same = again["q"].values[np.isin(indices, kept)]
     return Replay(

@@ -75,14 +75,8 @@ def deviation(
 
 
 def seen_from(result: Result, body: str) -> Result:
-    """The same run with the tool's motion as it is seen from a body, in that body's axes.
-
-    Args:
-        result: with `q` and `v`.
-        body: link or frame.
-
-    Raises:
-        MissingName: no such link or frame.
+    """The same run with the tool's motion as it is seen from a body (link or frame), in its
+    axes.
     """
     mechanism = result.simulation.mechanism
     at = frame_index(mechanism.model, body, "body")
@@ -121,8 +115,7 @@ def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.D
 class Reference:
     """The motion of a tool from which another's is told, at any time that its run covers.
 
-    Args:
-        run: of it; what is between its records is interpolated, see `deviation`.
+    What is between its records is interpolated, see `deviation`.
 
     Attributes:
         until: the last time that it covers [s].
@@ -137,11 +130,7 @@ class Reference:
         self._between: dict[str, Callable[[np.ndarray], Any]] = {}
 
     def difference(self, dataset: xr.Dataset, of: str) -> xr.DataArray:
-        """Of the histories of another run, or of a part of it; see `deviation`.
-
-        Raises:
-            JointplayError: the reference has a single record.
-        """
+        """Of the histories of another run, or of a part of it; see `deviation`."""
         ours = dataset[of].sel(time=dataset["time"].values <= self.until)
         time, run = ours["time"].values, self._run
         reference: Any
@@ -171,11 +160,7 @@ class Reference:
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:
-    """Orientations that are recorded with the scalar first, (n, 4).
-
-    Raises:
-        JointplayError: they are none.
-    """
+    """Orientations that are recorded with the scalar first, (n, 4); refused if they are none."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
     size = np.linalg.norm(quaternions, axis=1)
@@ -223,9 +208,6 @@ def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
     """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
 
     None: from when on the run is judged, `Result.judge_from`.
-
-    Raises:
-        JointplayError: nothing was recorded from `start` on.
     """
     begin = error.attrs.get("judge_from", 0.0) if start is None else start
     start = require_finite("start", begin, "s")

@@ -75,11 +75,10 @@ def rolls(result: Result, joint: str) -> bool:
 
 
 def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
-    """Closed line within which the journal's centre can move untilted, bearing x and y [m].
+    """Closed line within which the journal's centre can move untilted, bearing x and y (2, n) [m].
 
-    Returns:
-        (2, n): the clearance circle, that of a rolling bearing in operation, or for a slider the
-        rectangle of its clearances; None if the inputs tell neither, or without play.
+    The clearance circle, that of a rolling bearing in operation, or for a slider the rectangle of
+    its clearances; None if the inputs tell neither, or without play.
     """
     given = clearance_inputs(result).get(joint, {})
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -105,14 +104,18 @@ def has_rims(result: Result, joint: str) -> bool:
 
 
 def rim_centres(result: Result, joint: str) -> np.ndarray:
-    """Centres of the journal's two rims, ends A and B, in the bearing frame [m].
+    """Centres of the two rims of a journal that `has_rims`, in the bearing frame (2, n, 3) [m].
 
-    A tilted journal touches the bore by its rims: Figure 12 of the paper, in which penetration
-    lies outside the clearance circle, can be read for these, not for the middle.
-
-    Returns:
-        (2, n, 3), end A first, by records; of a joint that `has_rims`.
+    A tilted journal touches the bore by its rims: Figure 12 of the paper, in which penetration lies
+    outside the clearance circle, can be read for these, not for the middle. End A is first.
     """
+    pose = journal_poses(result, joint)
+    half = result.simulation.mechanism.clearance[joint].dimensions[3] * pose[:, [5, 8, 11]]
+    return np.stack([pose[:, :3] + half, pose[:, :3] - half])
+
+
+def journal_poses(result: Result, joint: str) -> np.ndarray:
+    """By records: the journal's centre [m], and its orientation row by row, in the bearing (12)."""
     import pinocchio as pin
 
     from jointplay.model.tree import BodyMotion, Tree
@@ -123,17 +126,11 @@ def rim_centres(result: Result, joint: str) -> np.ndarray:
     ground = (0, pin.SE3.Identity())
     pair = (mechanism.bearing_frame(joint), mechanism.journal_frame(joint))
     Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), ground, [pair])
-    pose = motion.poses[0]
-    half = mechanism.clearance[joint].dimensions[3] * pose[:, [5, 8, 11]]
-    return np.stack([pose[:, :3] + half, pose[:, :3] - half])
+    return motion.poses[0]
 
 
 def places(result: Result, joint: str) -> list[str]:
-    """Names of the contacts of `joint`; other joints' contacts hold no numbers there.
-
-    Raises:
-        MissingName: no such joint with clearance.
-    """
+    """Names of the contacts of `joint`; other joints' contacts hold no numbers there."""
     if joint not in result.joints:
         raise MissingName("clearance joint", joint, result.joints)
     gaps = result["gap"].sel(joint=joint)
@@ -202,12 +199,7 @@ def is_twin(result: Result, ideal: Result) -> bool:
 
 
 def twin(result: Result, progress: bool = False) -> Result:
-    """Run the `ideal_simulation` of a result, with a bar on standard error for `progress`.
-
-    Raises:
-        JointplayError: the result's simulation cannot be built again, or its ideal mechanism
-            cannot be simulated.
-    """
+    """Run the `ideal_simulation` of a result, with a bar on standard error for `progress`."""
     simulation = ideal_simulation(result)
     # With loops, a step that resolves impacts is far smaller than motion without them asks for.
     check_step = not simulation.mechanism.loops
@@ -218,9 +210,6 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
     """A run of which only the tool's motion is kept, and that of all bodies if the base is free.
 
     Neither the forces in its joints are found, nor how far it is off because of its step.
-
-    Raises:
-        JointplayError: it cannot be simulated.
     """
     from jointplay.simulation.run import Run  # takes long to import
 

@@ -74,11 +74,7 @@ class Until:
 
 
 def read_until(given: Any) -> Until:
-    """Read the table `until` of a sweep.
-
-    Raises:
-        JointplayError: keys that do not exist, or values that make no sense.
-    """
+    """Read the table `until` of a sweep."""
     try:
         until: Until = read(Until, given)
     except JointplayError as error:
@@ -197,11 +193,7 @@ class SobolIndices:
 
 
 def salib() -> Any:
-    """SALib's module for Sobol indices.
-
-    Raises:
-        JointplayError: it is not installed.
-    """
+    """SALib's module for Sobol indices."""
     with extra("sensitivity", "SALib"):
         return import_module("SALib.analyze.sobol")
 

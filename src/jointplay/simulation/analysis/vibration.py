@@ -85,11 +85,8 @@ def rattle(result: Result, ideal: Result | None = None) -> Rattle:
     """Impacts a second, their energy, and the tool's vibration in bands of frequency.
 
     All from when on the run is judged. The bands meet at `BANDS_HZ` and end at half the frequency
-    of the records; each is the sum of the density that `spectrum` finds.
-
-    Args:
-        result: the run.
-        ideal: its ideal twin, whose motion is subtracted before the spectrum is taken.
+    of the records; each is the sum of the density that `spectrum` finds. The motion of the ideal
+    twin, if it is given, is subtracted before the spectrum is taken.
 
     Raises:
         JointplayError: a run without clearance, or of too few records.

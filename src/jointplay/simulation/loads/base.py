@@ -77,11 +77,7 @@ class Load(Described, ABC):
 
     @abstractmethod
     def site(self, mechanism: Mechanism) -> Site:
-        """Where it acts.
-
-        Raises:
-            JointplayError: on a joint or frame that `mechanism` does not have.
-        """
+        """Where it acts; a joint or frame that `mechanism` does not have is refused."""
 
     @abstractmethod
     def law(self) -> Callable[..., None]:
@@ -146,8 +142,7 @@ def compiled_law(load: Load) -> Any:
     """The load's compiled law: its `address`, and `ctypes` to call it from Python.
 
     Raises:
-        JointplayError: numba cannot compile it, and the message carries numba's reason; or it is a
-            function that is not at hand.
+        JointplayError: numba cannot compile it, for the reason given; or it is not at hand.
     """
     law = load.law()
     if isinstance(law, Absent):
@@ -158,10 +153,8 @@ def compiled_law(load: Load) -> Any:
 
 
 def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Frame:
-    """Frame of the point `at` [m] of the frame or link `name`; `WORLD` is the ground.
-
-    Raises:
-        MissingName: no such frame.
+    """Frame of the point `at` [m] of the frame or link `name`, refused if there is none; `WORLD` is
+    the ground.
     """
     import pinocchio as pin
 
@@ -176,11 +169,7 @@ def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Fram
 
 
 def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:
-    """Site between two frames.
-
-    Raises:
-        JointplayError: they do not move against each other.
-    """
+    """Site between two frames, which must move against each other."""
     if first[0] == second[0]:
         raise JointplayError(
             "a load acts between two frames that do not move against each other: "

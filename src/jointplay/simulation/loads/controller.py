@@ -54,14 +54,14 @@ class Controller(OfFunction, Load):
     """A controller of the user's own, that gives the torques of some joints.
 
     With a `period` it is a Python callable, called at the times 0, period, 2 period, ...; its
-    torques are held in between (zero-order hold). A function is called as
-    ``function(time, q, v, p)`` and returns the torques; of a class, for controllers with a memory,
-    an object ``function(*parameters)`` is made at the start of each run, and called as
-    ``object(time, q, v)``. For checkpoints it needs ``memory()``, which returns its state as plain
-    data, and ``recall(memory)``.
+    torques are held in between (zero-order hold). A function is called as ``function(time, q, v,
+    p)`` and returns the torques; of a class, for controllers with a memory, an object
+    ``function(*parameters)`` is made at the start of each run, and called as ``object(time, q,
+    v)``. For checkpoints it needs ``memory()``, which returns its state as plain data, and
+    ``recall(memory)``.
 
-    Without a period it is compiled like a law and evaluated in every micro step:
-    ``function(time, q, v, p, out)`` writes the torques into ``out``.
+    Without a period it is compiled like a law and evaluated in every micro step: ``function(time,
+    q, v, p, out)`` writes the torques into ``out``.
 
     q and v are what the encoders see: positions [rad or m] and velocities, in the order of the
     joints; with ``encoder="both"`` first those of the links, then those of the motors. A compiled
@@ -132,11 +132,7 @@ class Controller(OfFunction, Load):
         ]
 
     def sampler(self) -> Sample:
-        """What gives the torques of a run at a time, from q and v.
-
-        Raises:
-            JointplayError: a class that does not take the parameters.
-        """
+        """What gives the torques of a run at a time, from q and v."""
         if isinstance(self.function, Absent):
             raise JointplayError(self.function.reason)
         if inspect.isclass(self.function):
@@ -175,11 +171,7 @@ class Controller(OfFunction, Load):
             ) from error
 
     def torques(self, sample: Sample, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Torques at a time, checked, shape (joints,) [N m or N].
-
-        Raises:
-            JointplayError: the callable failed, or gave anything but so many finite numbers.
-        """
+        """Torques at a time, checked, shape (joints,) [N m or N]."""
         name = path_of(self.function)
         try:
             given = np.asarray(sample(time, q, v), float)

@@ -49,11 +49,8 @@ class JointFriction(Described):
     """Friction Q(qd) of a joint and its gear.
 
     Q = [coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2)] tanh(qd / 1 mrad/s) + viscous qd.
-    With clearance it acts on the yaw coordinate, beside the contact's own friction. Reference:
-    B. Armstrong-Helouvry et al., Automatica 30 (1994) 1083-1138, for the Stribeck term.
-
-    Raises:
-        JointplayError: a negative or non-finite value, or static below dry friction.
+    With clearance it acts on the yaw coordinate, beside the contact's own friction. Reference: B.
+    Armstrong-Helouvry et al., Automatica 30 (1994) 1083-1138, for the Stribeck term.
     """
 
     coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, words="Coulomb joint friction")
@@ -108,13 +105,10 @@ class ComputedTorque(Drive):
     """Computed torque of the ideal mechanism along the reference, plus PD on the encoder.
 
     F = tau_ideal(q_r, qd_r, qdd_r) + kp (q_r - q) + kd (qd_r - qd). The encoder of a joint with
-    clearance sees the rotation about the bearing's axis (the yaw coordinate). The gains follow
-    from the inertia that the ideal mechanism's joint carries at the start of the motion:
-    kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that for the
-    joint's friction.
-
-    Raises:
-        JointplayError: bandwidth or damping ratio negative or not finite, or no such encoder.
+    clearance sees the rotation about the bearing's axis (the yaw coordinate). The gains follow from
+    the inertia that the ideal mechanism's joint carries at the start of the motion: kp =
+    bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that for the joint's
+    friction.
     """
 
     kind: ClassVar[str] = "computed-torque"
@@ -156,9 +150,6 @@ class Torque(Drive):
     """A torque given in time: linear between the points, constant before and after.
 
     Tabulated at `REFERENCE_NODE_S`: a jump becomes a ramp of that length.
-
-    Raises:
-        JointplayError: lists of different lengths, times that do not increase, non-finite numbers.
     """
 
     kind: ClassVar[str] = "torque"
@@ -196,10 +187,6 @@ class Servo(Drive):
     less its friction. All quantities are referred to the joint's side of its gear: the inertia of
     the armature is the gear's `rotor_inertia`. A joint without gear is turned directly, by a motor
     without inertia.
-
-    Raises:
-        JointplayError: no such servo in the catalogue, a value that cannot be, or one that neither
-            has.
     """
 
     kind: ClassVar[str] = "servo"
@@ -252,19 +239,15 @@ class Servo(Drive):
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Servo:
-        """A servo by its name in the catalogue, with what that does not know.
-
-        Args:
-            name: such as ``STS3215``.
-            more: fields; they go before the catalogue's.
+        """A servo by its name in the catalogue, such as ``STS3215``; fields in `more` go before its
+        own.
         """
         return cls(catalogue=name, **more)
 
     @staticmethod
     def armature_of(name: str) -> float:
-        """Inertia of the armature of a servo in the catalogue, referred to the joint [kg m^2].
-
-        It is the `rotor_inertia` of its gear.
+        """Inertia of the armature of a servo in the catalogue, the `rotor_inertia` of its gear [kg
+        m^2].
         """
         return float(_servo(name)["armature"]["value"])
 

@@ -33,15 +33,12 @@ class LoadedFriction(OnJoint):
     """Dry friction of a bearing under the force F that its joint transmits.
 
     Revolute: coefficient (radius |F across the axis| + axial_radius |F along it|); prismatic:
-    coefficient |F across the axis|. Moments in the bearing do not enter. It turns its sign over
-    1 mrad/s or 1 mm/s, as `JointFriction` does, beside which it acts.
+    coefficient |F across the axis|. Moments in the bearing do not enter. It turns its sign over 1
+    mrad/s or 1 mm/s, as `JointFriction` does, beside which it acts.
 
     F follows from the motion of all that the joint carries, as a mean over 0.2 ms
-    (`simulation.loads`), drawn on along a line for as long.
-
-    Raises:
-        JointplayError: a negative number; when bound: a radius for a prismatic joint, none for a
-            revolute one, or a mechanism with loops, where the motion does not tell the forces.
+    (`simulation.acting`), drawn on along a line for as long. In a mechanism with loops the motion
+    does not tell the forces: there it is refused.
     """
 
     kind: ClassVar[str] = "loaded-friction"

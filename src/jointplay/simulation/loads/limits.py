@@ -39,10 +39,7 @@ def bounds(mechanism: Mechanism) -> dict[str, float]:
 
 
 def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) -> list[str]:
-    """Hold a reference against the limits of position and speed.
-
-    Returns:
-        Speeds beyond their limits, a line each.
+    """Hold a reference against the limits; returns speeds beyond them, a line each.
 
     Raises:
         JointplayError: a position beyond its limit.
@@ -68,7 +65,6 @@ def beyond(
     """Say in what a run went beyond the limits, a line for each joint and quantity.
 
     Args:
-        mechanism: whose URDF has them.
         times: of the records (n,) [s].
         q, v: of the coordinates (n, nv).
         effort: of drives and controllers on the coordinates (n, nv).
@@ -84,11 +80,7 @@ def beyond(
 
 
 def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> np.ndarray:
-    """Records by which `beyond` says of these what it says of all.
-
-    Returns:
-        Their places, ascending.
-    """
+    """Places of the records, ascending, by which `beyond` says of these what it says of all."""
     rows = {0}
     for _, entry, position, sizes in _histories(mechanism, q, v, effort):
         rows |= {int(np.argmax(position)), int(np.argmin(position))}

@@ -104,9 +104,6 @@ class Spring(_Between):
     """A linear spring and damper between two points: force = stiffness (length - free_length) + ...
 
     ... damping times the rate of the length; positive, it pulls the points together.
-
-    Raises:
-        JointplayError: stiffness, damping or length negative, or a number not finite.
     """
 
     kind: ClassVar[str] = "spring"
@@ -132,14 +129,10 @@ class Spring(_Between):
 
 @dataclass(frozen=True)
 class CurveSpring(_Between):
-    """A spring whose force over its length is given by points, with a linear damper.
+    """A spring whose force over its length is given by at least two points, with a linear damper.
 
     Linear between the points; beyond them as between the last two. Positive forces pull the points
     together.
-
-    Raises:
-        JointplayError: fewer than two points, lists of different lengths, lengths that do not
-            increase, a number that is not finite.
     """
 
     kind: ClassVar[str] = "curve-spring"
@@ -212,11 +205,7 @@ class _AtJoint(OnJoint):
 
 @dataclass(frozen=True)
 class TorsionSpring(_AtJoint):
-    """A linear spring and damper at a joint: torque = -stiffness (q - rest) - damping dq/dt.
-
-    Raises:
-        JointplayError: stiffness or damping negative, or a number not finite.
-    """
+    """A linear spring and damper at a joint: torque = -stiffness (q - rest) - damping dq/dt."""
 
     kind: ClassVar[str] = "torsion-spring"
 
@@ -238,12 +227,7 @@ class TorsionSpring(_AtJoint):
 
 @dataclass(frozen=True)
 class Stop(_AtJoint):
-    """Stops of a joint: beyond each a linear spring and a damper that never pull.
-
-    Raises:
-        JointplayError: stiffness or damping negative, a number not finite, the lower stop not below
-            the upper one; when bound: neither is given and the URDF has no limits either.
-    """
+    """Stops of a joint: beyond each a linear spring and a damper that never pull."""
 
     kind: ClassVar[str] = "stop"
 
@@ -263,11 +247,7 @@ class Stop(_AtJoint):
         return _stopped
 
     def ends(self, mechanism: Mechanism) -> tuple[float, float]:
-        """Where both begin, infinite for none [rad or m].
-
-        Raises:
-            JointplayError: nothing says where.
-        """
+        """Where both begin, infinite for none [rad or m]; refused if nothing says where."""
         entry = mechanism.description.joints.get(self.joint)
         lower = self.lower if self.lower is not None else getattr(entry, "lower", None)
         upper = self.upper if self.upper is not None else getattr(entry, "upper", None)

@@ -52,7 +52,6 @@ class Reference:
         progress: show a bar on standard error while the first blocks are made, if that takes long.
 
     Attributes:
-        nodes: of the whole table.
         first: node with which the table in memory begins.
         table: rows of q, v and effort of the driven coordinates, shape (n, 3 nu).
     """
@@ -117,10 +116,7 @@ def nodes_ahead(seconds: float) -> int:
 
 
 def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
-    """Nodes of the table of all drives for a run of `duration` seconds.
-
-    It ends where nothing changes any more: the kernels go on with its last node.
-    """
+    """Nodes of the table of all drives: it ends where nothing changes any more."""
     ends = [0.0]
     for drive in drives.values():
         if isinstance(drive, Torque):
@@ -147,11 +143,8 @@ def tabulate(
     """Tabulate all drives.
 
     Args:
-        mechanism: what is driven.
-        motion: reference of the joints whose drives follow one.
-        drives: drive of every moving joint.
+        mechanism, motion, drives, friction: what is driven, and how.
         duration: until when the table must reach [s].
-        friction: friction by joint.
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
         progress: show a bar on standard error if it takes long.
         bounds: efforts to which the drives are cut, by joint; prescribed motion is not.
@@ -160,8 +153,8 @@ def tabulate(
             rest.
 
     Returns:
-        The tables as they are at the start, the armature that the model needs, by coordinate
-        [kg m^2 or kg], and what the tables of later times come from.
+        The tables as they are at the start, the armature that the model needs, by coordinate [kg
+        m^2 or kg], and what the tables of later times come from.
     """
     nodes = table_nodes(motion, drives, duration)
     driven = [name for name, drive in drives.items() if drive.kind != "free"]

@@ -38,11 +38,7 @@ class LoadFunctionDescription(FunctionDescription):
 
 
 def check_arguments(function: Callable[..., Any], expected: tuple[str, ...]) -> None:
-    """Refuse a function that takes another number of arguments than `expected`.
-
-    Raises:
-        JointplayError: it does; the message has both.
-    """
+    """Refuse a function that takes another number of arguments than `expected`."""
     try:
         names = tuple(inspect.signature(function).parameters)
     except (TypeError, ValueError):
@@ -117,11 +113,7 @@ class _InAxes(_Pushing):
 
 @dataclass(frozen=True)
 class Wrench(_InAxes):
-    """A constant force and moment on a frame.
-
-    Raises:
-        JointplayError: not three components, a number that is not finite, or no such axes.
-    """
+    """A constant force and moment on a frame."""
 
     kind: ClassVar[str] = "wrench"
 
@@ -137,12 +129,7 @@ class Wrench(_InAxes):
 
 @dataclass(frozen=True)
 class WrenchOverTime(_InAxes):
-    """A force and moment on a frame given in time: linear between the times, constant outside.
-
-    Raises:
-        JointplayError: lists of different lengths, times that do not increase, a number that is not
-            finite, or no such axes.
-    """
+    """A force and moment on a frame given in time: linear between the times, constant outside."""
 
     kind: ClassVar[str] = "wrench-over-time"
 
@@ -188,11 +175,8 @@ class WrenchFunction(OfFunction, _Pushing):
     ``function(time, pose, twist, p, out)`` has the time [s]; the point's position [m] and the
     frame's orientation row by row (12 numbers); its velocity [m/s] and angular velocity [rad/s]
     (6); and the parameters. It writes force [N] and moment [N m] about the point into out (6).
-    Everything is in world axes. Velocities are extrapolated by half a step.
-
-    Raises:
-        JointplayError: the function takes other arguments, or a number is not finite. Whether it
-            compiles is found out when a run is prepared.
+    Everything is in world axes. Velocities are extrapolated by half a step. Whether it compiles is
+    found out when a run is prepared.
     """
 
     written = WrenchDescription

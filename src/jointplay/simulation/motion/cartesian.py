@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -118,12 +118,7 @@ class Arm:
 
     Loops must stay closed, and joints that mimic others follow them: the search has both as
     residuals beside the tool's. What the mechanism can then still do are the columns of `freedoms`.
-
-    Args:
-        mechanism: its clearance and its gears' play are left out.
-        frame: name of the frame that is led; None takes the tool.
-        start: where the search for the first waypoint begins, by joint or coordinate.
-        driven: see `cartesian_motion`.
+    The arguments are those of `cartesian_path`.
 
     Attributes:
         joints: those that the motion names.
@@ -180,9 +175,8 @@ class Arm:
         self.rank = 0
 
     def _sphere(self) -> tuple[np.ndarray, float]:
-        """Centre (3,) and radius [m] of a sphere that the frame does not leave.
-
-        The lengths from joint to joint, whatever their angles, and the strokes of those that slide.
+        """Centre (3,) and radius [m] of a sphere that the frame does not leave: the lengths from
+        joint to joint, whatever their angles, and the strokes of those that slide.
         """
         tree, frame = Tree(self.model), self.model.frames[self.frame]
         (body,), (place,) = tree.frames([(frame.parentJoint, frame.placement)])
@@ -219,11 +213,7 @@ class Arm:
         return [self.seed, *(self.anywhere(random, 0.3) for _ in range(_SAMPLES))]
 
     def _driven(self, given: Sequence[str] | None) -> tuple[str, ...]:
-        """The joints that the motion names, checked; None: the nearest to the base that suffice.
-
-        Raises:
-            JointplayError: they do not determine the others, or not independently.
-        """
+        """The joints that the motion names, checked; None: the nearest to the base that suffice."""
         ideal = self.ideal
         bases = [self.freedoms(q) for q in self._samples()]
 
@@ -332,9 +322,7 @@ class Arm:
     def anywhere(self, random: np.random.Generator, reach: float | None = None) -> np.ndarray:
         """A random configuration within the limits, its loops closed.
 
-        Args:
-            random: what it is drawn from.
-            reach: at most so far from the seed before loops are closed [rad or m]; None: anywhere.
+        `reach`: at most so far from the seed before loops are closed [rad or m]; None: anywhere.
         """
         low = np.where(np.isfinite(self.low), self.low, -HALF_RANGE)
         high = np.where(np.isfinite(self.high), self.high, HALF_RANGE)
@@ -357,9 +345,8 @@ class Arm:
     def authority(self, q: np.ndarray) -> float:
         """How much the driven joints move at least in a motion of all joints of size 1.
 
-        0 in a singular configuration of the second type (C. Gosselin, J. Angeles, IEEE
-        Transactions on Robotics and Automation 6 (1990) 281-290): the tool moves although they
-        stand.
+        0 in a singular configuration of the second type (C. Gosselin, J. Angeles, IEEE Transactions
+        on Robotics and Automation 6 (1990) 281-290): the tool moves although they stand.
         """
         base = self.freedoms(q)
         if base.shape[1] > len(self.at):
@@ -455,7 +442,7 @@ class Arm:
 
         In loops the tool goes there in a straight line, in steps from which the next one is found
         without a jump: far from q, loops close in several ways. It ends where the line leaves the
-        workspace. In open chains by one search.
+        workspace.
         """
         if not self.ideal.loops:
             return self.search(q, target)
@@ -541,27 +528,14 @@ def cartesian_motion(
     times: Sequence[float] | np.ndarray,
     positions: Sequence[Sequence[float]] | np.ndarray,
     orientations: Sequence[Sequence[float]] | np.ndarray | None = None,
-    *,
-    frame: str | None = None,
-    path: str = "joint",
-    start: Mapping[str, float] | None = None,
-    driven: Sequence[str] | None = None,
+    **options: Any,
 ) -> Motion:
-    """The motion of `cartesian_path`, which has the arguments.
+    """The motion of `cartesian_path`, which has these options.
 
     In closed loops give the run the path's `start`, too, as its state: loops can close in several
     ways.
     """
-    return cartesian_path(
-        mechanism,
-        times,
-        positions,
-        orientations,
-        frame=frame,
-        path=path,
-        start=start,
-        driven=driven,
-    ).motion
+    return cartesian_path(mechanism, times, positions, orientations, **options).motion
 
 
 def cartesian_path(
@@ -606,11 +580,9 @@ def cartesian_path(
 
     Raises:
         JointplayError: wrong shapes or numbers; a waypoint out of reach, or within reach only
-            beyond joint limits or in another branch; a singular configuration, in which the frame
-            cannot be led in all directions in which it can elsewhere, or in which it can move
-            although the driven joints stand; a line on which a joint would jump; joints between
-            waypoints that lead the loops elsewhere; driven joints that do not determine the others;
-            a ball joint in an open chain.
+            beyond joint limits or in another branch; a singular configuration; a line on which a
+            joint would jump; joints between waypoints that lead the loops elsewhere; driven joints
+            that do not determine the others; a ball joint in an open chain.
     """
     if path not in PATHS:
         raise MissingName("path", path, PATHS)
@@ -662,15 +634,12 @@ def reachable(
     driven: Sequence[str] | None = None,
     progress: bool = False,
 ) -> np.ndarray:
-    """Which poses the ideal mechanism's tool can have: its workspace, point by point.
+    """Which poses the ideal mechanism's tool can have: its workspace, point by point, shape (n,).
 
     Within the joint limits of the URDF, and without a singular configuration. Each pose is sought
     from the nearest one before that was reached, so that a mechanism with loops keeps its way of
     being assembled; give them in an order in which neighbours follow each other. The arguments are
     those of `cartesian_path`; `progress` shows a bar.
-
-    Returns:
-        For each pose, whether it can be reached, shape (n,).
 
     Raises:
         JointplayError: wrong shapes or numbers; a mechanism whose tool cannot be led at all.

@@ -62,8 +62,6 @@ def complete_motion(
     with loops those that mimic others and that no loop determines (`followed_mimics`).
 
     Args:
-        mechanism: with joints that move.
-        motion: of some of its joints.
         start: where joints stand [rad or m]; the others at 0, or the limit next to it.
         alone: joints that are left as they are.
     """
@@ -100,9 +98,8 @@ def complete_motion(
 def _beside_loops(
     mechanism: Mechanism, motion: Motion, start: Mapping[str, float], missing: Sequence[str]
 ) -> CompleteMotion:
-    """Add the joints that mimic others where loops determine neither.
-
-    Where the leader follows from the loops, these are closed along the motion.
+    """Add the joints that mimic others where loops determine neither; where the leader follows from
+    the loops, these are closed along the motion.
     """
     ideal = mechanism.ideal()
     if not any(ideal.description.joints[name].mimics for name in missing):
@@ -133,13 +130,8 @@ def _with_leaders(
 ) -> tuple[Motion, dict[str, np.ndarray]]:
     """The motion at dense times, and where its joints and those that others mimic are then.
 
-    It ends with the motion, also where that would go on.
-
-    Args:
-        ideal: with loops.
-        motion: of some of its joints.
-        columns: positions of these, and of what follows them, at the motion's times.
-        q: where the others are searched for, shape (nq,).
+    It ends with the motion, also where that would go on. `columns`: positions of the joints of the
+    motion, and of what follows them, at its times; q: where the others are searched for.
     """
     whole = Motion(
         list(columns), motion.times, np.array([*columns.values()]).T, motion.interpolation
@@ -167,12 +159,8 @@ def _with_leaders(
 def _follow(
     mechanism: Mechanism, mimics: Mapping[str, Mimic], columns: dict[str, np.ndarray], count: int
 ) -> dict[str, Mimic]:
-    """Add the positions of joints that mimic others to `columns`, after those of their leaders.
-
-    One whose leader moves freely, or under a torque, moves freely too.
-
-    Returns:
-        What was added.
+    """Add the positions of joints that mimic others to `columns`, after those of their leaders;
+    returns what was added. One whose leader moves freely, or under a torque, moves freely too.
     """
     added: dict[str, Mimic] = {}
     for _ in mimics:  # those that follow a follower come after it

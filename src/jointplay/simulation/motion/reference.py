@@ -30,10 +30,8 @@ GOES_ON = INTERPOLATIONS[2:]
 
 
 def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
-    """Raise unless all values of all waypoints are finite and their "times" increase.
-
-    Args:
-        values: by name, a row to each waypoint.
+    """Raise unless all values of all waypoints, a row each by name, are finite and "times"
+    increase.
     """
     for name, rows in values.items():
         bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
@@ -191,13 +189,11 @@ class Motion(Described):
         return math.inf if self.interpolation in GOES_ON else self.duration
 
     def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, velocity and acceleration at the times `time` (n,) [s].
+        """Position, velocity and acceleration at the times `time` (n,) [s], (n, joints) [rad or m]
+        each.
 
-        Before the first waypoint and after the last the joints stand still, but for constant
-        speed and speed ramps, which go on.
-
-        Returns:
-            Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
+        Before the first waypoint and after the last the joints stand still, but for constant speed
+        and speed ramps, which go on.
         """
         time = np.asarray(time, float)
         position, speed, acceleration = vars(self)["_curves"]
@@ -213,11 +209,7 @@ class Motion(Described):
         )
 
     def at_speed(self, factor: float) -> Motion:
-        """The same way at `factor` times the speed.
-
-        Raises:
-            JointplayError: a factor that is not positive and finite.
-        """
+        """The same way at `factor` times the speed, which must be positive."""
         require_positive("factor of the speed", factor, "")
         given = None if self.given is None else self.given / factor
         return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
@@ -229,8 +221,8 @@ class Motion(Described):
         Lines beginning with # are comments. Positions in rad, or m for prismatic joints.
 
         Raises:
-            JointplayError: no such file, a wrong header, a cell that is not a number (with its
-                line and column), or waypoints that make no motion.
+            JointplayError: no such file, a wrong header, a cell that is not a number (with its line
+                and column), or waypoints that make no motion.
         """
         path = Path(path)
         rows = files.csv_rows(path, "motion")
@@ -262,12 +254,13 @@ class Motion(Described):
     ) -> Motion:
         """Read a ROS 2 bag (MCAP) with JointTrajectory or JointState messages.
 
-        Needs the extra ``ros``. The time of joint states begins with the first of them.
+        Needs the extra ``ros``. The time of joint states begins with the first of them. Recorded
+        motions are dense, and so they are interpolated.
 
         Args:
             path: the file.
             topic: its topic; None takes the only one, and of several that with trajectories.
-            interpolation: see the class; recorded motions are dense.
+            interpolation: see the class.
 
         Raises:
             JointplayError: see `motion.rosbag.read`; also positions that make no motion.

@@ -100,12 +100,12 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
             that with trajectories.
 
     Returns:
-        Joints; times (n,) [s], for joint states from the first message's stamp on; positions
-        (n, joints) [rad or m]. Of several trajectories the last one holds.
+        Joints; times (n,) [s], for joint states from the first message's stamp on; positions (n,
+        joints) [rad or m]. Of several trajectories the last one holds.
 
     Raises:
-        JointplayError: no such file or topic, several to choose from, no bag, or messages that
-            make no motion.
+        JointplayError: no such file or topic, several to choose from, no bag, or messages that make
+            no motion.
     """
     path = Path(path)
     with opened(path) as bag:
@@ -195,13 +195,11 @@ _ENDING = _FOOTER + 8
 
 
 def _is_sealed(file: BinaryIO) -> bool:
-    """Whether a checksum guards the summary (topics, types, counts, places of the blocks).
+    """Whether a checksum guards the summary (topics, types, counts, places of the blocks), and
+    matches.
 
     The library mcap checks the blocks only. The checksum is of all from the summary's begin up to
     where it stands itself; 0 says that there is none.
-
-    Raises:
-        JointplayError: it does not match.
     """
     end = file.seek(-_ENDING, io.SEEK_END)
     footer = file.read(_FOOTER)
@@ -216,11 +214,7 @@ def _is_sealed(file: BinaryIO) -> bool:
 
 
 def _check_schemas(schemas: Iterable[Any]) -> None:
-    """Refuse definitions of ROS's own messages that are not ROS's: they say what numbers mean.
-
-    Raises:
-        JointplayError: naming the message.
-    """
+    """Refuse definitions of ROS's own messages that are not ROS's: they say what numbers mean."""
     for schema in schemas:
         if schema.encoding != "ros2msg" or schema.name not in _MESSAGES:
             continue

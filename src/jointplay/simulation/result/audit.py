@@ -346,10 +346,7 @@ MOST_WORST = 64
 class Auditor:
     """Collects the audit figures of a run from its histories.
 
-    Args:
-        mechanism: what was simulated.
-        simulation: the whole simulation as plain data.
-        judged_from: when judging begins [s].
+    `simulation` is the whole simulation as plain data, `judged_from` when judging begins [s].
     """
 
     def __init__(

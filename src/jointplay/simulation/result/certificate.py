@@ -62,11 +62,7 @@ class CertifiedFigure(Described):
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the figure that `describe` described.
-
-        Raises:
-            JointplayError: a negative error.
-        """
+        """Build the figure that `describe` described; a negative error is refused."""
         error = fields["error"]
         if error is not None:
             error = require_non_negative("an error", error, "", ("error",))
@@ -98,12 +94,8 @@ def plus_minus(value: float, error: float, whole: bool = False) -> str:
     """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many.
 
     The value has three to six digits; a smaller error is rounded up to the last of them. An error
-    that is as large as the value leaves only what the size is at most. A value without error
-    stands alone.
-
-    Args:
-        value, error: in the same unit.
-        whole: they are counts.
+    that is as large as the value leaves only what the size is at most. A value without error stands
+    alone. `whole`: they are counts.
     """
     if not math.isfinite(error):
         return f"{value:.4g} ± unknown"
@@ -151,12 +143,8 @@ def _with_digits(value: float, digits: int) -> str:
 
 
 def shown(certificate: Certificate | None, name: str, value: float, unit: str) -> str:
-    """A figure of a run with its unit, and with its error wherever that is known.
-
-    Args:
-        certificate: of the run, if it has one.
-        name: the figure's there.
-        value, unit: of the figure, SI.
+    """A figure of a run, by its name in the certificate, with its SI unit, and its error if
+    known.
     """
     for figure in certificate.headline if certificate else ():
         if figure.name == name and math.isfinite(figure.error):

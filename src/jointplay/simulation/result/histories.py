@@ -10,13 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.model.loop import locked
-from jointplay.model.mechanism import Mechanism
 from jointplay.physics.geometry import Form, Mode
 from jointplay.physics.kernel import AZIMUTHS, Status
 from jointplay.physics.kernel.workspace import Workspace
-from jointplay.simulation.loads.base import Load
-from jointplay.simulation.loads.drive import JointFriction
-from jointplay.simulation.result.audit import PORTION, Audit, Auditor, Judgement
+from jointplay.simulation.result.audit import PORTION, Audit, Auditor
 from jointplay.simulation.result.result import AXES, FORMAT, Result
 from jointplay.simulation.result.stored import versions
 from jointplay.simulation.result.variables import (
@@ -32,7 +29,6 @@ from jointplay.simulation.result.variables import (
     gear_variables,
     kinematics,
     loop_drift,
-    motion_variables,
     phase_stretches,
     reactions,
     unit_of,
@@ -40,6 +36,8 @@ from jointplay.simulation.result.variables import (
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from jointplay.simulation.run import Run
 
 QUATERNION = ("w", "x", "y", "z")
 """Components of orientations, in their order."""
@@ -56,49 +54,45 @@ class HistoryBuilder:
     to the histories how many there are.
 
     Args:
-        mechanism: what was simulated.
-        simulation: the whole simulation as plain data, to run it again.
-        friction: friction by joint.
-        judged_from: when judging begins [s].
-        loads: by name, in the order of the run's.
+        run: whose records they are.
         reactions: whether the constraint forces of an ideal mechanism are found.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        simulation: dict[str, Any],
-        friction: Mapping[str, JointFriction],
-        judged_from: float = 0.0,
-        loads: Mapping[str, Load] | None = None,
-        reactions: bool = True,
-    ) -> None:
-        self._mechanism, self._simulation, self._friction = mechanism, simulation, friction
-        self._reactions = reactions
-        self._acting = BoundLoads(mechanism, loads or {})
-        self._auditor = Auditor(mechanism, simulation, judged_from)
+    def __init__(self, run: Run, reactions: bool = True) -> None:
+        self._run, self._reactions = run, reactions
+        self._mechanism = mechanism = run.mechanism
+        self._simulation = run.simulation.describe()
+        self._acting = BoundLoads(mechanism, run.simulation.loads)
+        self._auditor = Auditor(mechanism, self._simulation, run.judged_from)
         self._energy: np.ndarray | None = None
         self._orientation: np.ndarray | None = None
         self._held: dict[int, list[pin.RigidConstraintModel]] = {}
         closed = [name for name in mechanism.loops if name not in mechanism.clearance]
         self._strict = [*closed, *map(locked, mechanism.locks)]
 
-    def portion(self, records: Records, phases: Sequence[Phase]) -> xr.Dataset:
-        """Histories of the next records, but for what is told of the whole run.
+    def portion(self, records: Records, phases: Sequence[Phase] | None = None) -> xr.Dataset:
+        """Histories of the next records, at least one, but for what is told of the whole run.
 
-        Args:
-            records: at least one.
-            phases: bodies as payloads come and go, of the whole run.
+        `phases`: the run's, by rows of these records, if they are others than its own.
         """
         mechanism, acting, n = self._mechanism, self._acting, records.rows
+        phases = self._run.phases if phases is None else phases
         q, v = (np.ascontiguousarray(records.recorded(name)) for name in ("q", "v"))
         stretches = phase_stretches(phases, records.first, n)
         body = kinematics(mechanism, q, v, stretches, acting.pairs)
         self._continue_orientation(body["orientation"])
-        variables = motion_variables(mechanism, records, q, v, body)
         work = records.recorded("work")
-        for index, term in enumerate(TERMS):
-            variables |= declared({term.variable: work[:, index]})
+        values = {
+            "q": q,
+            "v": v,
+            "drive": records.recorded("drive"),
+            **{f"tool_{name}": body[name] for name in ("position", "velocity", "orientation")},
+            "tool_angular_velocity": body["spin"],
+            "kinetic_energy": body["kinetic"],
+            "potential_energy": body["potential"],
+            **{term.variable: work[:, index] for index, term in enumerate(TERMS)},
+        }
+        variables = declared(values, tool=mechanism.tool)
         elastic = np.zeros(n)
         if mechanism.clearance:
             contact, elastic = contact_variables(mechanism, records, body)
@@ -106,7 +100,7 @@ class HistoryBuilder:
         elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushes = acting.pushes(body, records)
-            effort = applied_effort(mechanism, q, v, records, self._friction, pushes)
+            effort = applied_effort(mechanism, q, v, records, self._run.friction, pushes)
             forces = reactions(mechanism, q, v, effort, stretches, held, pushes)
             variables |= declared({"reaction_force": forces})
         drift = np.zeros(0)
@@ -180,7 +174,7 @@ class HistoryBuilder:
             coordinates["loop"] = self._strict
         return coordinates
 
-    def totals(self, workspace: Workspace) -> dict[str, xr.DataArray]:
+    def totals(self) -> dict[str, xr.DataArray]:
         """Variables that count over the whole run, by name; their azimuths are in them."""
         joints = list(self._mechanism.clearance.values())
         if not any(joint.wear is not None for joint in joints):
@@ -190,7 +184,7 @@ class HistoryBuilder:
         names = contact_names(self._mechanism)
         work = np.full((len(joints), len(names), AZIMUTHS), np.nan)  # where there is no contact
         for j, joint in enumerate(joints):
-            for k, counted in enumerate(workspace.sliding_work[j]):
+            for k, counted in enumerate(self._run.workspace.sliding_work[j]):
                 work[j, names.index(joint.contacts[k])] = counted
         azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         text = "around the bore, from the bearing's x axis"
@@ -200,57 +194,37 @@ class HistoryBuilder:
         dims = ("joint", "contact", "azimuth")
         return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
-    def audit(self, workspace: Workspace, judgement: Judgement) -> Audit:
-        return self._auditor.audit(workspace, judgement)
+    def audit(self) -> Audit:
+        return self._auditor.audit(self._run.workspace, self._run.judgement())
 
-    def attributes(
-        self,
-        workspace: Workspace,
-        status: Status,
-        message: str,
-        wall_time: float,
-        judgement: Judgement | None = None,
-    ) -> dict[str, Any]:
-        """What a result says of the run, all its portions made.
-
-        Args:
-            workspace: of the run.
-            status, message: how it ended.
-            wall_time: what it took [s].
-            judgement: how it began and from when on it is judged; None: centred, from the start.
-        """
+    def attributes(self, status: Status) -> dict[str, Any]:
+        """What a result says of the run, all its portions made."""
         return {
             "jointplay_format": FORMAT,
             "simulation": json.dumps(self._simulation),
-            "audit": json.dumps(self.audit(workspace, judgement or Judgement()).describe()),
+            "audit": json.dumps(self.audit().describe()),
             "status": status.name.lower(),
-            "message": message,
-            "wall_time_s": wall_time,
+            "message": self._run.message(status),
+            "wall_time_s": self._run.elapsed,
             "versions": json.dumps(versions()),
         }
 
 
 def histories(
-    mechanism: Mechanism,
-    simulation: dict[str, Any],
-    workspace: Workspace,
-    friction: Mapping[str, JointFriction],
-    phases: Sequence[Phase],
+    run: Run,
     status: Status,
-    message: str,
-    wall_time: float,
-    judgement: Judgement | None = None,
-    loads: Mapping[str, Load] | None = None,
     reactions: bool = True,
     only: Sequence[str] | None = None,
+    phases: Sequence[Phase] | None = None,
 ) -> Result:
-    """Make a `Result` of the records that a run left in its workspace; see `HistoryBuilder`.
+    """Make a `Result` of the records in the workspace of a run that ended so.
 
-    `only`: histories that are wanted; memory then holds the others a portion at a time.
+    Args:
+        run, reactions, phases: see `HistoryBuilder`.
+        status: how it ended.
+        only: histories that are wanted; memory then holds the others a portion at a time.
     """
-    judged_from = (judgement or Judgement()).judged_from
-    made = HistoryBuilder(mechanism, simulation, friction, judged_from, loads, reactions)
-    records = records_of(workspace)
+    made, records = HistoryBuilder(run, reactions), records_of(run.workspace)
     if only is None:
         dataset = made.portion(records, phases)
     else:
@@ -260,10 +234,10 @@ def histories(
         dataset = parts[0]
         if len(parts) > 1:
             dataset = xr.concat(parts, "time", coords="minimal", compat="override", join="override")
-    whole = made.totals(workspace)
+    whole = made.totals()
     if whole:  # to assign nothing takes milliseconds
         dataset = dataset.assign(whole)
-    dataset.attrs = made.attributes(workspace, status, message, wall_time, judgement)
+    dataset.attrs = made.attributes(status)
     return Result(dataset)
 
 

@@ -106,11 +106,8 @@ def _verified(path: Path) -> Iterator[tuple[BinaryIO, int]]:
 def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
     """A file that `pack` or `GrowingDataset` made, of which is read what is asked for.
 
-    All of it is read once, for its checksum.
-
-    Args:
-        path: the file.
-        indexed: whether its times are read too, to find records by them.
+    All of it is read once, for its checksum. `indexed`: whether its times are read too, to find
+    records by them.
 
     Raises:
         JointplayError: damaged, without checksum, or no NetCDF file.
@@ -144,10 +141,8 @@ def load(path: Path) -> xr.Dataset:
 
 @contextmanager
 def _examined(path: Path) -> Iterator[ModuleType]:
-    """Give xarray to the block once another process has read the file; what HDF5 raises is damage.
-
-    Raises:
-        JointplayError: naming the file.
+    """Give xarray to the block once another process has read the file; what HDF5 raises is
+    damage.
     """
     try:
         with examined(path):  # meanwhile
@@ -163,14 +158,11 @@ def _examined(path: Path) -> Iterator[ModuleType]:
 
 
 class GrowingDataset:
-    """Dataset in a file, to which records are appended.
+    """Dataset in a file, to which records are appended; `OSError` where there is no room for them.
 
     Args:
         file: empty, to be written and read.
         first: the first records, and whatever does not depend on time.
-
-    Raises:
-        OSError: there is no room for it.
     """
 
     def __init__(self, file: BinaryIO, first: xr.Dataset) -> None:
@@ -196,11 +188,6 @@ class GrowingDataset:
         self._h5.id.set_mdc_config(known)
 
     def append(self, records: xr.Dataset) -> None:
-        """Append the next records.
-
-        Raises:
-            OSError: there is no room for them.
-        """
         end = self._rows + records.sizes["time"]
         for name, variable in records.variables.items():
             if variable.dims[:1] == ("time",):
@@ -211,14 +198,8 @@ class GrowingDataset:
         self._disk.check()
 
     def finish(self, attributes: Mapping[str, Any], whole: Mapping[str, xr.DataArray]) -> None:
-        """Write what is known at the end, and the seal.
-
-        Args:
-            attributes: of the dataset.
-            whole: variables that are there, with their values at the end.
-
-        Raises:
-            OSError: there is no room for it.
+        """Write the dataset's attributes, the values at the end of variables that are there, and
+        the seal.
         """
         import h5netcdf
 

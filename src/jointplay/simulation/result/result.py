@@ -97,12 +97,9 @@ class Result:
     def completed(self, run: str = "the run") -> Result:
         """Return the result of a run that ran to its end.
 
-        Args:
-            run: what it is called where it failed.
-
         Raises:
             KeyboardInterrupt: it was interrupted.
-            JointplayError: it stopped early: why.
+            JointplayError: it stopped early: why; `run` is what it is called there.
         """
         if self.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -148,19 +145,13 @@ class Result:
         return frame
 
     def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
-        """Write the table of `to_dataframe`, units in its header.
-
-        Raises:
-            JointplayError: see `jointplay.bridges.export`.
+        """Write the table of `to_dataframe`, units in its header; see
+        `jointplay.bridges.export`.
         """
         return self.export(path, "csv", every=every, overwrite=overwrite)
 
     def to_parquet(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
-        """Write the table of `to_dataframe` as Apache Parquet (extra ``tables``).
-
-        Raises:
-            JointplayError: see `jointplay.bridges.export`.
-        """
+        """Write the table of `to_dataframe` as Apache Parquet (extra ``tables``)."""
         return self.export(path, "parquet", every=every, overwrite=overwrite)
 
     def export(self, path: str | Path, to: str | None = None, **options: Any) -> Path:
@@ -170,10 +161,7 @@ class Result:
             path: the file.
             to: ``csv``, ``parquet``, ``trajectory``, ``mcap`` or ``rerun``; None tells it by the
                 file's ending.
-            options: see `jointplay.bridges.export`.
-
-        Raises:
-            JointplayError: see there.
+            options, errors: see `jointplay.bridges.export`.
         """
         written: Path = provided("export")(self, path, to, **options)
         return written
@@ -257,11 +245,7 @@ class Result:
         return cls(made, trust)
 
     def thinned(self, every: int) -> Result:
-        """Each n-th record and the last one, what lay between covered as by `thinning.thin`.
-
-        Raises:
-            JointplayError: `every` is not a whole number from 1 on.
-        """
+        """Each n-th record and the last one, what lay between covered as by `thinning.thin`."""
         if require_whole("every", every, 1) == 1 or self.dataset.sizes["time"] < 2:
             return self
         from jointplay.simulation.result.thinning import thin
@@ -274,11 +258,7 @@ class Result:
 
         Histories stay on disk, but for the times; what one takes from them, such as
         ``result["q"].isel(time=slice(0, 1000))``, is read when its values are. Nothing is kept:
-        whatever goes over all histories reads them, and needs memory for them.
-
-        Args:
-            path: the file.
-            trust: see `load`.
+        whatever goes over all histories reads them, and needs memory for them. `trust`: see `load`.
 
         Raises:
             JointplayError: no such file, damaged, without checksum, or not a jointplay result.

@@ -35,9 +35,8 @@ _AT_ONCE = 1 << 16
 
 
 def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
-    """Coordinates of virtual links, carriages, motors and a free base of a described mechanism.
-
-    By their names in results; what is not among them is a joint's own.
+    """Coordinates of virtual links, carriages, motors and a free base of a described mechanism, by
+    their names in results; what is not among them is a joint's own.
     """
     loose = [*mechanism["clearance"], *([BASE] if mechanism.get("base") == FREE else [])]
     links = [(joint, part) for joint in loose for part in VIRTUAL_LINK]
@@ -47,11 +46,7 @@ def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
-    """Refuse a file whose content no run can have written, naming `path`.
-
-    Raises:
-        JointplayError: what is missing, of another kind or out of range; one line.
-    """
+    """Refuse a file whose content no run can have written, naming `path` and what is wrong."""
     try:
         _check_attributes(dataset)
         step = _described(dataset, "audit", Audit)["step"]

@@ -24,12 +24,7 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
     """Each n-th record of a dataset and the last one, read a piece of a variable at a time.
 
     What covers the time since the last record (``*_peak``, ``gap_min``) covers that since the last
-    one kept.
-
-    Args:
-        dataset: of a result.
-        every: n, at least 1.
-        only: histories that are wanted; None: all. What does not depend on time always is.
+    one kept. `only`: histories that are wanted; None: all. What does not depend on time always is.
     """
     count = dataset.sizes["time"]
     kept = np.unique(np.append(np.arange(0, count, every), max(count - 1, 0)))[:count]

@@ -133,10 +133,7 @@ HISTORIES = {
 
 @dataclass(frozen=True)
 class Records:
-    """Some consecutive records.
-
-    `Workspace.recorded` says what their columns are.
-    """
+    """Some consecutive records; `Workspace.recorded` says what their columns are."""
 
     rows_of: np.ndarray
     """A record each, shape (n, columns)."""
@@ -210,12 +207,10 @@ class BoundLoads:
     def histories(
         self, q: np.ndarray, body: Mapping[str, Any], records: Records
     ) -> tuple[Variables, dict[str, Any]]:
-        """Variables of a result, and their coordinates.
+        """Variables of a result, and their coordinates, of these records with coordinates q (n,
+        nq).
 
-        Args:
-            q: of all records (n, nq).
-            body: has under "poses" those of `pairs` (n, 12), by key.
-            records: these.
+        `body` has under "poses" those of `pairs` (n, 12), by key.
         """
         n, names = len(q), list(self.loads)
         energy, answers = np.zeros((n, len(names))), self._answers(records)
@@ -288,24 +283,6 @@ def declared(values: Mapping[str, np.ndarray], **words: str) -> Variables:
     }
 
 
-def motion_variables(
-    mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
-) -> Variables:
-    """Variables of the coordinates, the tool, and gravity."""
-    values = {
-        "q": q,
-        "v": v,
-        "drive": records.recorded("drive"),
-        "tool_position": body["position"],
-        "tool_velocity": body["velocity"],
-        "tool_orientation": body["orientation"],
-        "tool_angular_velocity": body["spin"],
-        "kinetic_energy": body["kinetic"],
-        "potential_energy": body["potential"],
-    }
-    return declared(values, tool=mechanism.tool)
-
-
 def contact_names(mechanism: Mechanism) -> list[str]:
     """Names of the contacts of all joints, each once."""
     names = (name for joint in mechanism.clearance.values() for name in joint.contacts)
@@ -353,8 +330,7 @@ def kinematics(
     stretches: Sequence[tuple[int, int, Phase]],
     more: Mapping[Any, tuple[Frame, Frame]],
 ) -> dict[str, Any]:
-    """Tool motion and energies by record; by joint with clearance, loop and pair of `more`.
-
+    """Tool motion and energies by record; by joint with clearance, loop and pair of `more` its
     `bearings` (n, 3, 3) and `poses` (n, 12), by name.
     """
     names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
