@@ -30,7 +30,7 @@ def test_a_tool_error_that_cannot_be_known_is_missed_with_a_warning(pair, monkey
     def refuse(*_):
         raise jp.JointplayError("its loops cannot be closed")
 
-    monkeypatch.setattr(headline, "tool_motion", refuse)
+    monkeypatch.setattr(headline.twins, "tool_motion", refuse)
     with pytest.warns(RuntimeWarning, match=r"the tool error is unknown.*loops cannot be closed"):
         assert headline.reference(pair[1]) is None
 

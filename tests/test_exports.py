@@ -104,7 +104,7 @@ def test_fewer_records_keep_the_peaks_between_them(result):
 
 
 def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
-    path = result.to_csv(tmp_path / "r.csv")
+    path = result.export(tmp_path / "r.csv")
     assert list(pd.read_csv(path).columns[:2]) == ["time [s]", "q.joint_a [rad]"]
     read = np.loadtxt(path, delimiter=",", skiprows=1)
     assert len(read) > 1000  # more than are written at a time
@@ -114,7 +114,7 @@ def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
 def test_parquet_reads_back_with_units_and_types(result, tmp_path):
     import pyarrow.parquet as pq
 
-    path = result.to_parquet(tmp_path / "r.parquet")
+    path = result.export(tmp_path / "r.parquet")
     read = pd.read_parquet(path)
     pd.testing.assert_frame_equal(read, result.to_dataframe())
     assert read.attrs["units"]["tool_velocity.x"] == "m/s"

@@ -4,20 +4,14 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from machines import QUIET, rotor
 from scipy.linalg import expm
 
 import jointplay as jp
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads import Controller
 
-QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 INERTIA, KP, KD = 0.02, 8.0, 0.2
-
-
-def rotor(urdf, **options):
-    path = urdf(body("disc", 1.0, "0 0 0", INERTIA), joint("a", "base", "disc"))
-    return jp.Mechanism(path, gravity=(0.0, 0.0, 0.0), **options)
 
 
 def pd(time, q, v, p, out):

@@ -2,18 +2,11 @@
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from machines import QUIET, rotor
 
 import jointplay as jp
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads import Stop, TorsionSpring
-
-QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
-
-
-def rotor(urdf, inertia=0.02, kind="revolute"):
-    path = urdf(body("disc", 1.0, "0 0 0", inertia), joint("a", "base", "disc", kind))
-    return jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -90,9 +83,8 @@ def test_without_limits_a_stop_must_say_where(urdf):
 
 def test_a_spring_acts_at_a_joint_with_clearance(urdf):
     """The yaw of its virtual link swings like the ideal joint's coordinate."""
-    path = urdf(body("disc", 1.0, "0 0 0", 0.02), joint("a", "base", "disc"))
     play = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
-    robot = jp.Mechanism(path, {"a": play}, gravity=(0.0, 0.0, 0.0))
+    robot = rotor(urdf, clearance={"a": play})
     loads = {"s": TorsionSpring("a", 8.0)}
     result = jp.simulate(robot, duration=0.2, state={"a": 0.3}, loads=loads, **QUIET)
     yaw = result["q"].sel(coordinate="a.yaw").values

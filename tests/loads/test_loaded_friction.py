@@ -3,21 +3,19 @@
 import numpy as np
 import pytest
 from conftest import body, joint
+from machines import QUIET, slider
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads import LoadedFriction, Wrench
 
-QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
-
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_sled_is_braked_by_its_weight(urdf, integrator):
-    path = urdf(body("sled", 2.0), joint("x", "base", "sled", "prismatic", axis="1 0 0"))
     loads = {"rub": LoadedFriction("x", 0.2)}
     result = jp.simulate(
-        jp.Mechanism(path),
+        slider(urdf, gravity=WEIGHT),
         duration=0.4,
         state={"x": (0.0, 1.0)},
         loads=loads,
@@ -33,11 +31,13 @@ def test_a_sled_is_braked_by_its_weight(urdf, integrator):
 
 
 def test_a_wrench_presses_the_sled_down(urdf):
-    path = urdf(body("sled", 2.0), joint("x", "base", "sled", "prismatic", axis="1 0 0"))
-    robot = jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
-    loads = {"press": Wrench("sled", force=(0, 6.0, -8.0)), "rub": LoadedFriction("x", 0.3)}
+    robot = slider(urdf)
+    loads = {"press": Wrench("cart", force=(0, 6.0, -8.0)), "rub": LoadedFriction("x", 0.3)}
     result = jp.simulate(robot, duration=0.2, state={"x": (0.0, 1.0)}, loads=loads, **QUIET)
     assert float(result["v"][-1, 0]) == pytest.approx(1.0 - 0.3 * 10.0 / 2.0 * 0.2, abs=1e-4)
+
+
+WEIGHT = (0.0, 0.0, -9.81)
 
 
 def pendulum(urdf, **options):
@@ -97,9 +97,8 @@ def test_what_cannot_be_is_refused(urdf):
         LoadedFriction("a", -0.1)
     with pytest.raises(jp.JointplayError, match="needs the radius of its bearing"):
         LoadedFriction("a", 0.1).site(pendulum(urdf))
-    path = urdf(body("sled", 2.0), joint("x", "base", "sled", "prismatic", axis="1 0 0"))
     with pytest.raises(jp.JointplayError, match=r"'x' slides: its friction needs no radius"):
-        LoadedFriction("x", 0.1, 0.02).site(jp.Mechanism(path))
+        LoadedFriction("x", 0.1, 0.02).site(slider(urdf))
     loop = jp.Scenario.load(jp.shipped("four_bar.toml"))
     mechanism = loop.simulation(next(iter(loop.cases))).mechanism
     name = mechanism.joints[0]

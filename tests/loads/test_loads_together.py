@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, joint
+from machines import QUIET, arm, rotor
 
 import jointplay as jp
 from jointplay.simulation.loads import (
@@ -14,19 +14,6 @@ from jointplay.simulation.loads import (
     TorsionSpring,
     Wrench,
 )
-
-QUIET = {"joint_friction": {}}
-FREE = {**QUIET, "drive": jp.loads.Free()}
-
-
-def arm(urdf, clearance=None):
-    path = urdf(
-        body("one", 3.0, "0.15 0.02 0"),
-        body("two", 2.0, "0.1 0 0.03"),
-        joint("a", "base", "one", axis="0 1 0"),
-        joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
-    )
-    return jp.Mechanism(path, clearance)
 
 
 def spin(time, q, v, p, out):
@@ -55,7 +42,7 @@ def every_load():
 def test_energy_is_kept_with_all_loads_at_once(urdf, options, play):
     clearance = {"b": jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)}
     robot = arm(urdf, clearance if play else None)
-    options = options | {"duration": 0.2, "state": {"a": 0.2}, **FREE}
+    options = options | {"duration": 0.2, "state": {"a": 0.2}, **QUIET}
     result = jp.simulate(robot, loads=every_load(), **options)
     assert result.status.name == "COMPLETED"
     rough = play or options.get("integrator") == "semi-implicit-euler"
@@ -69,30 +56,21 @@ def test_energy_is_kept_with_springs_on_loops():
     for case in list(scenario.cases)[:2]:
         given = scenario.simulation(case)
         loads = {"s": Spring("coupler", 200.0, 0.05, other_at=(0.1, 0.1, 0.1), damping=1.0)}
-        plain = jp.Simulation(
-            given.mechanism, given.motion, drive=given.drive, state=given.state, duration=0.03
-        ).run()
-        result = jp.Simulation(
-            given.mechanism,
-            given.motion,
-            drive=given.drive,
-            state=given.state,
-            duration=0.03,
-            loads=loads,
-        ).run()
+        options = {"drive": given.drive, "state": given.state, "duration": 0.03}
+        plain, result = (
+            jp.simulate(given.mechanism, given.motion, loads=one, **options) for one in ({}, loads)
+        )
         assert result.audit.relative_energy_residual < 1e-3 + plain.audit.relative_energy_residual
         assert float(np.abs(result["load_work"][-1]).max()) > 1e-4
 
 
 @pytest.mark.parametrize("integrator", ["multi-rate", "rk4"])
 def test_prescribed_motion_takes_the_torque_that_loads_ask_for(urdf, integrator):
-    path = urdf(body("disc", 1.0, "0 0 0", 0.02), joint("a", "base", "disc"))
-    robot = jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
+    robot = rotor(urdf)
     motion = jp.Motion(["a"], [0.0, 0.2], [[0.0], [0.8]])
     loads = {"k": TorsionSpring("a", 5.0, 0.1), "m": Wrench("disc", moment=(0, 0, 0.7))}
-    result = jp.simulate(
-        robot, motion, drive=jp.loads.Prescribed(), loads=loads, integrator=integrator, **QUIET
-    )
+    options = QUIET | {"drive": jp.loads.Prescribed(), "integrator": integrator}
+    result = jp.simulate(robot, motion, loads=loads, **options)
     q, v, a = motion(result.time)
     assert np.abs(result["q"].values - q).max() < 1e-9
     torque = 0.02 * a[:, 0] + 5.0 * q[:, 0] + 0.1 * v[:, 0] - 0.7
@@ -102,7 +80,7 @@ def test_prescribed_motion_takes_the_torque_that_loads_ask_for(urdf, integrator)
 def test_a_payload_may_be_picked_while_loads_act(urdf):
     payload = jp.Payload("two", 1.0, pick=0.05, release=0.1)
     result = jp.simulate(
-        arm(urdf), duration=0.15, loads=every_load(), payloads=[payload], state={"a": 0.2}, **FREE
+        arm(urdf), duration=0.15, loads=every_load(), payloads=[payload], state={"a": 0.2}, **QUIET
     )
     assert result.audit.relative_energy_residual < 1e-5
 
@@ -113,7 +91,7 @@ def test_reactions_are_those_of_inverse_dynamics_with_the_loads_forces(urdf):
         "between": Spring("two", 500.0, 0.05, other="one", at=(0.2, 0, 0.1), other_at=(0, 0, 0.2)),
         "ground": Spring("two", 300.0, 0.3, at=(0.2, 0, 0), other_at=(0.3, 0.1, 0.5)),
     }
-    result = jp.simulate(robot, duration=0.05, loads=loads, state={"a": 0.2}, **FREE)
+    result = jp.simulate(robot, duration=0.05, loads=loads, state={"a": 0.2}, **QUIET)
     model, data = robot.model, robot.model.createData()
     for k in (0, 200, 400):
         q, v = result["q"].values[k], result["v"].values[k]
@@ -150,9 +128,9 @@ def test_reactions_are_those_of_inverse_dynamics_with_the_loads_forces(urdf):
     [
         ([1], "loads must be given by name"),
         ({"": TorsionSpring("a", 1.0)}, "name of a load must be readable text"),
-        ({"x" * 300: TorsionSpring("a", 1.0)}, "has 300 letters; at most 200"),
+        ({"x" * 300: TorsionSpring("a", 1.0)}, "has 300 letters; at most"),
     ],
 )
 def test_loads_have_names(urdf, loads, words):
     with pytest.raises(jp.JointplayError, match=words):
-        jp.simulate(arm(urdf), duration=0.1, loads=loads, **FREE)
+        jp.simulate(arm(urdf), duration=0.1, loads=loads, **QUIET)

@@ -5,27 +5,11 @@ import pytest
 from conftest import body, joint
 from hypothesis import given
 from hypothesis import strategies as st
+from machines import QUIET, arm, slider
 
 import jointplay as jp
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads import CurveSpring, Spring
-
-QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
-
-
-def slider(urdf, mass=2.0, axis="1 0 0"):
-    path = urdf(body("cart", mass), joint("x", "base", "cart", "prismatic", axis=axis))
-    return jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
-
-
-def arm(urdf):
-    path = urdf(
-        body("one", 3.0, "0.15 0.02 0"),
-        body("two", 2.0, "0.1 0 0.03"),
-        joint("a", "base", "one", axis="0 1 0"),
-        joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
-    )
-    return jp.Mechanism(path)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

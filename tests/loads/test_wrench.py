@@ -2,23 +2,11 @@
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from machines import QUIET, rotor, slider
 
 import jointplay as jp
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads import Wrench, WrenchFunction, WrenchOverTime
-
-QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
-
-
-def slider(urdf, mass=2.0):
-    path = urdf(body("cart", mass), joint("x", "base", "cart", "prismatic", axis="1 0 0"))
-    return jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
-
-
-def rotor(urdf, inertia=0.02):
-    path = urdf(body("disc", 1.0, "0 0 0", inertia), joint("a", "base", "disc", "continuous"))
-    return jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
 
 
 def drag(time, pose, twist, p, out):

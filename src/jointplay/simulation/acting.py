@@ -37,9 +37,7 @@ def check(loads: Mapping[str, Load]) -> None:
         if not isinstance(name, str) or not name or not name.isprintable():
             raise JointplayError(f"the name of a load must be readable text, got {name!r}")
         if len(name) > MOST_LETTERS:
-            raise JointplayError(
-                f"the name of a load has {len(name)} letters; at most {MOST_LETTERS} are possible"
-            )
+            raise JointplayError(f"a load's name has {len(name)} letters; at most {MOST_LETTERS}")
         if not isinstance(load, Load):
             raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
 

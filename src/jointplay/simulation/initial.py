@@ -10,24 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite
-from jointplay.model.loop import (
-    ASSEMBLY_TOLERANCE_M,
-    assemble,
-    closing_rows,
-    consistent_velocity,
-    misfit,
-)
+from jointplay.model import loop
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
+from jointplay.simulation import statics
 from jointplay.simulation.loads.drive import Drive, JointFriction
-from jointplay.simulation.statics import (
-    ElasticJoint,
-    Rest,
-    StaticEquilibrium,
-    StaticLoads,
-    limited_freedoms,
-    relative_pose,
-)
 
 if TYPE_CHECKING:
     from jointplay.physics.kernel.workspace import Workspace
@@ -109,13 +96,13 @@ class InitialState:
                     if limits:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
             if at_rest:
-                for part in set(limited_freedoms(joint)).intersection(VIRTUAL_LINK[3:]):
+                for part in set(statics.limited_freedoms(joint)).intersection(VIRTUAL_LINK[3:]):
                     i = mechanism.coordinates.index(Coordinate(name, part))
                     self.q[i] -= PERTURBATION * self.q[i] if i not in self.given else 0.0
-        self.q = assemble(mechanism, self.q, self.led, offsets)
+        self.q = loop.assemble(mechanism, self.q, self.led, offsets)
 
     def move(self) -> None:
-        self.v = consistent_velocity(
+        self.v = loop.consistent_velocity(
             self.mechanism, self.q, self.motion_speed, self.moving, self.led
         )
 
@@ -127,7 +114,7 @@ class InitialState:
         if not self.mechanism.loops or not (self.v.any() or along.any()):
             return along
         later = self.motion_speed + _AHEAD_S * along
-        v = consistent_velocity(
+        v = loop.consistent_velocity(
             self.mechanism, self.q + _AHEAD_S * self.v, later, self.moving, self.led
         )
         return (v - self.v) / _AHEAD_S
@@ -180,7 +167,7 @@ def initial_state(
             at = [mechanism.coordinate(name), mechanism.motor(name)]
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
-    q = assemble(mechanism, q, held + led)
+    q = loop.assemble(mechanism, q, held + led)
     return InitialState(mechanism, v, q, v, given, held, led, moving + led)
 
 
@@ -191,8 +178,8 @@ def find_rest(
     workspace: Workspace,
     drives: Mapping[str, Drive],
     friction: Mapping[str, JointFriction],
-    loads: StaticLoads,
-) -> Rest:
+    loads: statics.StaticLoads,
+) -> statics.Rest:
     """Where the machine stands; see `statics`."""
     mechanism = start.mechanism
     along = np.zeros(bodies.nv)
@@ -204,10 +191,10 @@ def find_rest(
                 at = [mechanism.coordinate(name), mechanism.motor(name)]
                 along[at] = acceleration[0, index]
     given = list(start.given)
-    gaps = misfit(mechanism, start.q) if mechanism.loops else {}
-    if any(np.abs(gap).max() > ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
+    gaps = loop.misfit(mechanism, start.q) if mechanism.loops else {}
+    if any(np.abs(gap).max() > loop.ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
         given += start.held  # which have put journals aside: there they shall be
-    balance = StaticEquilibrium(
+    balance = statics.StaticEquilibrium(
         mechanism,
         bodies,
         workspace.q,
@@ -241,7 +228,8 @@ def displace_journals(mechanism: Mechanism, q: np.ndarray, distance: Sequence[fl
     aside = {}
     for name, joint in mechanism.clearance.items():
         frames = mechanism.bearing_frame(name), mechanism.journal_frame(name)
-        stiff = ElasticJoint(joint).stiffness(relative_pose(mechanism.data, frames))[:3, :3]
+        pose = statics.relative_pose(mechanism.data, frames)
+        stiff = statics.ElasticJoint(joint).stiffness(pose)[:3, :3]
         stiffness, directions = np.linalg.eigh(0.5 * (stiff + stiff.T))
         parts = directions.T @ np.asarray(distance)
         held = stiffness > HELD * max(stiffness[-1], 0.0)
@@ -254,6 +242,7 @@ def displace_journals(mechanism: Mechanism, q: np.ndarray, distance: Sequence[fl
                     q[mechanism.coordinates.index(Coordinate(name, part))] += away
         else:
             moves = mechanism.relative_jacobian(name, q)[:3]
-            strict = closing_rows(mechanism, q, set(mechanism.loops) - set(mechanism.clearance))
+            ideal = set(mechanism.loops) - set(mechanism.clearance)
+            strict = loop.closing_rows(mechanism, q, ideal)
             wanted = np.concatenate([aside[name], np.zeros(len(strict))])
             q += np.linalg.pinv(np.concatenate([moves, strict])) @ wanted

@@ -176,9 +176,7 @@ class MultiRate(TimeLoop):
     """
 
     advancing = Command.ADVANCE
-    """What the kernels do for each macro step."""
     longest_macro_step_s = LONGEST_MACRO_STEP_S
-    """Macro steps that an error estimate chooses are no longer than this [s]."""
 
     def __init__(self, *args: Any, macro_step: float | None = None) -> None:
         super().__init__(*args)

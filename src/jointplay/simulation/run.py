@@ -34,26 +34,17 @@ from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import Integrator, integrator
 from jointplay.physics.kernel.sites import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
-from jointplay.simulation import acting, base_chart, checkpoint, initial, limits, step_check
+from jointplay.simulation import acting, base_chart, checkpoint, initial, limits, loop, step_check
 from jointplay.simulation.acting import Events, LoadSchedule
 from jointplay.simulation.assemble import check_step, joint_site
 from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
 from jointplay.simulation.loads.tables import table_nodes, tabulate
-from jointplay.simulation.loop import (
-    LONGEST_ADAPTIVE_MACRO_STEP_S,
-    LONGEST_MACRO_STEP_S,
-    LOOP_CORRECTION,
-    Adaptive,
-    MultiRate,
-    SingleRate,
-    TimeLoop,
-)
 from jointplay.simulation.result.audit import Judgement
 from jointplay.simulation.result.histories import histories
 from jointplay.simulation.result.variables import Phase, Records
 from jointplay.simulation.spool import DiskRecords, Overflow, PassedRecords
-from jointplay.simulation.statics import StaticLoads
+from jointplay.simulation.statics import Rest, StaticLoads
 
 if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
@@ -134,7 +125,6 @@ class Moment:
     time: float
     """[s]."""
     step: int
-    """Steps done."""
     q: np.ndarray
     """Generalised coordinates, in the order of `coordinates`, shape (nq,) [rad or m]."""
     v: np.ndarray
@@ -246,8 +236,8 @@ class Run:
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.starts_at_rest:
             start.perturb(simulation.seed, at_rest=False)
-        longest = LONGEST_ADAPTIVE_MACRO_STEP_S if simulation.tolerance else LONGEST_MACRO_STEP_S
-        macro = simulation.macro_step or longest
+        kind = loop.Adaptive if simulation.tolerance else loop.MultiRate
+        macro = simulation.macro_step or kind.longest_macro_step_s
         tables, armature, self._reference = tabulate(
             mechanism,
             simulation.motion,
@@ -291,7 +281,7 @@ class Run:
         check_step(mechanism, pin.computeTotalMass(self.model), equal, start.q)
         if equal is not None:
             acting.check_step(simulation.loads, mechanism, equal, start.q)
-        self.rest: initial.Rest | None = None
+        self.rest: Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest:
             self._start_at_rest(start, drives, sites)
@@ -310,7 +300,7 @@ class Run:
         """Contexts in which the time loop runs, such as one that takes signals."""
         self.stop_checks: list[Callable[[], bool]] = []
         """Called between stretches; the run stops, to be continued or not, if one says True."""
-        self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
+        self._loop = self._make_loop(mechanism.constraints(w.q, loop.LOOP_CORRECTION / step))
 
     def _overflow(self, records: Path | Callable[[Records], None], macro: float) -> Overflow:
         step, every = self.simulation.step, self.simulation.record_every
@@ -370,14 +360,14 @@ class Run:
         start.move()
         self.workspace.q[:], self.workspace.v[:] = start.q, start.v
 
-    def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> TimeLoop:
+    def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> loop.TimeLoop:
         simulation = self.simulation
         parts = (self.model, self.data, self.workspace, self.method, constraints)
         if self.method.single_rate:
-            return SingleRate(*parts)
+            return loop.SingleRate(*parts)
         if simulation.tolerance is None:
-            return MultiRate(*parts, macro_step=simulation.macro_step)
-        return Adaptive(
+            return loop.MultiRate(*parts, macro_step=simulation.macro_step)
+        return loop.Adaptive(
             *parts,
             macro_step=simulation.macro_step,
             tolerance=simulation.tolerance,
@@ -426,7 +416,7 @@ class Run:
         """Have macro steps so much shorter before the run begins; their error falls with the
         square.
         """
-        if isinstance(self._loop, MultiRate):
+        if isinstance(self._loop, loop.MultiRate):
             self._loop.shorten_macro_steps(factor)
 
     def finish(self, progress: bool = False, check_step: bool = True) -> Result:

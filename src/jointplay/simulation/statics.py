@@ -221,6 +221,19 @@ class ElasticJoint:
         return stiffness
 
 
+def _around(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """A pose (12,) moved back and forth along and about each axis by `size` (6,), (12, 12)."""
+    poses = np.tile(pose, (12, 1))
+    for k, moved in enumerate(poses):
+        axis, way = k // 2, size[k // 2] * (-1.0, 1.0)[k % 2]
+        if axis < 3:
+            moved[axis] += way
+        else:
+            turn = pin.exp3(way * np.eye(3)[axis - 3])
+            moved[3:] = (turn @ pose[3:].reshape(3, 3)).ravel()
+    return poses
+
+
 class _ElasticElements(ElasticJoint):
     """The elements of a rolling bearing, its cage where it starts; or springs."""
 
@@ -260,17 +273,7 @@ class _ElasticElements(ElasticJoint):
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
-        poses = []
-        for axis in range(6):
-            for way in (-size[axis], size[axis]):
-                moved = pose.copy()
-                if axis < 3:
-                    moved[axis] += way
-                else:
-                    turn = pin.exp3(way * np.eye(3)[axis - 3])
-                    moved[3:] = (turn @ pose[3:].reshape(3, 3)).ravel()
-                poses.append(moved)
-        ends = self._look(np.array(poses))[:, :6]
+        ends = self._look(_around(pose, size))[:, :6]
         given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * size[:, None])).T
         return given
 
@@ -392,24 +395,13 @@ class _StaticLoad:
 
     def stiffness(self, x: np.ndarray) -> np.ndarray:
         """How its answer at rest falls with what it sees, by differences."""
-        rate = np.zeros(6 if self.site.carriers else len(x))
-        columns = []
-        for k in range(len(rate)):
-            ends = [
-                self.force(_moved(x, k, way, bool(self.site.carriers)), rate) for way in (1, -1)
-            ]
-            columns.append((ends[1] - ends[0]) / (2.0 * _MOTION))
-        return np.stack(columns, axis=1)
-
-
-def _moved(x: np.ndarray, k: int, way: int, frames: bool) -> np.ndarray:
-    x = x.copy()
-    if not frames or k < 3:
-        x[k] += way * _MOTION
-        return x
-    turn = pin.exp3(way * _MOTION * np.eye(3)[k - 3])
-    x[3:] = (turn @ x[3:].reshape(3, 3)).ravel()
-    return x
+        if self.site.carriers:
+            rate, places = np.zeros(6), _around(x, np.full(6, _MOTION))
+        else:
+            rate, steps = np.zeros(len(x)), _MOTION * np.eye(len(x))
+            places = np.concatenate([[x - step, x + step] for step in steps])
+        ends = np.array([self.force(place, rate) for place in places])
+        return ((ends[::2] - ends[1::2]) / (2.0 * _MOTION)).T
 
 
 # Where a machine stands: the equilibrium of all journals under gravity and drives.
@@ -459,9 +451,7 @@ class Rest:
     load: float
     """Largest elastic force of a joint, or the weight if none is pressed [N]."""
     trials: int
-    """States tried."""
     inside: bool
-    """Whether all journals are in their bearings still."""
 
     @property
     def solved(self) -> bool:

@@ -94,7 +94,6 @@ class BearingLife:
     most_loaded: int
     """Most elements that bore load at a time."""
     elements: int
-    """How many there are."""
     mean_torque: float
     """Friction torque, mean over the way; 0 where nothing turns [N m]."""
     friction_work: float

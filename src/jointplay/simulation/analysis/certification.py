@@ -428,7 +428,6 @@ class _Headline:
         *("joint_force_peak", "joint_force", "reaction_force", "load_work"),
         *("tool_position", "tool_orientation", *LOSSES),
     )
-    """What is looked at."""
 
     builder: HistoryBuilder
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -145,12 +146,11 @@ def _all(parts: Sequence[tuple[str, str]]) -> tuple[str, str]:
     return verdict, "; ".join(text for _, text in parts)
 
 
-def _fluctuation(key: str, name: str, unit: str) -> Check:
-    def check(small: Ensemble, large: Ensemble) -> tuple[str, str]:
-        verdict, text = _greater(small, large, key, unit)
-        return verdict, f"{name} {text}"
-
-    return check
+def _fluctuation(
+    small: Ensemble, large: Ensemble, key: str, name: str, unit: str
+) -> tuple[str, str]:
+    verdict, text = _greater(small, large, key, unit)
+    return verdict, f"{name} {text}"
 
 
 def _modes(small: Ensemble, large: Ensemble) -> tuple[str, str]:
@@ -167,20 +167,12 @@ def _modes(small: Ensemble, large: Ensemble) -> tuple[str, str]:
 
 
 def _peaks(small: Ensemble, large: Ensemble) -> tuple[str, str]:
-    parts = []
-    for axis in AXES:
-        verdict, text = _greater(small, large, f"f{axis}", "N")
-        parts.append((verdict, f"max |F{axis}| {text}"))
-    busy = [_values(ensemble, "busy") for ensemble in (small, large)]
-    isolated = all(share.mean() < ISOLATED for share in busy)
-    parts.append(
-        (
-            "yes" if isolated else "no",
-            f"above {100 * PEAK_LEVEL:.0f} % of the peak for "
-            f"{100 * busy[0].mean():.3g} → {100 * busy[1].mean():.3g} % of the time",
-        )
-    )
-    return _all(parts)
+    forces = [(axis, *_greater(small, large, f"f{axis}", "N")) for axis in AXES]
+    parts = [(verdict, f"max |F{axis}| {text}") for axis, verdict, text in forces]
+    busy = [_values(ensemble, "busy").mean() for ensemble in (small, large)]
+    words = f"above {100 * PEAK_LEVEL:.0f} % of the peak for "
+    words += f"{100 * busy[0]:.3g} → {100 * busy[1]:.3g} % of the time"
+    return _all([*parts, ("yes" if max(busy) < ISOLATED else "no", words)])
 
 
 def _frequency(small: Ensemble, large: Ensemble) -> tuple[str, str]:
@@ -191,15 +183,13 @@ def _frequency(small: Ensemble, large: Ensemble) -> tuple[str, str]:
         for key in ("rate", "impulse")
     )
     reverse = " → ".join(reversed(often.removesuffix(" 1/s").split(" → ")))
+    struck = f"(for the joint: {rate[0]:.3g} → {rate[1]:.3g} impacts/s of "
+    struck += f"{impulse[0]:.3g} → {impulse[1]:.3g} N s)"
     return _all(
         [
             (rarer, f"turning points of the tool's deviation {reverse} 1/s"),
             (larger, f"mean excursion between them {swing}"),
-            (
-                "yes",
-                f"(for the joint: {rate[0]:.3g} → {rate[1]:.3g} impacts/s of "
-                f"{impulse[0]:.3g} → {impulse[1]:.3g} N s)",
-            ),
+            ("yes", struck),
         ]
     )
 
@@ -208,17 +198,17 @@ CLAIMS: Mapping[int, tuple[str, str, Check]] = {
     1: (
         "displacement",
         "displacement fluctuates more at the larger clearance",
-        _fluctuation("deviation_mm", "RMS", "mm"),
+        partial(_fluctuation, key="deviation_mm", name="RMS", unit="mm"),
     ),
     2: (
         "velocity",
         "velocity fluctuates more at the larger clearance",
-        _fluctuation("speed_mm_s", "RMS", "mm/s"),
+        partial(_fluctuation, key="speed_mm_s", name="RMS", unit="mm/s"),
     ),
     3: (
         "XOY path",
         "the XOY path deviates more at the larger clearance",
-        _fluctuation("path_mm", "RMS", "mm"),
+        partial(_fluctuation, key="path_mm", name="RMS", unit="mm"),
     ),
     4: ("three modes", "the journal passes through all three modes in both cases", _modes),
     5: (
@@ -236,8 +226,7 @@ def judge(small: Ensemble, large: Ensemble, condition: str) -> list[Verdict]:
     `small` and `large` are what `measure` found in each run at the smaller and the larger
     clearance, at least two runs each.
     """
-    verdicts = []
-    for number, (subject, statement, check) in CLAIMS.items():
-        holds, numbers = check(small, large)
-        verdicts.append(Verdict(number, subject, condition, statement, holds, numbers))
-    return verdicts
+    return [
+        Verdict(number, subject, condition, statement, *check(small, large))
+        for number, (subject, statement, check) in CLAIMS.items()
+    ]

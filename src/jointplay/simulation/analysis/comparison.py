@@ -56,7 +56,6 @@ class Comparison:
     inputs: tuple[tuple[str, object, object], ...]
     """Inputs that differ: where, and what stands there in each."""
     pairs: tuple[Pair, ...]
-    """Figures that both have."""
     apart: tuple[float, float] | None
     """Peak and RMS distance of the two tools at the same time [m]; None: of different frames."""
 

@@ -12,16 +12,9 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import few
 from jointplay.base.units import readable
+from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
 from jointplay.simulation.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.simulation.analysis.twins import (
-    COMPARED,
-    at_joint,
-    has_play,
-    hinges,
-    ideal_simulation,
-    tool_motion,
-)
 from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.motion.reference import GOES_ON
 from jointplay.simulation.result.certificate import alone, shown
@@ -31,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 HISTORIES = (
-    *(*COMPARED, "joint_force_peak", "normal_force_peak"),
+    *(*twins.COMPARED, "joint_force_peak", "normal_force_peak"),
     *("q", "v", "cage_angle", "normal_dissipation"),
 )
 """What `headline` looks at, in the run and in the ideal mechanism's."""
@@ -46,10 +39,10 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     None where the result has no play; with a warning, where the ideal mechanism cannot be
     simulated.
     """
-    if not has_play(result) or len(result.time) < 2:
+    if not twins.has_play(result) or len(result.time) < 2:
         return None
     try:
-        return tool_motion(ideal_simulation(result), progress)
+        return twins.tool_motion(twins.ideal_simulation(result), progress)
     except JointplayError as error:
         text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
         warnings.warn(text, RuntimeWarning, stacklevel=2)
@@ -67,10 +60,10 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     start = result.judge_from
     since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []
-    if ideal is not None and has_play(result):
+    if ideal is not None and twins.has_play(result):
         lines += _tool(result, ideal, deviation(result, ideal), start, since)
     if result.joints:
-        hinged = hinges(result)  # they hold bodies by more than the force of their springs
+        hinged = twins.hinges(result)  # they hold bodies by more than the force of their springs
         lines += [
             _force(result, joint, start, since) for joint in result.joints if joint not in hinged
         ]
@@ -132,7 +125,7 @@ def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
 def _cause(result: Result) -> str:
     mechanism = result.simulation.mechanism
     joints, gears = mechanism.clearance, mechanism.gears
-    hinged = hinges(result)
+    hinged = twins.hinges(result)
     bearings = {name: joint for name, joint in joints.items() if name not in hinged}
     loose = {name: joint for name, joint in bearings.items() if joint.has_play}
     soft = [name for name in bearings if name not in loose]
@@ -189,7 +182,8 @@ def _force(result: Result, joint: str, start: float, since: str) -> str:
 
 def peak_force(result: Result, joint: str, largest: float) -> str:
     """The largest force in a joint, `largest` [N] by its histories, with its error if known."""
-    return shown(result.certificate, f"peak joint force{at_joint(result, joint)}", largest, "N")
+    name = f"peak joint force{twins.at_joint(result, joint)}"
+    return shown(result.certificate, name, largest, "N")
 
 
 def _bearings(result: Result, since: str) -> list[str]:

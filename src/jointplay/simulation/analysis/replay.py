@@ -151,9 +151,7 @@ class Impact:
     start: float
     """Last step before it [s]; not a number if it began before the window."""
     steps: int
-    """Steps in contact within the window."""
     complete: bool
-    """Whether it began and ended in the window."""
     peak_force: float
     """[N]."""
     penetration: float

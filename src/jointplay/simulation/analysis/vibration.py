@@ -49,7 +49,6 @@ class Rattle:
     lost: float
     """Energy lost normal to the surfaces, which impacts turn into sound and heat [J]."""
     bands: tuple[Band, ...]
-    """Vibration of the tool; none if the run has too few records."""
     against_ideal: bool = False
     """Whether it is that of the difference from the ideal twin, or that of the whole motion."""
 

@@ -122,15 +122,10 @@ class ComputedTorque(Drive):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name, words, most, unit in (
-            ("bandwidth", "bandwidth", FASTEST, " rad/s"),
-            ("damping_ratio", "damping ratio", MOST_DAMPED, ""),
-        ):
-            if getattr(self, name) > most:
-                raise JointplayError(
-                    f"{words} must be at most {most:g}{unit}, got {getattr(self, name):g}",
-                    where=(name,),
-                )
+        for name, most in (("bandwidth", FASTEST), ("damping_ratio", MOST_DAMPED)):
+            if (value := getattr(self, name)) > most:
+                words = name.replace("_", " ")
+                raise JointplayError(f"{words} must be at most {most:g}, got {value:g}", (name,))
 
 
 @dataclass(frozen=True)

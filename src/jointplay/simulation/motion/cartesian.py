@@ -24,12 +24,7 @@ from jointplay.base.errors import (
     within,
 )
 from jointplay.base.progress import ProgressBar
-from jointplay.model.closed_loops import (
-    ClosedLoops,
-    followed_mimics,
-    from_the_base,
-    mimic_row,
-)
+from jointplay.model import closed_loops
 from jointplay.model.loop import assemble, closing_rows, openings
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.tree import Tree
@@ -162,7 +157,7 @@ class Arm:
                 "its joints are driven",
                 where=("driven",),
             )
-        self.mimics = followed_mimics(ideal, self.seed, () if ideal.loops else start)
+        self.mimics = closed_loops.followed_mimics(ideal, self.seed, () if ideal.loops else start)
         if ideal.loops or self.mimics:
             self.seed = self.search(self.seed, None).q
         self.mobility = len(self.names)
@@ -223,7 +218,7 @@ class Arm:
 
         if given is None:
             chosen: list[str] = []
-            for name in from_the_base(ideal):
+            for name in closed_loops.from_the_base(ideal):
                 if name not in self.mimics and rank([*chosen, name]) > len(chosen):
                     chosen.append(name)
         else:
@@ -283,7 +278,10 @@ class Arm:
         rows = [np.zeros((0, self.model.nv))]
         if self.ideal.loops:
             rows.append(closing_rows(self.ideal, q))
-        rows += [ANGLE_ARM_M * mimic_row(self.ideal, *one)[None] for one in self.mimics.items()]
+        rows += [
+            ANGLE_ARM_M * closed_loops.mimic_row(self.ideal, *one)[None]
+            for one in self.mimics.items()
+        ]
         return self._weight * np.concatenate(rows)
 
     def freedoms(self, q: np.ndarray) -> np.ndarray:
@@ -688,7 +686,9 @@ def _check_way(arm: Arm, q: np.ndarray, ahead: np.ndarray, target: Target, numbe
     trial = q.copy()
     trial[stand] = ahead[stand]
     standing = [arm.names[i] for i in stand]
-    (there,), (good,) = ClosedLoops(arm.ideal, q, standing).close_all(trial[None], begin=q)
+    (there,), (good,) = closed_loops.ClosedLoops(arm.ideal, q, standing).close_all(
+        trial[None], begin=q
+    )
     if not good or np.abs(there - ahead).max() > _SAME:
         raise JointplayError(
             f"on the way to waypoint {number} at {target} the driven joints "

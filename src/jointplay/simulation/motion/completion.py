@@ -33,7 +33,6 @@ class CompleteMotion:
     held: Mapping[str, float]
     """Position of each joint that stands where it starts [rad or m]."""
     following: Mapping[str, Mimic]
-    """What each joint follows that mimics another."""
 
     def notes(self) -> list[str]:
         lines = []

@@ -122,7 +122,6 @@ class Bag:
     """A bag that is open."""
 
     reader: Any
-    """Of the library mcap; its messages come decoded."""
     topics: dict[str, str]
     """Kind of the messages of each topic, such as ``sensor_msgs/msg/JointState``."""
     messages: dict[str, int]

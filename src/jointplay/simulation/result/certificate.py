@@ -167,7 +167,6 @@ class Certificate(Described):
 
     figures: tuple[CertifiedFigure, ...]
     runs: tuple[str, ...] = ()
-    """The further runs, in words."""
     note: str = ""
     """What else the reader must know."""
     strict: bool = True

@@ -13,26 +13,10 @@ from jointplay.model.loop import locked
 from jointplay.physics.geometry import Form, Mode
 from jointplay.physics.kernel import AZIMUTHS, Status
 from jointplay.physics.kernel.workspace import Workspace
+from jointplay.simulation.result import variables
 from jointplay.simulation.result.audit import PORTION, Audit, Auditor
 from jointplay.simulation.result.result import AXES, FORMAT, Result
 from jointplay.simulation.result.stored import versions
-from jointplay.simulation.result.variables import (
-    TERMS,
-    BoundLoads,
-    Phase,
-    Records,
-    Variables,
-    applied_effort,
-    contact_names,
-    contact_variables,
-    declared,
-    gear_variables,
-    kinematics,
-    loop_drift,
-    phase_stretches,
-    reactions,
-    unit_of,
-)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +46,7 @@ class HistoryBuilder:
         self._run, self._reactions = run, reactions
         self._mechanism = mechanism = run.mechanism
         self._simulation = run.simulation.describe()
-        self._acting = BoundLoads(mechanism, run.simulation.loads)
+        self._acting = variables.BoundLoads(mechanism, run.simulation.loads)
         self._auditor = Auditor(mechanism, self._simulation, run.judged_from)
         self._energy: np.ndarray | None = None
         self._orientation: np.ndarray | None = None
@@ -70,7 +54,9 @@ class HistoryBuilder:
         closed = [name for name in mechanism.loops if name not in mechanism.clearance]
         self._strict = [*closed, *map(locked, mechanism.locks)]
 
-    def portion(self, records: Records, phases: Sequence[Phase] | None = None) -> xr.Dataset:
+    def portion(
+        self, records: variables.Records, phases: Sequence[variables.Phase] | None = None
+    ) -> xr.Dataset:
         """Histories of the next records, at least one, but for what is told of the whole run.
 
         `phases`: the run's, by rows of these records, if they are others than its own.
@@ -78,8 +64,8 @@ class HistoryBuilder:
         mechanism, acting, n = self._mechanism, self._acting, records.rows
         phases = self._run.phases if phases is None else phases
         q, v = (np.ascontiguousarray(records.recorded(name)) for name in ("q", "v"))
-        stretches = phase_stretches(phases, records.first, n)
-        body = kinematics(mechanism, q, v, stretches, acting.pairs)
+        stretches = variables.phase_stretches(phases, records.first, n)
+        body = variables.kinematics(mechanism, q, v, stretches, acting.pairs)
         self._continue_orientation(body["orientation"])
         work = records.recorded("work")
         values = {
@@ -90,47 +76,47 @@ class HistoryBuilder:
             "tool_angular_velocity": body["spin"],
             "kinetic_energy": body["kinetic"],
             "potential_energy": body["potential"],
-            **{term.variable: work[:, index] for index, term in enumerate(TERMS)},
+            **{term.variable: work[:, index] for index, term in enumerate(variables.TERMS)},
         }
-        variables = declared(values, tool=mechanism.tool)
+        found = variables.declared(values, tool=mechanism.tool)
         elastic = np.zeros(n)
         if mechanism.clearance:
-            contact, elastic = contact_variables(mechanism, records, body)
-            variables |= contact
+            contact, elastic = variables.contact_variables(mechanism, records, body)
+            found |= contact
         elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushes = acting.pushes(body, records)
-            effort = applied_effort(mechanism, q, v, records, self._run.friction, pushes)
-            forces = reactions(mechanism, q, v, effort, stretches, held, pushes)
-            variables |= declared({"reaction_force": forces})
+            effort = variables.applied_effort(mechanism, q, v, records, self._run.friction, pushes)
+            forces = variables.reactions(mechanism, q, v, effort, stretches, held, pushes)
+            found |= variables.declared({"reaction_force": forces})
         drift = np.zeros(0)
         if self._strict:
-            gaps = [loop_drift(mechanism, name, body["poses"][name]) for name in self._strict]
-            drift = np.stack(gaps, axis=1)
-            variables |= declared({"loop_drift": drift})
-        variables |= declared({"contact_elastic_energy": elastic})
+            drifts = (variables.loop_drift(mechanism, n, body["poses"][n]) for n in self._strict)
+            drift = np.stack([*drifts], axis=1)
+            found |= variables.declared({"loop_drift": drift})
+        found |= variables.declared({"contact_elastic_energy": elastic})
         coordinates: dict[str, Any] = {}
         if mechanism.gears:
-            geared, coordinates, stored = gear_variables(mechanism, records, q)
-            variables |= geared
+            geared, coordinates, stored = variables.gear_variables(mechanism, records, q)
+            found |= geared
             elastic = elastic + stored
         if acting.loads:
             loads, of_loads = acting.histories(q, body, records)
-            variables |= loads
+            found |= loads
             coordinates |= of_loads
             elastic = elastic + loads["load_energy"][1].sum(axis=1)
             work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:
             brought = np.concatenate([np.full(hi - lo, one.energy) for lo, hi, one in stretches])
-            variables |= declared({"payload_energy": brought})
+            found |= variables.declared({"payload_energy": brought})
             work = work.copy()
             work[:, 0] += brought
         residual = self._residual(body, elastic, work)
-        variables |= declared({"energy_residual": residual})
+        found |= variables.declared({"energy_residual": residual})
         energies = (body["kinetic"], body["potential"])
         effort = records.recorded("drive") + acting.driven(records)
         self._auditor.add_records(records, energies, work, residual, drift, effort, elastic)
-        return _dataset(variables, coordinates | self._coordinates(records))
+        return _dataset(found, coordinates | self._coordinates(records))
 
     def _continue_orientation(self, orientation: np.ndarray) -> None:
         """Let orientations go on from the last ones without a jump in sign."""
@@ -140,7 +126,7 @@ class HistoryBuilder:
             np.negative(orientation, out=orientation)
         self._orientation = orientation[-1].copy()
 
-    def _constraints(self, phase: Phase, q: np.ndarray) -> list[pin.RigidConstraintModel]:
+    def _constraints(self, phase: variables.Phase, q: np.ndarray) -> list[pin.RigidConstraintModel]:
         if phase.row not in self._held:
             self._held[phase.row] = self._mechanism.constraints(q, 0.0)
         return self._held[phase.row]
@@ -155,9 +141,9 @@ class HistoryBuilder:
         residual: np.ndarray = energy - self._energy
         return residual
 
-    def _coordinates(self, records: Records) -> dict[str, Any]:
+    def _coordinates(self, records: variables.Records) -> dict[str, Any]:
         mechanism = self._mechanism
-        units = [unit_of(mechanism, name) for name in mechanism.coordinates]
+        units = [variables.unit_of(mechanism, name) for name in mechanism.coordinates]
         coordinates: dict[str, Any] = {
             "time": ("time", records.recorded("time"), {"units": "s"}),
             "coordinate": list(mechanism.coordinates),
@@ -166,7 +152,8 @@ class HistoryBuilder:
             "quaternion": list(QUATERNION),
         }
         if mechanism.clearance:
-            coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
+            names = variables.contact_names(mechanism)
+            coordinates |= {"joint": list(mechanism.clearance), "contact": names}
         else:
             closed = [name for name in mechanism.loops if name not in mechanism.clearance]
             coordinates["moving_joint"] = [*mechanism.joints, *closed]
@@ -181,7 +168,7 @@ class HistoryBuilder:
             return {}
         import xarray as xr  # takes long to import
 
-        names = contact_names(self._mechanism)
+        names = variables.contact_names(self._mechanism)
         work = np.full((len(joints), len(names), AZIMUTHS), np.nan)  # where there is no contact
         for j, joint in enumerate(joints):
             for k, counted in enumerate(self._run.workspace.sliding_work[j]):
@@ -215,7 +202,7 @@ def histories(
     status: Status,
     reactions: bool = True,
     only: Sequence[str] | None = None,
-    phases: Sequence[Phase] | None = None,
+    phases: Sequence[variables.Phase] | None = None,
 ) -> Result:
     """Make a `Result` of the records in the workspace of a run that ended so.
 
@@ -241,24 +228,24 @@ def histories(
     return Result(dataset)
 
 
-def records_of(workspace: Workspace) -> Records:
+def records_of(workspace: Workspace) -> variables.Records:
     """The records in a workspace."""
     count = workspace.rows - workspace.kept_elsewhere
-    return Records(workspace.record[:count], workspace.fields, workspace.kept_elsewhere)
+    return variables.Records(workspace.record[:count], workspace.fields, workspace.kept_elsewhere)
 
 
-def _dataset(variables: Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:
+def _dataset(found: variables.Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr  # takes long to import
 
     dataset = xr.Dataset(
         {
             name: (dims, values, {"units": unit, "long_name": text})
-            for name, (dims, values, unit, text) in variables.items()
+            for name, (dims, values, unit, text) in found.items()
         },
         coordinates,
     )
     dataset["tool_orientation"].attrs["comment"] = CONVENTION
-    if "mode" in variables:
+    if "mode" in found:
         for name, kind in (("mode", Mode), ("form", Form)):
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
             dataset[name].attrs["flag_meanings"] = " ".join(members)

@@ -144,16 +144,6 @@ class Result:
         frame: pd.DataFrame = provided("dataframe")(self, every)
         return frame
 
-    def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
-        """Write the table of `to_dataframe`, units in its header; see
-        `jointplay.bridges.export`.
-        """
-        return self.export(path, "csv", every=every, overwrite=overwrite)
-
-    def to_parquet(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
-        """Write the table of `to_dataframe` as Apache Parquet (extra ``tables``)."""
-        return self.export(path, "parquet", every=every, overwrite=overwrite)
-
     def export(self, path: str | Path, to: str | None = None, **options: Any) -> Path:
         """Write a file for other programs: table, trajectory, ROS 2 bag, rerun recording.
 

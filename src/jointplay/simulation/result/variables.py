@@ -32,11 +32,8 @@ class Term:
     """Work that one kind of load has done since the start."""
 
     power: str
-    """Which of the kernels' powers."""
     variable: str
-    """Name of its time history in results."""
     label: str
-    """What charts call it."""
     lost: bool = True
     """Whether it takes energy out of the mechanism; else it brings it in."""
 
