@@ -21,9 +21,7 @@ def rotor(urdf, inertia=0.02, kind="revolute", clearance=None, gravity=NO_GRAVIT
 def arm(urdf, clearance=None):
     path = urdf(
         *(body("one", 3.0, "0.15 0.02 0"), body("two", 2.0, "0.1 0 0.03")),
-        *(
-            joint("a", "base", "one", axis="0 1 0"),
-            joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
-        ),
+        joint("a", "base", "one", axis="0 1 0"),
+        joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
     )
     return jp.Mechanism(path, clearance)

@@ -10,6 +10,8 @@ import jointplay as jp
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads import LoadedFriction, Wrench
 
+WEIGHT = (0.0, 0.0, -9.81)
+
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_sled_is_braked_by_its_weight(urdf, integrator):
@@ -35,9 +37,6 @@ def test_a_wrench_presses_the_sled_down(urdf):
     loads = {"press": Wrench("cart", force=(0, 6.0, -8.0)), "rub": LoadedFriction("x", 0.3)}
     result = jp.simulate(robot, duration=0.2, state={"x": (0.0, 1.0)}, loads=loads, **QUIET)
     assert float(result["v"][-1, 0]) == pytest.approx(1.0 - 0.3 * 10.0 / 2.0 * 0.2, abs=1e-4)
-
-
-WEIGHT = (0.0, 0.0, -9.81)
 
 
 def pendulum(urdf, **options):
