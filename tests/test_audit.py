@@ -157,6 +157,17 @@ def test_headline_says_how_the_run_began_and_what_is_judged(change, line):
     assert (line in str(audit)) == (audit.peak_force is not None)
 
 
+def test_figures_are_printed_with_their_units():
+    change = {"step_error": 2e-3, "relative_step_error": 0.005, "loop_drift": 5e-7}
+    assert str(Audit(**(GOOD.describe() | change))).splitlines() == [
+        "  energy residual: 100 µJ, 0.01 % of 1 J exchanged",
+        "  contacts: 5, shortest 30 steps, 0 under 10 steps",
+        "  largest penetration: 1 µm, 1 % of the clearance",
+        "  error by the step: tool 2 mm, 0.5 % of the motion",
+        "  drift of ideal loops: 500 nm",
+    ]
+
+
 def test_largest_force_of_any_contact_asks_for_the_smallest_explicit_step(free_mass):
     """Friction's limit falls with the normal force: the peak counts, not a typical record."""
     hard = bouncing(

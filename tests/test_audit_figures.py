@@ -243,6 +243,12 @@ def test_teeth_that_touch_are_resolved_by_the_first_records_duration(audited, me
     assert audited()[0].tooth_steps < math.inf
 
 
+def test_all_is_judged_unless_told_otherwise(audited):
+    audit, _ = audited()
+    assert (audit.judged_from, audit.judged_impacts, audit.judged_impulse) == (0.0, 7, 8.0)
+    assert (audit.peak_force, audit.peak_force_before) == (10.0, None)
+
+
 def test_what_came_before_is_told_apart(audited):
     before = {"onsets": np.array([[1, 1], [2, 0]]), "impulse": np.array([[0.5, 0.5], [1.0, 0.0]])}
     found, _ = audited(judgement=Judgement("rest", 0.2, 1e-9, 5.0, before))
@@ -251,6 +257,15 @@ def test_what_came_before_is_told_apart(audited):
     assert (found.start, found.start_residual, found.start_load) == ("rest", 1e-9, 5.0)
     found, _ = audited(judgement=Judgement(judged_from=0.1))
     assert (found.peak_force, found.peak_force_before) == (10.0, 5.0)
+
+
+def test_small_forces_are_no_less_than_they_are(audited):
+    small = RECORDS.rows_of.copy()
+    small[:, 7:] *= 0.01
+    records = Records(small, RECORDS.fields)
+    found, asked = audited(judgement=Judgement(judged_from=0.2), records=records)
+    assert (found.peak_force, found.peak_force_before) == pytest.approx((0.07, 0.1))
+    assert [force for *_, force in asked] == pytest.approx([0.9, 0.3])
 
 
 def test_laws_are_asked_at_the_deepest_and_fastest_of_contacts_alike(mechanism):
@@ -267,3 +282,9 @@ def test_laws_are_asked_at_the_deepest_and_fastest_of_contacts_alike(mechanism):
     Film.contacts = 2
     assert "thinnest -2e-06" in audit_module.out_of_range(mechanism, STATISTICS)[2]
     Film.contacts = 1
+
+
+def test_error_by_the_step_needs_both_figures(audited):
+    told = audited()[0].describe()
+    for one in ({"step_error": 1e-3}, {"relative_step_error": 1e-3}):
+        assert "error by the step" not in str(Audit(**(told | one)))
