@@ -61,7 +61,9 @@ BRISTLES_TRUTH = {"peak joint force": 339.0, "dissipated energy": 0.05067}
 """Of the four-bar below by rk4 at 0.5 us; steps of 10 us give 316.9 N and 0.05019 J."""
 
 
-@pytest.mark.parametrize("options", [{}, {"tolerance": 1e-3}])
+@pytest.mark.parametrize(
+    "options", [{}, pytest.param({"tolerance": 1e-3}, marks=pytest.mark.thorough)]
+)
 def test_the_error_of_bristles_that_are_followed_slowly_is_covered(options):
     """A tolerance leaves a run the error that equal steps have: it would confirm 316.9 N."""
     changes = {
@@ -92,7 +94,7 @@ def jam(request):
     return jammed(integrator=request.param).run()
 
 
-@pytest.mark.parametrize("find", [certify, estimate])
+@pytest.mark.parametrize("find", [pytest.param(certify, marks=pytest.mark.thorough), estimate])
 def test_the_jammed_case_is_covered_and_the_explicit_method_not_fooled_by_its_half_step(find, jam):
     found = find(jam)
     peak = found["peak joint force"]
@@ -360,6 +362,7 @@ def test_a_journal_that_lies_is_moved_along_its_contacts_and_a_nanometre_into_th
     assert np.linalg.norm(moved) > 0.9e-7
 
 
+@pytest.mark.thorough
 def test_the_slider_crank_from_rest_is_one_draw_of_many():
     """Four contacts and 6 kN here; ensembles with finer steps have twelve and 11.5 kN on average.
 
@@ -406,19 +409,18 @@ integration.estimate_errors = false
 def test_scenarios_ask_for_certificates(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO.format(more='macro_step = "0.2 ms"\ntolerance = 1e-3'))
-    for jobs in ("1", "2"):
-        out = tmp_path / jobs
-        arguments = ["run", str(path), "--out", str(out), "--quiet", "--jobs", jobs]
-        assert cli.main(arguments) == 0
-        shown = capsys.readouterr().out
-        assert "numerical errors, certified by 3 further runs" in shown
-        assert "numerical errors, estimated from 2 further runs" in shown
-        one, two, three = (jp.Result.load(out / f"{name}.nc") for name in ("one", "two", "three"))
-        assert one.certificate.strict
-        assert not two.certificate.strict
-        assert two.certificate["peak joint force"].error > 0.0
-        assert three.certificate is None
-        assert (one.simulation.macro_step, one.simulation.tolerance) == (2e-4, 1e-3)
+    out = tmp_path / "out"
+    assert cli.main(["run", str(path), "--out", str(out), "--quiet", "--jobs", "2"]) == 0
+    shown = capsys.readouterr().out
+    assert "numerical errors, certified by 3 further runs" in shown
+    assert "numerical errors, estimated from 2 further runs" in shown
+    one, two, three = (jp.Result.load(out / f"{name}.nc") for name in ("one", "two", "three"))
+    assert one.certificate.strict
+    assert f"peak joint force   {one.certificate['peak joint force']}" in shown
+    assert not two.certificate.strict
+    assert two.certificate["peak joint force"].error > 0.0
+    assert three.certificate is None
+    assert (one.simulation.macro_step, one.simulation.tolerance) == (2e-4, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -472,6 +474,7 @@ def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, t
     assert plain(tmp_path / paper.FILES["ideal"])
 
 
+@pytest.mark.thorough
 def test_claims_that_are_left_out_are_said(monkeypatch):
     result = replace(scara(2e-4), duration=0.31).run(estimate=False)
     assert "deviation_mm" in {one.name for one in certify(result, claims=True).figures}

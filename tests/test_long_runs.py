@@ -63,15 +63,15 @@ def same(one, other):
 
 
 CASES = {
-    "clearance": lambda: simulation(duration=0.045, judge_from=0.02, start="centred"),
-    "seed": lambda: simulation(duration=0.045, seed=3),
+    "clearance": lambda: simulation(duration=0.025, judge_from=0.012, start="centred"),
+    "seed": lambda: simulation(duration=0.025, seed=3),
     "loop": lambda: crank(True, duration=0.006),
     "ideal loop": lambda: crank(False, duration=0.006),
     "payload": lambda: simulation(
-        duration=0.045, payloads=[jp.Payload("suction_cup", 0.5, pick=0.011, release=0.043)]
+        duration=0.025, payloads=[jp.Payload("suction_cup", 0.5, pick=0.011, release=0.023)]
     ),
-    "fixed step": lambda: simulation(duration=0.045, integrator="rk4"),
-    "tolerance": lambda: simulation(duration=0.045, tolerance=1e-3),
+    "fixed step": lambda: simulation(duration=0.025, integrator="rk4"),
+    "tolerance": lambda: simulation(duration=0.025, tolerance=1e-3),
 }
 
 
@@ -246,20 +246,20 @@ def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
 
 @pytest.mark.parametrize("loops", [True, False])
 def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp_path):
-    one = simulation(duration=0.25)
+    one = simulation(duration=0.13)
     if loops:
-        one = crank(False, duration=0.25, drive=ComputedTorque(), step=1e-5)
+        one = crank(False, duration=0.13, drive=ComputedTorque(), step=1e-5)
     whole = jp.Run(one).workspace.reference
     monkeypatch.setattr(tables, "BLOCK_NODES", 1)
     table = jp.Run(one)._reference
     found = [table.table]
-    while table.until < 0.25:
+    while table.until < 0.13:
         first = table.first + len(table.table)
         table.go_to(table.until)
         found.append(table.table[first - table.first :])
     assert len(found) > 2
     np.testing.assert_allclose(np.concatenate(found), whole, rtol=1e-9, atol=1e-9)
-    run = stepped(jp.Run(one), 0.2)
+    run = stepped(jp.Run(one), 0.1)
     again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz"))
     same(again.finish(check_step=False), one.run(check_step=False))
 
@@ -376,6 +376,7 @@ def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_
     assert len(part.time) < len(found.time)
 
 
+@pytest.mark.thorough
 def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     """Of two cases one is done, of the other a checkpoint is left."""
     _, err, status = ended(start("init", tmp_path / "study"))

@@ -73,15 +73,6 @@ class TimeLoop(ABC):
         self._none = pin.StdVec_Force()
         self._none.extend([pin.Force.Zero()] * model.njoints)
 
-    def _dynamics(
-        self, q: np.ndarray, v: np.ndarray, tau: np.ndarray
-    ) -> tuple[Any, tuple[Any, ...]]:
-        """What puts the acceleration into `data.ddq`, and what it is called with."""
-        state = (self.model, self.data, q, v, tau)
-        if len(self._models):
-            return pin.constraintDynamics, (*state, self._models, self._datas, PROXIMAL)
-        return pin.aba, (*state, self._none, pin.Convention.WORLD)
-
     @property
     def commands(self) -> tuple[Command, ...]:
         """One of each compiled entry that the loop calls."""
@@ -231,15 +222,11 @@ class MultiRate(TimeLoop):
             points = [(i, j, one[9:], other[9:]) for (i, one), (j, other) in pairs]
             w.set_held_pairs(np.array(points, layout.HOLD))
 
-    def _run_pinocchio(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Have Pinocchio find inverse mass matrix, and acceleration without forces, of a state."""
-        _aba(self.model, self.data, q, v, self._zero, self._none, _WORLD)
-        _inverse(self.model, self.data)
-
     def begin(self) -> None:
         w, self._planned_on = self.workspace, False
         w.execute(Command.RESTART)
-        self._run_pinocchio(w.q, w.v)
+        _aba(self.model, self.data, w.q, w.v, self._zero, self._none, _WORLD)
+        _inverse(self.model, self.data)
         w.execute(Command.START_HALF_STEP)
 
     def synchronize(self) -> None:
@@ -320,7 +307,10 @@ class SingleRate(TimeLoop):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         w = self.workspace
-        self._call = self._dynamics(w.q, w.v, w.tau)
+        state = (self.model, self.data, w.q, w.v, w.tau)
+        self._call: tuple[Any, tuple[Any, ...]] = pin.aba, (*state, self._none, _WORLD)
+        if len(self._models):
+            self._call = pin.constraintDynamics, (*state, self._models, self._datas, PROXIMAL)
         self._begun = False
 
     def begin(self) -> None:

@@ -542,8 +542,7 @@ class StaticEquilibrium:
         self._pull = np.zeros(0)
         self._bands, self._reach = np.zeros(nv), np.full(nv, np.inf)
         """By which springs of drives give way at first, and what they are bent by at most."""
-        sprung = self._servos(servos, reference, drives)
-        sprung |= self._drives(rows, reference, drives)
+        sprung = self._drives(servos, rows, reference, drives)
         for name, losses in friction.items():
             at = mechanism.coordinate(name)
             self._constant[at] -= float(losses.torque(self._speed[at : at + 1])[0])
@@ -556,33 +555,51 @@ class StaticEquilibrium:
         self._least_load = self.weight() or float(weightless.max(initial=0.0))
         """What residual forces are compared with where nothing touches."""
 
-    def _servos(
+    def _drives(
         self,
         servos: np.ndarray | Sequence[np.void],
+        rows: np.ndarray | Sequence[np.void],
         reference: np.ndarray,
         drives: Mapping[str, Drive],
     ) -> set[int]:
-        """Make springs with a dead band of the servos; returns the coordinates that they hold.
+        """Make springs of drives, of servos with a dead band; returns coordinates that they hold.
 
-        Their friction, counts of their encoders and samples in between are left out.
+        Friction of servos, counts of their encoders and samples in between are left out.
         """
-        mechanism = self._mechanism
+        mechanism, nu = self._mechanism, len(reference) // 3
         sprung: set[int] = set()
-        named = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
-        for row in servos:
-            at, encoder, u = int(row["coordinate"]), int(row["encoder"]), int(row["column"])
-            speed = reference[len(reference) // 3 + u] - self._speed[encoder]
-            spring = float(row["stall"] * row["p_gain"])
-            torque = float(row["stall"] * row["d_gain"] * speed)
+        followed = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
+
+        def ahead(row: np.void) -> float:
+            return float(reference[nu + int(row["column"])] - self._speed[int(row["encoder"])])
+
+        def hold(row: np.void, spring: float, torque: float) -> None:
+            at, encoder = int(row["coordinate"]), int(row["encoder"])
             self._springs[encoder] += spring
+            self._rest[encoder] = reference[int(row["column"])]
+            self._constant[encoder] += torque
+            if encoder != at:  # a motor whose encoder sees the link trails behind the play
+                self._trailing[at], self._through[at] = encoder, (spring, torque, 1.0)
+            sprung.update((encoder, mechanism.coordinate(followed[at])))
+
+        for row in servos:
+            encoder, stall = int(row["encoder"]), row["stall"]
             self._bands[encoder] = row["dead_band"]
             self._reach[encoder] = row["voltage"] / row["p_gain"]
-            self._rest[encoder] = reference[u]
-            self._constant[encoder] += torque
-            if encoder != at:
-                self._trailing[at] = encoder
-                self._through[at] = spring, torque, 1.0
-            sprung |= {encoder, mechanism.coordinate(named[at])}
+            hold(row, float(stall * row["p_gain"]), float(stall * row["d_gain"] * ahead(row)))
+        for row in rows:
+            at = int(row["coordinate"])
+            if at not in followed or row["armature"] > 0.0:
+                continue
+            torque = float(reference[2 * nu + int(row["column"])] + row["kd"] * ahead(row))
+            if row["kp"] == 0.0:  # the back-EMF of a servo's motor, which may trail
+                self._constant[self._trailing.get(at, at)] += torque
+            else:
+                hold(row, float(row["kp"]), torque)
+        geared = {mechanism.motor(name) for name in mechanism.gears}
+        # Links hang on the teeth of prescribed motors too.
+        for at in geared & set(followed) - set(self._trailing):
+            sprung.add(mechanism.coordinate(followed[at]))
         return sprung
 
     def _pulls(self, q: np.ndarray) -> np.ndarray:
@@ -590,41 +607,6 @@ class StaticEquilibrium:
         away = self._rest - q
         bent = np.minimum(np.maximum(np.abs(away) - self._bands, 0.0), self._reach)
         return np.asarray(np.copysign(bent, away))
-
-    def _drives(
-        self,
-        rows: np.ndarray | Sequence[np.void],
-        reference: np.ndarray,
-        drives: Mapping[str, Drive],
-    ) -> set[int]:
-        mechanism = self._mechanism
-        nu = len(reference) // 3
-        sprung: set[int] = set()
-        followed = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
-        for row in rows:
-            at, encoder = int(row["coordinate"]), int(row["encoder"])
-            if at not in followed or row["armature"] > 0.0:
-                continue
-            # A motor whose encoder sits behind the play holds the link, and trails behind it.
-            if encoder != at:
-                self._trailing[at] = encoder
-            u = int(row["column"])
-            ahead = row["kd"] * (reference[nu + u] - self._speed[encoder])
-            torque = float(reference[2 * nu + u] + ahead)
-            if row["kp"] == 0.0:  # the back-EMF of a servo's motor, which may trail
-                self._constant[self._trailing.get(at, at)] += torque
-                continue
-            self._springs[encoder] += row["kp"]
-            self._rest[encoder] = reference[u]
-            self._constant[encoder] += torque
-            if encoder != at:
-                self._through[at] = float(row["kp"]), torque, 1.0
-            sprung |= {encoder, mechanism.coordinate(followed[at])}
-        geared = {mechanism.motor(name) for name in mechanism.gears}
-        # Links hang on the teeth of prescribed motors too.
-        for at in geared & set(followed) - set(self._trailing):
-            sprung.add(mechanism.coordinate(followed[at]))
-        return sprung
 
     def _find_basis(
         self, sprung: set[int], drives: Mapping[str, Drive], given: set[int]

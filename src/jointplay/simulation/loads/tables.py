@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,8 +30,6 @@ REFERENCE_NODE_S = 1e-4
 At 30 rad/s^2 the tabulated position is within 4e-8 rad of the curve. Prescribed motion is
 interpolated by cubics.
 """
-
-Efforts = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 BLOCK_NODES = 25_000
 """Nodes that are tabulated at once, if there are more than twice as many."""
@@ -110,11 +107,6 @@ class Reference:
         return self._rows(times, progress)
 
 
-def nodes_ahead(seconds: float) -> int:
-    """Nodes that a stretch of so many seconds may need beyond its start."""
-    return math.ceil(seconds / REFERENCE_NODE_S) + 4
-
-
 def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
     """Nodes of the table of all drives: it ends where nothing changes any more."""
     ends = [0.0]
@@ -165,8 +157,17 @@ def tabulate(
         end = (nodes - 1) * REFERENCE_NODE_S
         ideal = IdealMotion(mechanism, motion, follows, end, start, speed)
     columns: list[Any] = []
-    efforts: dict[int, Efforts] = {}
-    rows, servos, rubs = [], [], []
+    efforts: dict[int, tuple[float, JointFriction]] = {}
+    """By column, what a drive also turns, and the friction that it overcomes."""
+    rows, servos = [], []
+    rubs = [
+        friction_row(
+            mechanism.coordinate(name),
+            *(one.coulomb, one.excess, one.stribeck_speed, one.viscous),
+        )
+        for name, one in friction.items()
+        if one.coulomb or one.excess or one.viscous
+    ]
     model = mechanism.model
     own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
     armature: dict[int, float] = {}
@@ -189,12 +190,17 @@ def tabulate(
             assert ideal is not None
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = ideal.inertia[k] + rotor
-            efforts[k] = partial(_effort, rotor, losses)
+            efforts[k] = rotor, losses
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
             row = drive_row(u, at, measured, kp, kd, limit=limit)
         if isinstance(drive, Servo):
-            servos.append(servo_row(drive, u, at, measured, limit))
+            servos.append(servo := np.zeros(1, layout.SERVO))
+            for field in ("stall", "p_gain", "d_gain", "resolution", "voltage"):
+                servo[field] = getattr(drive, field)
+            servo["dead_band"], servo["period"] = drive.band, drive.period or 0.0
+            servo["column"], servo["coordinate"], servo["encoder"] = u, at, measured
+            servo["limit"], servo["sampled_at"] = limit, -1.0
             columns.append(((0.0,), (0.0,)))  # back-EMF is damping against a speed of zero
             row = drive_row(u + 1, at, kd=drive.braking)
             if gear and (drive.friction or drive.viscous):
@@ -215,63 +221,26 @@ def tabulate(
                 continue
             table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
             if column in efforts:
-                states = (values[:, column] for values in (effort, velocity, acceleration))
-                table[2, :, u] = efforts[column](*states)
+                rotor, losses = efforts[column]
+                table[2, :, u] = (
+                    effort[:, column]
+                    + rotor * acceleration[:, column]
+                    + losses.torque(velocity[:, column])
+                )
         return np.hstack(list(table))
 
-    reference = Reference(rows_at, nodes, ideal, nodes_ahead(ahead), progress)
+    gears = [
+        gear.row(mechanism.motor(name), mechanism.coordinate(name))
+        for name, gear in mechanism.gears.items()
+    ]
+    reference = Reference(rows_at, nodes, ideal, math.ceil(ahead / REFERENCE_NODE_S) + 4, progress)
     tables = CoordinateTables(
         stacked(rows, layout.DRIVE_ROW),
         stacked(servos, layout.SERVO),
-        stacked([*_friction_rows(mechanism, friction), *rubs], layout.FRICTION_ROW),
-        gear_rows(mechanism),
+        stacked(rubs, layout.FRICTION_ROW),
+        stacked(gears, layout.GEAR_ROW),
         reference.table,
         REFERENCE_NODE_S,
         nodes,
     )
     return tables, armature, reference
-
-
-def _effort(
-    rotor: float,
-    losses: JointFriction,
-    ideal: np.ndarray,
-    velocity: np.ndarray,
-    acceleration: np.ndarray,
-) -> np.ndarray:
-    effort: np.ndarray = ideal + rotor * acceleration + losses.torque(velocity)
-    return effort
-
-
-def servo_row(servo: Servo, column: int, at: int, encoder: int, limit: float) -> np.ndarray:
-    """Record of a servo's controller, shape (1,): column of the reference, and coordinates."""
-    row = np.zeros(1, layout.SERVO)
-    for name in ("stall", "p_gain", "d_gain", "resolution", "voltage"):
-        row[name] = getattr(servo, name)
-    row["dead_band"] = servo.band
-    row["column"], row["coordinate"], row["encoder"] = column, at, encoder
-    row["limit"], row["period"], row["sampled_at"] = limit, servo.period or 0.0, -1.0
-    return row
-
-
-def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) -> list[np.ndarray]:
-    return [
-        friction_row(
-            mechanism.coordinate(name),
-            losses.coulomb,
-            losses.excess,
-            losses.stribeck_speed,
-            losses.viscous,
-        )
-        for name, losses in friction.items()
-        if losses.coulomb or losses.excess or losses.viscous
-    ]
-
-
-def gear_rows(mechanism: Mechanism) -> np.ndarray:
-    """Records of the gears."""
-    rows = [
-        gear.row(mechanism.motor(name), mechanism.coordinate(name))
-        for name, gear in mechanism.gears.items()
-    ]
-    return stacked(rows, layout.GEAR_ROW)

@@ -7,7 +7,7 @@ far the real tool misses it is what a simulation with clearance shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -306,14 +306,15 @@ class Arm:
         """Motion of the frame with each of `freedoms`, shape (3 or 6, mobility)."""
         return self.jacobian(q, turning) @ self.freedoms(q)
 
-    def find_rank(self, turning: bool, random: np.random.Generator) -> None:
+    def find_rank(self, turning: bool) -> None:
         """How many directions the tool can be led in at all, somewhere.
 
         If they are fewer than asked for, the others need to fit only as exactly as numbers in a
         URDF do.
         """
+        self.random = np.random.default_rng(0)
         for _ in range(20):
-            values = np.linalg.svd(self.led(self.anywhere(random), turning), compute_uv=False)
+            values = np.linalg.svd(self.led(self.anywhere(self.random), turning), compute_uv=False)
             self.rank = max(self.rank, int(np.sum(values > 10.0 * SINGULAR_M)))
         self._within = NEARLY_M if self.rank < (6 if turning else 3) else REACHED_M
 
@@ -586,8 +587,7 @@ def cartesian_path(
         raise MissingName("path", path, PATHS)
     moments, targets = _waypoints(times, positions, orientations)
     arm = Arm(mechanism, frame, start or {}, driven)
-    random = np.random.default_rng(0)
-    arm.find_rank(orientations is not None, random)
+    arm.find_rank(orientations is not None)
     for i, target in enumerate(targets):
         with within("positions", i):
             _require_near(arm, target, f"waypoint {i + 1}")
@@ -598,18 +598,18 @@ def cartesian_path(
         total=sum(counts), desc="inverse kinematics", unit="pose", delay=_PATIENCE_S, leave=False
     ) as bar:
         with within("positions", 0):
-            q = _solve(arm, arm.seed, targets[0], "waypoint 1", random, first=True)
+            q = _solve(arm, arm.seed, targets[0], "waypoint 1", first=True)
         bar.update()
         solved = [(float(moments[0]), q)]
         for i in range(1, len(targets)):
             with within("positions", i):
                 if path == "line":
                     ends = moments[i - 1 : i + 1], targets[i - 1 : i + 1]
-                    for node in _line(arm, q, *ends, counts[i], i + 1, random):
+                    for node in _line(arm, q, *ends, counts[i], i + 1):
                         solved.append(node)
                         bar.update()
                 else:
-                    ahead = _solve(arm, q, targets[i], f"waypoint {i + 1}", random)
+                    ahead = _solve(arm, q, targets[i], f"waypoint {i + 1}")
                     _check_way(arm, q, ahead, targets[i], i + 1)
                     solved.append((float(moments[i]), ahead))
                     bar.update()
@@ -644,8 +644,7 @@ def reachable(
     """
     _, targets = _waypoints(np.arange(len(positions), dtype=float), positions, orientations)
     arm = Arm(mechanism, frame, start or {}, driven)
-    random = np.random.default_rng(0)
-    arm.find_rank(orientations is not None, random)
+    arm.find_rank(orientations is not None)
     able = np.zeros(len(targets), bool)
     seeds, places = [arm.seed], [arm.pose(arm.seed).translation.copy()]
     shown = ProgressBar(targets, "poses", delay=1.0, leave=False) if progress else targets
@@ -737,18 +736,14 @@ def _require_near(arm: Arm, target: Target, what: str) -> None:
 
 
 def _solve(
-    arm: Arm,
-    seed: np.ndarray,
-    target: Target,
-    what: str,
-    random: np.random.Generator,
-    first: bool = False,
+    arm: Arm, seed: np.ndarray, target: Target, what: str, first: bool = False
 ) -> np.ndarray:
+    """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
     solution = arm.approach(seed, target)
     if not solution.reached and arm.ideal.loops:
         solution = arm.search(seed, target)
     if not solution.reached:
-        solution = _otherwise(arm, solution, seed, target, what, random, first)
+        solution = _otherwise(arm, solution, seed, target, what, first)
     if arm.mobility > arm.rank:
         solution = arm.nearest(solution, seed, target)
     _require_regular(arm, solution.q, target, what)
@@ -776,7 +771,6 @@ def _otherwise(
     seed: np.ndarray,
     target: Target,
     what: str,
-    random: np.random.Generator,
     first: bool,
 ) -> Found:
     restarts: Iterable[int] = ProgressBar(
@@ -849,7 +843,6 @@ def _line(
     targets: Sequence[Target],
     count: int,
     number: int,
-    random: np.random.Generator,
 ) -> Iterator[tuple[float, np.ndarray]]:
     begin, before = targets[0]
     base = arm.freedoms(q)
@@ -863,9 +856,9 @@ def _line(
         if k == count:
             time, target, what = times[1], targets[1], f"waypoint {number}"
         try:
-            ahead = _solve(arm, q, target, what, random)
+            ahead = _solve(arm, q, target, what)
         except JointplayError:
-            _solve(arm, q, targets[1], f"waypoint {number}", random, first=True)
+            _solve(arm, q, targets[1], f"waypoint {number}", first=True)
             raise
         moved = np.abs(ahead - q)
         if moved.max() > JUMP:
