@@ -84,12 +84,10 @@ def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: 
     """Refuse a step too large for the loads' springs, all together, naming the stiffest one."""
     frequency, stiffest = highest_frequency(loads, mechanism, q)
     if frequency * step > LARGEST_STEP_TURN:
-        raise JointplayError(
-            f"step {step:g} s is too large for the load {stiffest!r}: the mechanism would swing on "
-            f"its springs at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
-            f"{FINE_STEP_TURN / frequency:.2g} s",
-            where=("step",),
-        )
+        swing = f"a swing on its springs at {frequency / (2.0 * np.pi):.3g} Hz"
+        most = f"take at most {FINE_STEP_TURN / frequency:.2g} s"
+        said = f"step {step:g} s is too large for the load {stiffest!r}, {swing}: {most}"
+        raise JointplayError(said, ("step",))
 
 
 def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:

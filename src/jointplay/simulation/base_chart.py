@@ -33,11 +33,11 @@ radian between two looks to come near a right angle."""
 def check_start(mechanism: Mechanism, q: np.ndarray) -> None:
     """Refuse a pitch of a right angle at the start: yaw and roll turn the base about one axis."""
     if mechanism.free_base is not None and abs(np.cos(q[ANGLES][1])) < STEEPEST_START:
+        pitch = f"{mechanism.free_base}.pitch"
         raise JointplayError(
-            f"{mechanism.free_base}.pitch = {q[ANGLES][1]:.6g} rad is a right angle, where yaw and "
-            "roll turn the base about the same axis; give yaw, pitch and roll of nearly the same "
-            "pose, a thousandth of a radian away",
-            where=("state", f"{mechanism.free_base}.pitch"),
+            f"{pitch} = {q[ANGLES][1]:.6g} rad is a right angle, where yaw and roll turn the base "
+            "about the same axis; give nearly the same pose, a thousandth of a radian away",
+            ("state", pitch),
         )
 
 

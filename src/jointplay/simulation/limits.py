@@ -90,11 +90,8 @@ def check_numbers(step: float, duration: float, every: object, seed: object) -> 
     if seed is not None:
         require_whole("seed", seed, 0, 2**63 - 1, ("seed",))
     if duration / step > MOST_STEPS:
-        raise JointplayError(
-            f"duration {duration:g} s is {duration / step:.3g} steps of {step:g} s; "
-            f"at most {MOST_STEPS:.0e} are possible",
-            where=("duration",),
-        )
+        steps = f"{duration / step:.3g} steps of {step:g} s; at most {MOST_STEPS:.0e} are possible"
+        raise JointplayError(f"duration {duration:g} s is {steps}", ("duration",))
 
 
 def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:

@@ -58,11 +58,10 @@ class Simulation(Overview, Inputs):
         require_a("payloads", self.payloads, "Iterable")
         check_fields(self)
         if self.start == "rest" and self.mechanism.free_base is not None:
-            raise JointplayError(
-                "start 'rest' is for a base that is held: a free one stands nowhere; start "
-                "'centred', or hold the base",
-                where=("start",),
+            said = (
+                "a free base stands nowhere to start at 'rest': start 'centred', or hold the base"
             )
+            raise JointplayError(said, ("start",))
         given = require_table("state", self.state, "of positions [rad, m] by joint", ("state",))
         state = {name: position_and_speed(name, value) for name, value in given.items()}
         object.__setattr__(self, "state", state)

@@ -71,11 +71,8 @@ class JointFriction(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         if self.static is not None and self.static < self.coulomb:
-            raise JointplayError(
-                f"static joint friction {self.static:g} N m is below the dry friction "
-                f"{self.coulomb:g} N m",
-                where=("static",),
-            )
+            both = f"{self.static:g} N m is below the dry friction {self.coulomb:g} N m"
+            raise JointplayError(f"static joint friction {both}", ("static",))
 
     @property
     def excess(self) -> float:

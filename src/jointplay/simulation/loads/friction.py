@@ -56,8 +56,7 @@ class LoadedFriction(OnJoint):
         if mechanism.loops:
             raise JointplayError(
                 f"the friction of joint {self.joint!r} cannot grow with its load: in a mechanism "
-                f"with loops ({', '.join(mechanism.loops)}) the motion does not determine the "
-                "forces"
+                f"with loops ({', '.join(mechanism.loops)}) motion does not tell the forces"
             )
         slides = mechanism.description.joints[self.joint].slides
         radii = (self.radius, self.axial_radius)

@@ -152,11 +152,8 @@ class Arm:
         self._within = REACHED_M
         self.seed = self._seed(start)
         if not ideal.loops and driven is not None:
-            raise JointplayError(
-                "driven joints can be chosen in closed loops only: this mechanism has none, all "
-                "its joints are driven",
-                where=("driven",),
-            )
+            said = "driven joints are chosen in closed loops only: here all its joints are driven"
+            raise JointplayError(said, ("driven",))
         self.mimics = closed_loops.followed_mimics(ideal, self.seed, () if ideal.loops else start)
         if ideal.loops or self.mimics:
             self.seed = self.search(self.seed, None).q
@@ -692,8 +689,7 @@ def _check_way(arm: Arm, q: np.ndarray, ahead: np.ndarray, target: Target, numbe
         raise JointplayError(
             f"on the way to waypoint {number} at {target} the driven joints "
             f"({', '.join(arm.joints)}), moved in step, pass a singular configuration (type 2) or "
-            "leave the workspace, so that the loops would not arrive as the waypoint needs them; "
-            'add waypoints between, or take path = "line"'
+            'leave the workspace; add waypoints between, or take path = "line"'
         )
 
 

@@ -301,14 +301,12 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
         )
         if outside:
             raise JointplayError(
-                f"nothing determines {', '.join(outside)}: no loop leads it, and the motion of "
-                f"{driven or 'no joint'} does not name it; name it there, or choose another drive "
-                "than computed-torque"
+                f"nothing determines {', '.join(outside)}: no loop leads it, nor the motion of "
+                f"{driven or 'no joint'}; name it there, or take another drive than computed-torque"
             )
         raise JointplayError(
-            f"the driven joints ({driven or 'none'}) do not determine these of the loops' other "
-            f"joints: {names} (too few driven joints, or a singular configuration); drive one of "
-            "them, too, or begin in another configuration"
+            f"the driven joints ({driven or 'none'}) do not determine {names} (too few, or a "
+            "singular configuration); drive one of them, too, or begin in another configuration"
         )
     ratios = np.zeros((mechanism.model.nv, len(at)))
     ratios[at, np.arange(len(at))] = 1.0

@@ -126,11 +126,8 @@ class Motion(Described):
         if self.given is not None:
             ends = self.times[[0, -1]]
             if self.given.ndim != 1 or not np.array_equal(self.given[[0, -1]], ends):
-                raise JointplayError(
-                    f"the given waypoints must be at times from {ends[0]:g} to {ends[1]:g} s, got "
-                    f"{self.given}",
-                    ("given",),
-                )
+                needed = f"must be at times from {ends[0]:g} to {ends[1]:g} s"
+                raise JointplayError(f"given waypoints {needed}, got {self.given}", ("given",))
             require_increasing("given waypoints", self.given.tolist(), "s", ("given",))
         if self.interpolation not in INTERPOLATIONS:
             raise MissingName(
