@@ -58,9 +58,7 @@ class Simulation(Overview, Inputs):
         require_a("payloads", self.payloads, "Iterable")
         check_fields(self)
         if self.start == "rest" and self.mechanism.free_base is not None:
-            said = (
-                "a free base stands nowhere to start at 'rest': start 'centred', or hold the base"
-            )
+            said = "start 'rest' is for a base that is held: start 'centred', or hold the base"
             raise JointplayError(said, ("start",))
         given = require_table("state", self.state, "of positions [rad, m] by joint", ("state",))
         state = {name: position_and_speed(name, value) for name, value in given.items()}

@@ -305,8 +305,8 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
                 f"{driven or 'no joint'}; name it there, or take another drive than computed-torque"
             )
         raise JointplayError(
-            f"the driven joints ({driven or 'none'}) do not determine {names} (too few, or a "
-            "singular configuration); drive one of them, too, or begin in another configuration"
+            f"the driven joints ({driven or 'none'}) do not determine these: {names} (too few, or "
+            "a singular configuration); drive one of them, too, or begin in another configuration"
         )
     ratios = np.zeros((mechanism.model.nv, len(at)))
     ratios[at, np.arange(len(at))] = 1.0
