@@ -84,10 +84,7 @@ def test_drive_of_a_worn_joint_acts_on_its_yaw_alone(urdf):
 
 @pytest.mark.parametrize(
     ("joints", "named"),
-    [
-        (["a", "b", "c"], "the motion names c;"),
-        (["a", "c"], "the motion names c;"),
-    ],
+    [(["a", "b", "c"], "the motion names c;"), (["a", "c"], "the motion names c;")],
 )
 def test_motion_must_name_joints_that_move(urdf, joints, named):
     motion = Motion(joints, [0.0, 1.0], np.zeros((2, len(joints))))

@@ -24,7 +24,7 @@ def arm(urdf):
     """A loaded joint, followed by an ideal one."""
     path = urdf(
         body("one", com="0.1 0 0"), joint("a", "base", "one", axis="0 1 0"),
-        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0"),
+        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0")
     )  # fmt: skip
     bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     return jp.Mechanism(path, {"a": bearing})
@@ -35,12 +35,7 @@ def moving(arm, duration=0.02, **options):
     return jp.Simulation(arm, motion, duration=duration, **options)
 
 
-METHODS = (
-    {},
-    {"tolerance": 1e-3},
-    {"integrator": "rk4"},
-    {"integrator": "semi-implicit-euler"},
-)
+METHODS = ({}, {"tolerance": 1e-3}, {"integrator": "rk4"}, {"integrator": "semi-implicit-euler"})
 
 
 @pytest.mark.parametrize("options", METHODS)
@@ -393,7 +388,7 @@ def test_names_of_joints_are_never_parsed(urdf, name):
     text = quoteattr(name)
     path = urdf(
         body("one", com="0.1 0 0"), joint("NAME", "base", "one", axis="0 1 0"),
-        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0"),
+        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0")
     )  # fmt: skip
     path.write_text(path.read_text().replace('"NAME"', text))
     bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)

@@ -99,19 +99,19 @@ def command_times(quick: bool) -> dict[str, float]:
         "budget panda, one pose": ["budget", "panda", *clearance],
         "budget panda, 500 poses": ["budget", "panda", *clearance, "--workspace", "500"],
         "budget slider-crank, 60 poses": [
-            "budget", "jointplay:slider_crank.toml", "--case", "0.2 mm",
+            "budget", "jointplay:slider_crank.toml", "--case", "0.2 mm"
         ],
         "allocate panda, 60 poses": [
-            "allocate", "panda", "--target", "1 mm", "--workspace", "60",
+            "allocate", "panda", "--target", "1 mm", "--workspace", "60"
         ],
         "allocate panda, 99 %, 60 poses": [
-            "allocate", "panda", "--target", "1 mm", "--workspace", "60", "--quantile", "0.99",
+            "allocate", "panda", "--target", "1 mm", "--workspace", "60", "--quantile", "0.99"
         ],
         "reduce ur5 elbow": [
             "reduce", "ur5", "--joint", "elbow_joint", *clearance, "--gear",
             "elbow_joint=2 arcmin", "--gear-stiffness", "2e4", "--rotor-inertia", "0.5",
-            "--gear-damping", "20", "--quiet", "--out", "{out}",
-        ],
+            "--gear-damping", "20", "--quiet", "--out", "{out}"
+        ]
     }  # fmt: skip
     found: dict[str, float] = {}
     program = "import sys; from jointplay.cli import main; sys.exit(main())"

@@ -71,7 +71,7 @@ class Case:
         tools = {"ur5": {"tool": "tool0"}, "panda": {"tool": "panda_hand_tcp"}}
         loose = jp.RevoluteClearance(
             bearing_radius=30e-3, bearing_length=50e-3, radial_clearance=1e-4,
-            axial_clearance=1e-4, stiffness=RIGID,
+            axial_clearance=1e-4, stiffness=RIGID
         )  # fmt: skip
         mechanism = jp.Mechanism(
             path,
@@ -170,7 +170,7 @@ class Journal:
         way = self.way(lean)
         return np.array([
             self.bore(p, lean) - np.linalg.norm(p), self.bore(q, lean) - np.linalg.norm(q),
-            way - xi[2], way + xi[2],
+            way - xi[2], way + xi[2]
         ])  # fmt: skip
 
     def leaning(self, p: np.ndarray, q: np.ndarray, z: float) -> np.ndarray:
@@ -453,7 +453,7 @@ def flat(journal: Journal, seed: int = 0) -> np.ndarray:
                 found = minimize(
                     lambda y, a=axis, s=sign: -s * journal.error(y * scale)[a] / size,
                     xi / scale, constraints=[inside, low], bounds=BOUNDS,
-                    options={"ftol": 1e-10, "maxiter": 300},
+                    options={"ftol": 1e-10, "maxiter": 300}
                 )  # fmt: skip
                 good = journal.room(found.x * scale).min() > -1e-9
                 if good and energy(found.x) <= least + 1.1 * FLAT:
@@ -492,7 +492,7 @@ def compare(name: str, case: Case, mu: float, states: int) -> tuple[float, float
         )
     print(
         f"  {len(errors)} states in {spent:.1f} s, budget {took:.2f} s; second order "
-        f"{1e6 * found.second_order[0]:.2g} um", flush=True,
+        f"{1e6 * found.second_order[0]:.2g} um", flush=True
     )  # fmt: skip
     return covered, beyond
 

@@ -52,7 +52,7 @@ def pushed(time, q, v, p):
 def simulation(urdf, loads, **options):
     path = urdf(
         body("one", com="0.1 0 0"), joint("a", "base", "one", axis="0 1 0"),
-        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0"),
+        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0")
     )  # fmt: skip
     robot = jp.Mechanism(path, {"a": jp.RevoluteClearance(**PLAY)})
     motion = jp.Motion(["a", "b"], [0.0, 0.02], [[0.0, 0.0], [0.2, -0.3]])

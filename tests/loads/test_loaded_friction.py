@@ -80,11 +80,7 @@ def test_the_force_along_the_axis_rubs_on_its_own_radius(urdf):
     path = urdf(body("disc", 3.0, "0 0 0", 0.02), joint("a", "base", "disc"))
     loads = {"rub": LoadedFriction("a", 0.1, axial_radius=0.02)}
     result = jp.simulate(
-        jp.Mechanism(path),
-        duration=0.1,
-        state={"a": (0.0, 5.0)},
-        loads=loads,
-        **QUIET,
+        jp.Mechanism(path), duration=0.1, state={"a": (0.0, 5.0)}, loads=loads, **QUIET
     )
     assert float(result["v"][-1, 0]) == pytest.approx(
         5.0 - 0.1 * 0.02 * 3 * 9.81 / 0.02 * 0.1, 1e-5

@@ -136,7 +136,7 @@ def test_counts_of_the_encoder_limit_where_it_stops(disc):
 def test_energy_balances_with_gear_and_servo(pendulum, options):
     train = jp.GearTrain(
         stages=(jp.GearStage(ratio=5, backlash=0.02, efficiency=0.9), jp.GearStage(ratio=4)),
-        stiffness=300.0, damping=0.1, rotor_inertia=INERTIA, no_load_torque=0.02,
+        stiffness=300.0, damping=0.1, rotor_inertia=INERTIA, no_load_torque=0.02
     )  # fmt: skip
     servo = replace(SERVO, dead_band=0.002, period=1e-3)
     motion = jp.Motion(["a"], [0, 0.25, 0.5], [[0.0], [0.6], [-0.2]])

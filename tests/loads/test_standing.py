@@ -17,7 +17,7 @@ MASS, REACH = 1.5, 0.1
 def arm(urdf, gravity):
     path = urdf(
         body("one", MASS, com=f"{REACH} 0 0"), joint("a", "base", "one", axis="0 1 0"),
-        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0"),
+        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0")
     )  # fmt: skip
     return jp.Mechanism(path, {"a": jp.RevoluteClearance(**PLAY)}, gravity=gravity)
 

@@ -6,12 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
-from jointplay.model.impact import (
-    REFERENCE_SPEED,
-    contact_duration,
-    effective_mass,
-    tooth_duration,
-)
+from jointplay.model.impact import REFERENCE_SPEED, contact_duration, effective_mass, tooth_duration
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics import kernel
 from jointplay.physics.contact import elastic, resultant

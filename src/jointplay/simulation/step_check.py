@@ -94,11 +94,7 @@ def step_error(
 
 
 def _difference(
-    run: Run,
-    result: Result,
-    start: tuple[np.ndarray, np.ndarray],
-    factor: float,
-    progress: bool,
+    run: Run, result: Result, start: tuple[np.ndarray, np.ndarray], factor: float, progress: bool
 ) -> StepError:
     simulation = run.simulation
     macro, tolerance = simulation.macro_step, simulation.tolerance
@@ -151,6 +147,5 @@ def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
     moved = max(size(q - q[0]), _LEAST_MOTION * math.sqrt(float(np.trace(mass))))
     tool = result["tool_position"].values[here] - other["tool_position"].values[there]
     return StepError(
-        float(np.linalg.norm(tool, axis=1).max()),
-        size(q[here] - other["q"].values[there]) / moved,
+        float(np.linalg.norm(tool, axis=1).max()), size(q[here] - other["q"].values[there]) / moved
     )

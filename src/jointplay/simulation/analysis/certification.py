@@ -281,10 +281,7 @@ def further_simulations(
         macros = [1.0, 1.0, 2.0]
         others = [  # with records at the same times
             replace(
-                base,
-                tolerance=None,
-                step=base.step / times,
-                record_every=base.record_every * times,
+                base, tolerance=None, step=base.step / times, record_every=base.record_every * times
             )
             for times in FINER
         ]

@@ -162,8 +162,7 @@ def tabulate(
     rows, servos = [], []
     rubs = [
         friction_row(
-            mechanism.coordinate(name),
-            *(one.coulomb, one.excess, one.stribeck_speed, one.viscous),
+            mechanism.coordinate(name), *(one.coulomb, one.excess, one.stribeck_speed, one.viscous)
         )
         for name, one in friction.items()
         if one.coulomb or one.excess or one.viscous

@@ -12,15 +12,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError, require_increasing
 from jointplay.base.schema import choice, quantity
 from jointplay.physics.contact.trust import FunctionDescription, OfFunction
-from jointplay.simulation.loads.base import (
-    WORLD,
-    OnFrame,
-    Series,
-    Site,
-    Vector,
-    between,
-    frame,
-)
+from jointplay.simulation.loads.base import WORLD, OnFrame, Series, Site, Vector, between, frame
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism

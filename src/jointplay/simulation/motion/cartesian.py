@@ -762,12 +762,7 @@ def _require_regular(arm: Arm, q: np.ndarray, target: Target, what: str) -> None
 
 
 def _otherwise(
-    arm: Arm,
-    attempt: Found,
-    seed: np.ndarray,
-    target: Target,
-    what: str,
-    first: bool,
+    arm: Arm, attempt: Found, seed: np.ndarray, target: Target, what: str, first: bool
 ) -> Found:
     restarts: Iterable[int] = ProgressBar(
         range(_RESTARTS),
@@ -833,12 +828,7 @@ def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
 
 
 def _line(
-    arm: Arm,
-    q: np.ndarray,
-    times: np.ndarray,
-    targets: Sequence[Target],
-    count: int,
-    number: int,
+    arm: Arm, q: np.ndarray, times: np.ndarray, targets: Sequence[Target], count: int, number: int
 ) -> Iterator[tuple[float, np.ndarray]]:
     begin, before = targets[0]
     base = arm.freedoms(q)

@@ -126,10 +126,7 @@ def load(path: Path) -> xr.Dataset:
     """
     with _verified(path) as (file, size):
         body = file.read(size)
-    with (
-        _examined(path) as xr,
-        xr.open_dataset(io.BytesIO(body), engine="h5netcdf") as dataset,
-    ):
+    with _examined(path) as xr, xr.open_dataset(io.BytesIO(body), engine="h5netcdf") as dataset:
         largest = MEMORY_SHARE * memory()
         if dataset.nbytes > largest:  # a small file can claim to hold any size
             raise JointplayError(

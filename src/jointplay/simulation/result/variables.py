@@ -93,7 +93,7 @@ HISTORIES = {
         ("moving_joint", "axis"),
         "N",
         "constraint force of the parent on the child at the joint, world axes",
-        "ideal",
+        "ideal"
     ),
     "journal_centre": History(_VECTOR, "m", "journal centre in the bearing frame", "play"),
     "tilt": History(_JOINT, "rad", "angle between the axes", "play"),
@@ -113,14 +113,14 @@ HISTORIES = {
     "form": History(_JOINT, "1", "contact form (Figure 2)", "play"),
     "joint_moment": History(
         _VECTOR, "N m", "of the loaded elements on the inner ring about its centre, world axes",
-        "some",
+        "some"
     ),
     "loaded_elements": History(_JOINT, "1", "elements that bear load", "some"),
     "cage_angle": History(_JOINT, "rad", "azimuth of the first element", "some"),
     "loop_drift": History(("loop",), "m", "gap of the ideal loop", "some"),
     "contact_elastic_energy": History((), "J", "stored in the contacts"),
     "payload_energy": History((), "J", "brought in by payloads", "some"),
-    "energy_residual": History((), "J", "error of the energy balance"),
+    "energy_residual": History((), "J", "error of the energy balance")
 }  # fmt: skip
 """By name; gears and loads add their own."""
 
