@@ -46,15 +46,6 @@ def test_figures_inputs_and_tools_are_compared(folder):
     assert f"the two tools are up to {1e3 * away.max():.4g} mm apart" in found.answer
 
 
-def test_a_run_differs_from_itself_in_nothing(folder):
-    result = jp.Result.load(folder / "tight.nc")
-    found = analysis.compare({"one": result, "same": result})
-    assert found.inputs == ()
-    assert found.apart == (0.0, 0.0)
-    assert {one.ratio for one in found.pairs if one.first.value} == {1.0}
-    assert not any(one.beyond_errors for one in found.pairs)
-
-
 def test_a_difference_within_the_numerical_errors_is_said_to_be(folder):
     figure = comparison.CertifiedFigure
     near = comparison.Pair("peak tool error", figure("", 1.0, 0.2, "m"), figure("", 1.3, 0.2, "m"))

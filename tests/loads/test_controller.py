@@ -97,15 +97,6 @@ def test_a_sampled_controller_holds_its_torque(urdf, integrator):
     assert result.audit.relative_energy_residual < (1e-2 if limit > 1e-4 else 1e-7)
 
 
-def test_a_sampled_controller_works_with_steps_of_their_own_choice(urdf):
-    loads = {"pd": Controller(("a",), sampled_pd, (KP, KD), period=1e-3)}
-    runs = [
-        jp.simulate(rotor(urdf), duration=0.05, state={"a": 0.3}, loads=loads, **QUIET, **options)
-        for options in ({}, {"tolerance": 1e-4})
-    ]
-    assert runs[1]["q"].values == pytest.approx(runs[0]["q"].values, abs=1e-4)
-
-
 def test_a_controller_with_a_memory_starts_afresh_in_each_run(urdf):
     loads = {"c": Controller(("a",), Counting, (0.5,), period=2e-3)}
     simulation = jp.Simulation(rotor(urdf), duration=0.01, loads=loads, **QUIET)

@@ -8,6 +8,7 @@ from machines import QUIET, arm, rotor
 import jointplay as jp
 from jointplay.simulation.loads import (
     Controller,
+    CurveSpring,
     LoadedFriction,
     Spring,
     Stop,
@@ -25,6 +26,7 @@ def every_load():
     return {
         "spring": Spring("two", 300.0, 0.3, other_at=(0.3, 0.1, 0.5), damping=2.0, **tip),
         "between": Spring("two", 100.0, 0.1, other="base", **tip),
+        "curve": CurveSpring("two", (0.1, 0.2, 0.6), (-5.0, 0.0, 60.0), other="base", **tip),
         "push": Wrench("two", force=(0.0, 0.0, 3.0), moment=(0, 0.1, 0), axes="frame", **tip),
         "twist": TorsionSpring("b", 2.0, 0.05),
         "stop": Stop("a", 800.0, 3.0, lower=-0.2, upper=0.3),

@@ -64,22 +64,6 @@ def test_a_spring_between_two_bodies_leaves_their_centre_of_mass_alone(urdf):
     assert np.ptp(q[:, 1] - q[:, 0]) > 0.1
 
 
-@pytest.mark.parametrize("integrator", ["multi-rate", "rk4"])
-def test_energy_is_kept_while_an_arm_swings_on_springs(urdf, integrator):
-    loads = {
-        "up": Spring("two", 300.0, 0.3, at=(0.2, 0, 0), other_at=(0.3, 0.1, 0.5), damping=2.0),
-        "curve": CurveSpring(
-            "two", (0.1, 0.2, 0.6), (-5.0, 0.0, 60.0), other="base", at=(0.2, 0, 0)
-        ),
-    }
-    result = jp.simulate(
-        arm(urdf), duration=0.5, loads=loads, integrator=integrator, state={"a": 0.4}, **QUIET
-    )
-    assert result.audit.relative_energy_residual < 5e-6
-    assert float(result["load_work"].sel(load="up")[-1]) < -0.01
-    assert np.ptp(result["load_energy"].sel(load="curve").values) > 0.1
-
-
 def test_the_multi_rate_method_is_of_second_order_with_springs(urdf):
     robot = arm(urdf)
     loads = {"s": Spring("two", 900.0, 0.3, at=(0.2, 0, 0), other_at=(0.3, 0, 0.6), damping=3.0)}
