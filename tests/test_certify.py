@@ -25,6 +25,7 @@ from jointplay.simulation.analysis.certification import (
     estimate,
     further_runs,
     further_simulations,
+    is_sensitive,
     numerical_error,
     scatter,
 )
