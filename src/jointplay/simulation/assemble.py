@@ -43,9 +43,7 @@ LARGEST_TURN = 1.0
 
 
 def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
-    """The joint with clearance `name` as the kernels have it, in the configuration q at the
-    start.
-    """
+    """The joint with clearance `name` as the kernels have it; q is that of the start."""
     joint = mechanism.clearance[name]
     mass = effective_mass(mechanism, name, q)
     record = np.zeros(1, layout.JOINT)

@@ -413,7 +413,7 @@ class Run:
         initial.displace_journals(self.mechanism, self.workspace.q, distance)
 
     def shorten_macro_steps(self, factor: float) -> None:
-        """Have macro steps so much shorter before the run begins; their error falls with the
+        """Have macro steps so much shorter, before the run begins; their error falls with the
         square.
         """
         if isinstance(self._loop, loop.MultiRate):

@@ -142,8 +142,8 @@ class Simulation(Overview, Inputs):
 
     @classmethod
     def from_description(cls, description: Any) -> Self:
-        """Build the simulation that `describe` described; refuses inputs that this version does not
-        know.
+        """Build the simulation that `describe` described; inputs that are unknown here are
+        refused.
         """
         known = [field.name for field in fields(cls)]
         for name in description if isinstance(description, Mapping) else ():

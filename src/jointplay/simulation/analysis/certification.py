@@ -376,9 +376,7 @@ def _ideal(
 
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
-    """Value and unit of each headline figure of a run from `Result.judge_from` on, and what claims
-    use.
-    """
+    """Value and unit of headline figures from `Result.judge_from` on, and of what claims use."""
     found = _measure(result, ideal, claims=True)
     return {name: (one.value, one.unit) for name, one in found.items()}
 

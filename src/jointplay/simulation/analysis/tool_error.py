@@ -75,9 +75,7 @@ def deviation(
 
 
 def seen_from(result: Result, body: str) -> Result:
-    """The same run with the tool's motion as it is seen from a body (link or frame), in its
-    axes.
-    """
+    """The same run with the tool's motion seen from a body (link or frame), in its axes."""
     mechanism = result.simulation.mechanism
     at = frame_index(mechanism.model, body, "body")
     motions = []

@@ -153,8 +153,8 @@ def compiled_law(load: Load) -> Any:
 
 
 def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Frame:
-    """Frame of the point `at` [m] of the frame or link `name`, refused if there is none; `WORLD` is
-    the ground.
+    """Frame of the point `at` [m] of a frame or link, refused if there is none; `WORLD` is the
+    ground.
     """
     import pinocchio as pin
 

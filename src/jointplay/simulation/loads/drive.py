@@ -231,14 +231,12 @@ class Servo(Drive):
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Servo:
-        """A servo by its name in the catalogue, such as ``STS3215``; fields in `more` go before its
-        own.
-        """
+        """A servo by its name in the catalogue, such as ``STS3215``; `more` goes before its own."""
         return cls(catalogue=name, **more)
 
     @staticmethod
     def armature_of(name: str) -> float:
-        """Inertia of the armature of a servo in the catalogue, the `rotor_inertia` of its gear [kg
+        """Inertia of the armature of a servo in the catalogue: its gear's `rotor_inertia` [kg
         m^2].
         """
         return float(_servo(name)["armature"]["value"])

@@ -30,9 +30,7 @@ GOES_ON = INTERPOLATIONS[2:]
 
 
 def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
-    """Raise unless all values of all waypoints, a row each by name, are finite and "times"
-    increase.
-    """
+    """Raise unless values of all waypoints, a row each by name, are finite and "times" increase."""
     for name, rows in values.items():
         bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
         if bad.size:

@@ -143,9 +143,7 @@ def _with_digits(value: float, digits: int) -> str:
 
 
 def shown(certificate: Certificate | None, name: str, value: float, unit: str) -> str:
-    """A figure of a run, by its name in the certificate, with its SI unit, and its error if
-    known.
-    """
+    """A figure by its name in the certificate, with its SI unit, and its error if known."""
     for figure in certificate.headline if certificate else ():
         if figure.name == name and math.isfinite(figure.error):
             return str(figure)

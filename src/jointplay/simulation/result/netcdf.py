@@ -138,9 +138,7 @@ def load(path: Path) -> xr.Dataset:
 
 @contextmanager
 def _examined(path: Path) -> Iterator[ModuleType]:
-    """Give xarray to the block once another process has read the file; what HDF5 raises is
-    damage.
-    """
+    """Give xarray to the block once another process has read the file; HDF5's errors are damage."""
     try:
         with examined(path):  # meanwhile
             import xarray as xr
@@ -195,9 +193,7 @@ class GrowingDataset:
         self._disk.check()
 
     def finish(self, attributes: Mapping[str, Any], whole: Mapping[str, xr.DataArray]) -> None:
-        """Write the dataset's attributes, the values at the end of variables that are there, and
-        the seal.
-        """
+        """Write the dataset's attributes, the values of the `whole` at the end, and the seal."""
         import h5netcdf
 
         for name, variable in whole.items():
