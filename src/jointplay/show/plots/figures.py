@@ -21,7 +21,7 @@ from jointplay.show.plots.names import MARK, PAPER, is_paper_robot
 from jointplay.show.plots.palette import COLOURS, Cases, colours, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
-from jointplay.simulation.analysis.spectra import TooShort
+from jointplay.simulation.analysis.vibration import TooShort
 from jointplay.simulation.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3

@@ -9,7 +9,6 @@ from .comparison import compare as compare
 from .contact_statistics import Contacts as Contacts
 from .contact_statistics import contacts as contacts
 from .contact_statistics import shares as shares
-from .spectra import spectrum as spectrum
 from .tool_error import COMPONENTS as COMPONENTS
 from .tool_error import Accuracy as Accuracy
 from .tool_error import Stop as Stop
@@ -33,3 +32,4 @@ from .twins import task as task
 from .twins import twin as twin
 from .vibration import Rattle as Rattle
 from .vibration import rattle as rattle
+from .vibration import spectrum as spectrum
