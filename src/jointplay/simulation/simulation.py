@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -139,17 +139,6 @@ class Simulation(Overview, Inputs):
         if self.duration is not None:
             return float(self.duration)
         return math.nan if self.motion is None else float(self.motion.duration)
-
-    @classmethod
-    def from_description(cls, description: Any) -> Self:
-        """Build the simulation that `describe` described; inputs that are unknown here are
-        refused.
-        """
-        known = [field.name for field in fields(cls)]
-        for name in description if isinstance(description, Mapping) else ():
-            if name not in known:
-                raise JointplayError(unknown_key(name, known), where=(name,))
-        return super().from_description(description)
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:
         """Run, and look at the state between macro steps, at most so often [s]: see `Run.steps`.

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
 
-from jointplay.base.errors import MissingName, require_non_negative
+from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.schema import Described, quantity
 from jointplay.base.units import displayed
 
@@ -32,41 +31,20 @@ COUNTS = ("impacts",)
 """Figures that are whole numbers, and so are their errors."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenFigure:
-    """A figure as files have it."""
-
-    name: str
-    value: float = quantity("", finite=False)
-    """In its own unit, as its error."""
-    error: float | None = quantity("")
-    """None if unknown."""
-    unit: str
-
-
 @dataclass(frozen=True)
 class CertifiedFigure(Described):
     """A figure of a run, and how far it may be from what the model says."""
 
-    written: ClassVar[type | None] = WrittenFigure
-
     name: str
-    value: float
-    error: float
+    value: float = quantity("", finite=False)
+    """In its own unit, as its error."""
+    error: float = quantity("", finite=False)
     """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
     unit: str
 
-    def describe(self) -> dict[str, Any]:
-        """All as plain data; an unknown error is None."""
-        return super().describe() | ({} if math.isfinite(self.error) else {"error": None})
-
-    @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the figure that `describe` described; a negative error is refused."""
-        error = fields["error"]
-        if error is not None:
-            error = require_non_negative("an error", error, "", ("error",))
-        return cls(**fields | {"error": math.inf if error is None else error})
+    def __post_init__(self) -> None:
+        if not self.error >= 0.0:
+            raise JointplayError(f"an error must not be negative, got {self.error!r}", ("error",))
 
     @property
     def relative(self) -> float:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
 
-FORMAT = 5
+FORMAT = 6
 """Version of the file format."""
 
 AXES = ("x", "y", "z")
