@@ -446,7 +446,7 @@ class Run:
             assert self._origin is not None
             error = step_check.step_error(self, result, self._origin, progress)
             if error is not None:
-                result.amend(step_error=error.tool, relative_step_error=error.relative)
+                result.amend(step_error=error[0], relative_step_error=error[1])
         return result
 
     def share_stop_request(self, other: Run) -> Run:

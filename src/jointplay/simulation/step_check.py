@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,18 +40,12 @@ _MOST_ROWS = 2000
 """Records of the other runs, about: their memory does not count."""
 
 
-@dataclass(frozen=True)
-class StepError:
-    """How far a run may be off because of its step."""
+StepError = tuple[float, float]
+"""How far a run may be off because of its step: largest error of the tool's position [m]; and of
+the coordinates, relative to how far they move at most, weighted with the masses that they move,
+motors left out."""
 
-    tool: float
-    """Largest error of the tool's position [m]."""
-    relative: float
-    """Largest error of the coordinates, relative to how far they move at most; both weighted with
-    the masses that they move, motors left out."""
-
-
-_UNBOUNDED = StepError(math.inf, math.inf)
+_UNBOUNDED = math.inf, math.inf
 
 
 def is_needed(simulation: Simulation) -> bool:
@@ -78,7 +72,7 @@ def step_error(
     """
     try:
         coarse = _difference(run, result, start, 2.0, progress)
-        if coarse.relative <= _DOUBTED:
+        if coarse[1] <= _DOUBTED:
             return coarse
         fine = _difference(run, result, start, 0.5, progress)
     except signals.GivenUp:
@@ -88,9 +82,9 @@ def step_error(
     except JointplayError as error:  # no memory, or too many steps
         warnings.warn(f"the step was not checked: {error}", RuntimeWarning, stacklevel=2)
         return None
-    fall = coarse.relative / fine.relative if fine.relative > 0.0 else math.inf
+    fall = coarse[1] / fine[1] if fine[1] > 0.0 else math.inf
     fall = min(max(fall, 2.0), 16.0)
-    return StepError(fine.tool * fall / (fall - 1.0), fine.relative * fall / (fall - 1.0))
+    return fine[0] * fall / (fall - 1.0), fine[1] * fall / (fall - 1.0)
 
 
 def _difference(
@@ -146,6 +140,5 @@ def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
 
     moved = max(size(q - q[0]), _LEAST_MOTION * math.sqrt(float(np.trace(mass))))
     tool = result["tool_position"].values[here] - other["tool_position"].values[there]
-    return StepError(
-        float(np.linalg.norm(tool, axis=1).max()), size(q[here] - other["q"].values[there]) / moved
-    )
+    apart = size(q[here] - other["q"].values[there])
+    return float(np.linalg.norm(tool, axis=1).max()), apart / moved
