@@ -21,6 +21,7 @@ from jointplay.simulation.loads.controller import Controller, held, hold
 from jointplay.simulation.loads.friction import LEVEL, RATE, TIME, LoadedFriction
 from jointplay.simulation.loop import TimeLoop
 from jointplay.simulation.result.variables import Phase
+from jointplay.simulation.statics import relative_motion, relative_pose
 
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
@@ -92,19 +93,16 @@ def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: 
 
 def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
     """Rate at which a spring's length or angle changes per generalised velocity, shape (nv,)."""
-    row = np.zeros(model.nv)
     if site.frames is None:
+        row = np.zeros(model.nv)
         row[list(site.outputs)] = 1.0
         return row
-    (i, first), (j, second) = site.frames
     pin.computeJointJacobians(model, data, q)
-    start = (data.oMi[i] * first).translation
-    end = (data.oMi[j] * second).translation
-    along = end - start
+    along = relative_pose(data, site.frames)[:3]
     size = float(np.linalg.norm(along))
     along = along / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
-    columns = data.J.reshape(6, model.nv) * signs_between(model, i, j)
-    return along @ (columns[:3] + np.cross(columns[3:], end, axisa=0, axisc=0))
+    (i, _), (j, _) = site.frames
+    return along @ relative_motion(data, site.frames, signs_between(model, i, j))[:3]
 
 
 def _steps_in(period: float, step: float, whose: str) -> int:
