@@ -1,22 +1,18 @@
-"""What lower layers get from upper ones, by name; it imports nothing.
+"""What lower layers get from upper ones, by name: `jointplay.conveniences` says where it is.
 
-Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies: the
-package itself, which is above all layers, provides such `jointplay.conveniences`.
+Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
-_provided: dict[str, Callable[[], Any]] = {}
-
-
-def provide(import_it: Callable[[], Any]) -> None:
-    """Have lower layers find by the function's name what it imports when it is first needed."""
-    _provided[import_it.__name__] = import_it
+places: dict[str, tuple[str, str]] = {}
+"""Module and name of each, filled in by the package itself, which is above all layers."""
 
 
 def provided(name: str) -> Any:
-    """What an upper layer has under this name."""
-    return _provided[name]()
+    """What an upper layer has under this name, imported when it is first needed."""
+    module, attribute = places[name]
+    return getattr(import_module(module), attribute)

@@ -66,12 +66,10 @@ class JointplayError(ValueError):
     """
 
     def __init__(self, message: str = "", where: Where = ()) -> None:
-        """Say what is wrong, and at which key."""
         super().__init__(one_line(message))
         self.where = where
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """Travel whole between processes."""
         return type(self), (str(self), self.where)
 
 
@@ -91,7 +89,6 @@ class MissingName(JointplayError):
     def __init__(
         self, kind: str, name: str, choices: Iterable[str], hint: str = "", where: Where = ()
     ) -> None:
-        """Say that `name` is no `kind`, list the `choices`, and append an optional `hint`."""
         self._parts = kind, name, tuple(choices), hint
         choices = self._parts[2]
         listed = ", ".join(choices) or "none"
@@ -99,7 +96,6 @@ class MissingName(JointplayError):
         super().__init__(f"no {kind} {name!r}; {near}available: {listed}{hint}", where)
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """Travel whole between processes: an exception is otherwise rebuilt from its message."""
         return MissingName, (*self._parts, self.where)
 
 

@@ -61,10 +61,7 @@ PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 
 @contextmanager
 def system_errors(failure: str) -> Iterator[None]:
-    """Say of errors of the operating system in the block what could not be done, and why.
-
-    Also of a ValueError, which Python raises for names that no file can have.
-    """
+    """Say of errors of the system, and of names that no file can have, what could not be done."""
     try:
         yield
     except JointplayError:
@@ -94,7 +91,7 @@ def picture(
         mark: stands in the picture's metadata; a picture that holds it is replaced.
     """
     path = Path(path)
-    kind = picture_format(path)
+    kind = _picture_format(path)
     if mark:
         overwrite = overwrite or holds(path, mark)
         options["metadata"] = {PICTURES[kind]: mark}
@@ -103,25 +100,17 @@ def picture(
     return write(path, drawn.getvalue(), overwrite=overwrite)
 
 
-def picture_format(path: Path) -> str:
-    """Format of a picture by the suffix of its file.
-
-    Raises:
-        JointplayError: none that can be drawn.
-    """
+def _picture_format(path: Path) -> str:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in PICTURES:
-        choices = ", ".join(f".{one}" for one in PICTURES)
-        raise JointplayError(
-            f"{path.name!r} must end in {choices}; no other picture format is supported"
-        )
+        raise JointplayError(f"{path.name!r} must end in .{', .'.join(PICTURES)}: a picture")
     return kind
 
 
 def check_picture(path: str | Path) -> Path:
-    """Refuse a picture that cannot be drawn anew, before any work is done; see `check_new`."""
+    """Refuse a picture that cannot be drawn anew, before any work is done, as `check_new` does."""
     path = check_new(path)
-    picture_format(path)
+    _picture_format(path)
     return path
 
 
@@ -168,10 +157,7 @@ def writing(
 
     After a crash, a kill or a full disk it is there complete, or not at all.
 
-    Args:
-        path: the file; its folder exists.
-        overwrite: whether a file of that name is replaced.
-        announced: whether the user asked for it, and is told of it after an interruption.
+    An announced one the user asked for, and is told of after an interruption.
 
     Raises:
         JointplayError: the file exists (and `overwrite` is false) or cannot be written.
@@ -201,7 +187,6 @@ def writing(
 
 
 def _name(part: Path, path: Path) -> None:
-    """Give the finished file its name, unless another has it."""
     try:
         os.link(part, path)  # fails if the name is taken, which a rename does not
     except OSError as error:
@@ -214,12 +199,10 @@ def _name(part: Path, path: Path) -> None:
 
 def _sync(folder: Path) -> None:
     """Have the new name survive a power failure, where the system can do that."""
-    with suppress(OSError):
+    with suppress(OSError), ExitStack() as stack:
         descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        stack.callback(os.close, descriptor)
+        os.fsync(descriptor)
 
 
 def exists(path: Path) -> JointplayError:
@@ -260,11 +243,9 @@ def _sweep(place: Path) -> None:
     for folder in place.glob("jointplay-*"):
         with suppress(OSError, ValueError), ExitStack() as stack:
             mark = (folder / MARK).lstat()
-            if not stat.S_ISREG(mark.st_mode) or folder.is_symlink():
-                continue
-            if mark.st_uid != folder.lstat().st_uid or mark.st_uid != os.getuid():
-                continue
-            if time.time() - mark.st_mtime <= LEFT_S:
+            ours = mark.st_uid == folder.lstat().st_uid == os.getuid()
+            plain = stat.S_ISREG(mark.st_mode) and not folder.is_symlink()
+            if not (ours and plain and time.time() - mark.st_mtime > LEFT_S):
                 continue
             file = stack.enter_context((folder / MARK).open(encoding="utf-8"))
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the owner lives
@@ -296,8 +277,7 @@ def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
     """All arrays of an ``.npz`` file, by its name or open, none of which may hold objects.
 
     Raises:
-        OSError: it cannot be read.
-        ValueError: it is damaged, or another kind of file.
+        OSError, ValueError: it cannot be read; it is damaged, or another kind of file.
     """
     import numpy as np
 
@@ -314,8 +294,7 @@ def check_plain(path: Path, most: int) -> None:
     """Refuse what is no plain file of at most `most` bytes, before it is opened.
 
     Raises:
-        OSError: it cannot be looked at.
-        ValueError: it is of another kind, or larger.
+        OSError, ValueError: it cannot be looked at; it is of another kind, or larger.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
@@ -325,22 +304,13 @@ def check_plain(path: Path, most: int) -> None:
 
 
 def read_plain(path: Path, most: int) -> bytes:
-    """What a plain file of at most `most` bytes says; devices, pipes and giants are not opened.
-
-    Raises:
-        OSError: it cannot be read.
-        ValueError: it is of another kind, or larger.
-    """
+    """What a plain file says, as `check_plain`: devices, pipes and giants are not opened."""
     check_plain(path, most)
     with path.open("rb") as file:
         data = file.read(most + 1)  # what grows meanwhile, or says nothing of its size
     if len(data) > most:
         raise ValueError(f"it has more than {most / 1e6:g} MB")
     return data
-
-
-_HDF5 = b"\x89HDF"
-"""With which files of results begin."""
 
 
 def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
@@ -440,18 +410,18 @@ def _lock(folder: Path) -> None:
     place = folder.resolve()
     if place in _claimed:
         return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise JointplayError(
-            f"another process is writing to {str(folder)!r}; choose another folder"
-        ) from None
-    except OSError:  # a file system that locks no folders
-        os.close(descriptor)
-        return
-    _claimed[place] = descriptor
+    with ExitStack() as stack:
+        descriptor = os.open(folder, os.O_RDONLY)
+        stack.callback(os.close, descriptor)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            other = f"another process is writing to {str(folder)!r}; choose another folder"
+            raise JointplayError(other) from None
+        except OSError:  # a file system that locks no folders
+            return
+        stack.pop_all()
+        _claimed[place] = descriptor
 
 
 def remove_made_folders() -> None:
@@ -486,18 +456,16 @@ def _present(folder: Path, name: str) -> str:
     from jointplay.base import hdf5
 
     path = folder / name
-    what = ""
-    if is_file(path) and path.stat().st_size == 0:
-        what = "empty"
-    elif begins(path, _HDF5):
+    what = "empty" if is_file(path) and path.stat().st_size == 0 else ""
+    if begins(path, _HDF5):
         try:
             with hdf5.examined(path):
                 pass
         except JointplayError:
             what = "broken"
-    if what:
-        return (
-            f"{str(path)!r} is {what}, left by a run that was killed or damaged since; delete it, "
-            "or choose another folder"
-        )
-    return f"{str(folder)!r} already holds results ({name}); choose another folder"
+    if not what:
+        return f"{str(folder)!r} already holds results ({name}); choose another folder"
+    return (
+        f"{str(path)!r} is {what}, left by a run that was killed or damaged since; delete it, or "
+        "choose another folder"
+    )

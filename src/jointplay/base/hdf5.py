@@ -137,11 +137,7 @@ def _confined(room: float) -> Iterator[None]:
 
 
 def _check(h5py: Any, file: Any) -> None:
-    """Refuse what is stored otherwise than in a result.
-
-    Raises:
-        _Refused: naming it.
-    """
+    """Refuse what is stored otherwise than in a result."""
     root = file["/"].id
     _check_attributes(h5py, root, "/")
     for name in root:

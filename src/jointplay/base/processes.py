@@ -151,7 +151,6 @@ class Pool(Generic[Item, Value]):
         kept: str = "nothing was kept",
         name: str = "",
     ) -> None:
-        """Start the processes."""
         self._kept, self._name = kept, name
         self._target = partial(_serve, work, begin)
         self._number, self._lost, self._small = number, lost, small
@@ -279,7 +278,6 @@ class Serial(Generic[Item, Value]):
     """
 
     def __init__(self, work: Callable[[Item], Value], *, name: str = "") -> None:
-        """Do nothing yet."""
         self._work, self._name = work, name
 
     def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:

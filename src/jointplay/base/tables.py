@@ -30,13 +30,11 @@ class Overview(ABC):
         """Headline, and facts by name."""
 
     def __repr__(self) -> str:
-        """The headline and the facts, a line each."""
         headline, facts = self.facts()
         lines = [f"<jointplay {type(self).__name__}: {headline}>"]
         return "\n".join([*lines, *(f"  {name:<16} {text}" for name, text in facts.items())])
 
     def _repr_html_(self) -> str:
-        """The same for notebooks."""
         headline, facts = self.facts()
         kind = type(self).__name__.lower()
         table = html_table(facts.items())
@@ -181,18 +179,15 @@ class Table:
         return [one.title for one in shown], [list(row) for row in zip(*columns, strict=True)]
 
     def __str__(self) -> str:
-        """Aligned text: the first column flush left, the others flush right; then the notes."""
+        return "\n".join([*self.aligned(), *self.notes])
+
+    def aligned(self, others: str = ">") -> list[str]:
+        """Lines of aligned text: the first column flush left, the others flush right (or left)."""
         head, rows = self._shown()
-        lines = [head, *rows]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        aligned = [
-            "  ".join(
-                f"{cell:<{width}}" if place == 0 else f"{cell:>{width}}"
-                for place, (cell, width) in enumerate(zip(line, widths, strict=True))
-            )
-            for line in lines
-        ]
-        return "\n".join([*aligned, *self.notes])
+        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+        forms = [f"{'<' if place == 0 else others}{width}" for place, width in enumerate(widths)]
+        lines = [zip(line, forms, strict=True) for line in (head, *rows)]
+        return ["  ".join(format(cell, form) for cell, form in line) for line in lines]
 
     def markdown(self) -> str:
         """The table in Markdown."""

@@ -91,7 +91,6 @@ class Measured(float):
     """As the file has it."""
 
     def __new__(cls, value: float, unit: str, text: str) -> Measured:
-        """Keep the value together with its unit and text."""
         self = super().__new__(cls, value)
         self.unit, self.text = unit, text
         return self

@@ -137,11 +137,7 @@ _OF_THE_WHOLE = ("causes", "keep", "limit", "statistical", "force", "payload")
 
 
 def _require_fitting(options: argparse.Namespace) -> None:
-    """Refuse options that would be ignored, with --whole or without.
-
-    Raises:
-        JointplayError: one of them was given.
-    """
+    """Refuse options that would be ignored, with --whole or without."""
     for name in _OF_THE_WHOLE if options.whole is None else _OF_CLEARANCES:
         if getattr(options, name) not in (None, [], False):
             needs = "needs --whole" if options.whole is None else "does not go with --whole"

@@ -13,8 +13,7 @@ case with clearance. All input options of jointplay run are accepted too.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,31 +50,20 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]:
-    """Where to draw, and whether a picture there is replaced.
-
-    Raises:
-        JointplayError: another file is there.
-    """
+    """Where to draw, and whether a picture there is replaced."""
     beside = scenario.path.with_suffix(".png")
     if ":" in options.place:  # not into the package
         beside = Path(beside.name.rpartition(":")[2])
     path = Path(options.picture or beside)
     # What an earlier check drew is of no value once the scenario has changed.
     replaced = options.picture is None and files.holds(path, MARK)
-    if not replaced:
-        with _or_another():
-            files.check_picture(path)
-    return path, replaced
-
-
-@contextmanager
-def _or_another() -> Iterator[None]:
-    """Say of errors in the block what else can be asked for."""
     try:
-        yield
+        if not replaced:
+            files.check_picture(path)
     except JointplayError as error:
         other = "--picture PNG chooses another, --no-picture none"
         raise JointplayError(f"{error} ({other})") from None
+    return path, replaced
 
 
 def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Run]) -> str:
@@ -85,6 +73,5 @@ def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Run]) -> st
     first = next(iter(runs.values()))
     shown = next((run for run in runs.values() if run.mechanism.clearance), first)
     figure = picture(shown.mechanism, shown.workspace.q, title=title)
-    with _or_another():
-        files.picture(path, figure, mark=MARK)
+    files.picture(path, figure, mark=MARK)
     return f"picture: {path}{' (replaced)' if replaced else ''}"

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from jointplay.cli.commands import Outputs
 
@@ -32,15 +31,13 @@ def run(options: argparse.Namespace) -> int:
     labels = [path.stem if path.is_file() else path.name for path in paths]
     if labels[0] == labels[1]:
         labels = [str(path) for path in paths]
-    found: dict[str, Any] = {}
+    found = {}
     for label, path in zip(labels, paths, strict=True):
         read = reports.load([path], [], options.trust)
         if len(read) > 1:
-            raise JointplayError(
-                f"{str(path)!r} has {len(read)} results; name one: "
-                f"{', '.join(f'{name}.nc' for name in read)}"
-            )
-        found[label] = next(iter(read.values()))
+            names = ", ".join(f"{name}.nc" for name in read)
+            raise JointplayError(f"{str(path)!r} has {len(read)} results; name one: {names}")
+        (found[label],) = read.values()
     if len(found) < 2:
         raise JointplayError(f"{str(paths[0])!r} twice: give two results")
     folder = out.claim()

@@ -62,19 +62,18 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs, given, numbers_by_name, quantity
-from jointplay.cli.commands.mechanism import Task, task
+from jointplay.cli.commands.mechanism import task
 
 
 def run(options: argparse.Namespace) -> int:
     """Identify or plan, print, draw."""
     from jointplay.base import processes
 
-    if options.plan and options.data is not None:
-        raise JointplayError("give either --plan or a measurement, not both")
     processes.number_of(options.jobs)
-    if not options.plan and options.data is None:
+    if options.plan == (options.data is not None):
         raise JointplayError(
             "give a measurement (CSV, bag or dataset), or --plan to ask what to measure"
+            + ("; not both" if options.plan else "")
         )
     data = options.data if options.plan else _recording(options)
     names = ["identified.csv", "identified.json", "identified.png"]
@@ -85,7 +84,8 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
     from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
-    units = {**TOOL_UNITS, **{kind: units[0] for kind, units in JOINT_UNITS.items()}}
+    units = TOOL_UNITS | {kind: units[0] for kind, units in JOINT_UNITS.items()}
+    lag = None if options.lag is None else _size(options.lag, "s", "--lag")
     shared: dict[str, Any] = {
         "noise": numbers_by_name(options.noise, "--noise SIGNAL=X", units),
         "also": options.also,
@@ -93,13 +93,28 @@ def run(options: argparse.Namespace) -> int:
         "stiffness": _stiffness(options.stiffness),
     }
     out.claim()
+    from jointplay.estimate import identify, plan_measurement
+
     if options.plan:
-        text = _plan(options, work, shared)
-        print("\n".join([*work.notes, text]))
+        friction = None if work.simulation is None else work.simulation.joint_friction
+        plan = plan_measurement(
+            work.mechanism,
+            signals=options.signal or ["tool"],
+            count=options.count,
+            joint_friction=friction,
+            **given(options, "push"),
+            **shared,
+        )
+        print("\n".join([*work.notes, str(plan)]))
         if options.out:
-            out.write({"plan.txt": f"{text}\n"})
+            out.write({"plan.txt": f"{plan}\n"})
         return 0
-    fit = _identify(options, data, work, shared)
+    machine: Any = work.mechanism
+    if work.simulation is not None:
+        machine = replace(work.simulation, mechanism=machine)
+    shown = {"jobs": options.jobs, "progress": not options.quiet}
+    about = {"motion": work.motion, "reference": options.reference, "drift": options.drift}
+    fit = identify(machine, data, lag=lag, runs=options.runs or 0, **about, **shown, **shared)
     notes = list(work.notes)
     if options.gear and work.simulation is None:
         notes.append(
@@ -111,13 +126,7 @@ def run(options: argparse.Namespace) -> int:
     if options.verify and work.simulation is not None:
         from jointplay.estimate.verification import verify
 
-        checked = verify(
-            work.simulation,
-            fit,
-            runs=options.verify,
-            jobs=options.jobs,
-            progress=not options.quiet,
-        )
+        checked = verify(work.simulation, fit, runs=options.verify, **shown)
         print(checked)
         found["verification"] = checked.describe()
     if options.out:
@@ -126,42 +135,6 @@ def run(options: argparse.Namespace) -> int:
         contents = (fit.data.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
         out.write(dict(zip(names, contents, strict=True)))
     return 0
-
-
-def _plan(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -> str:
-    """What to measure."""
-    from jointplay.estimate import plan_measurement
-
-    plan = plan_measurement(
-        work.mechanism,
-        signals=options.signal or ["tool"],
-        count=options.count,
-        joint_friction=None if work.simulation is None else work.simulation.joint_friction,
-        **given(options, "push"),
-        **shared,
-    )
-    return str(plan)
-
-
-def _identify(options: argparse.Namespace, data: Any, work: Task, shared: dict[str, Any]) -> Any:
-    """What the measurement tells."""
-    from jointplay.estimate import identify
-
-    machine: Any = work.mechanism
-    if work.simulation is not None:
-        machine = replace(work.simulation, mechanism=work.mechanism)
-    return identify(
-        machine,
-        data,
-        motion=work.motion,
-        reference=options.reference,
-        drift=options.drift,
-        lag=None if options.lag is None else _size(options.lag, "s", "--lag"),
-        runs=options.runs or 0,
-        jobs=options.jobs,
-        progress=not options.quiet,
-        **shared,
-    )
 
 
 def _size(text: str, unit: str, option: str) -> float:

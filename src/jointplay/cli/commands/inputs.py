@@ -244,9 +244,8 @@ def default_of(key: Sequence[str]) -> str:
     from jointplay.base.schema import fields_at
     from jointplay.scenario.model import Model
 
-    field: Field | None = next((one for one, _ in fields_at(Model, key, every=False)), None)
-    value = None if field is None else field.default
-    words = field.choices[1] if field is not None and field.choices else ()
+    field: Field = next(one for one, _ in fields_at(Model, key, every=False))
+    value, words = field.default, field.choices[1] if field.choices else ()
     if isinstance(words, Mapping) and not isinstance(value, str):
         value = next((word for word, stands_for in words.items() if stands_for == value), None)
     if isinstance(value, float | int):
@@ -283,9 +282,14 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     from jointplay.scenario.robot import robot_scenario
     from jointplay.scenario.settings import Setting, parse, tree
 
-    ideal = bool(_value(options, "ideal"))
-    wanted = [*robot_settings(options), *(parse(text) for text in options.set)]
-    file = _file(options)
+    ideal, file = bool(_value(options, "ideal")), None
+    wanted = [parse(text) for text in options.set]
+    for key in ("fix", "allow_unphysical"):
+        if names := _value(options, key):
+            wanted.insert(0, Setting(("robot", key), list(names), f"--{key.replace('_', '-')}"))
+    if is_scenario(options):
+        _require_known(options.place)
+        file = Scenario.load(options.place, options.trust)
     if file is not None and ideal:
         raise JointplayError(
             "--ideal is for a robot; for a joint of a scenario use --set joints.NAME.ideal=true"
@@ -293,19 +297,21 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     if file is None and options.case:
         raise JointplayError("--case needs a scenario (.toml)")
     of_file = {} if file is None else _tables(file)
-    preset, settings = _of_preset(options, wanted, file)
-    settings = [one for one in settings if one.key[1] not in of_file.get(one.key[0], {})]
+    preset, settings = chosen_preset(options), []
+    if preset is not None:
+        said = preset.settings(_description(options, wanted, file))
+        settings = [one for one in said if one.key[1] not in of_file.get(one.key[0], {})]
     names = list(named_joints(options))
     if options.place is None and not names and not ideal:
         names = [SCARA_JOINT]
     bearings, lengths = _of_joints(options)
     settings += bearings
-    said = merge(of_file, tree([*settings, *wanted]))
+    tables = merge(of_file, tree([*settings, *wanted]))
     if names or for_joints(options):
-        settings += _joint_settings(options, names, lengths, said, file, wanted)
+        settings += _joint_settings(options, names, lengths, tables, file, wanted)
         if still and file is not None:  # who names a joint of one case wants its play
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
-    settings += [*_gear_settings(options, said, still), *_other_settings(options), *wanted]
+    settings += [*_gear_settings(options, tables, still), *_other_settings(options), *wanted]
     if file is None:
         scenario = robot_scenario(options.place, names, settings, ideal, still)
     elif not settings:
@@ -313,8 +319,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     else:
         scenario = Scenario.load(options.place, options.trust, settings)
     if preset is not None:
-        scenario.assumptions.append(f"preset {preset.name}: {preset.words}")
-        scenario.assumptions.extend(f"preset {preset.name}: {one}" for one in preset.origins)
+        words = (preset.words, *preset.origins)
+        scenario.assumptions.extend(f"preset {preset.name}: {one}" for one in words)
     return scenario
 
 
@@ -331,24 +337,10 @@ def simulation_of(options: argparse.Namespace) -> Simulation:
     scenario.ready_run(options.case)  # says what cannot be, with its line
     for line in decisive(scenario, {options.case or scenario.cases[0]: simulation}):
         streams.note(line)
-    motion = simulation.motion
-    if motion is None:
-        streams.note("no motion")
-    else:
-        streams.note(f"one cycle: {simulation.duration or motion.duration:g} s simulated")
+    time = simulation.duration or (simulation.motion and simulation.motion.duration)
+    moves = simulation.motion is not None
+    streams.note(f"one cycle: {time:g} s simulated" if moves else "no motion")
     return simulation
-
-
-def robot_settings(options: argparse.Namespace) -> list[Setting]:
-    """What --allow-unphysical and --fix say."""
-    from jointplay.scenario.settings import Setting
-
-    given = {key: _value(options, key) for key in ("allow_unphysical", "fix")}
-    return [
-        Setting(("robot", key), list(names), f"--{key.replace('_', '-')}")
-        for key, names in given.items()
-        if names
-    ]
 
 
 def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
@@ -367,11 +359,8 @@ def for_joints(options: argparse.Namespace) -> list[Flag]:
 
 def _given(options: argparse.Namespace) -> list[Flag]:
     """Options for keys of the scenario that were given."""
-    return [
-        flag
-        for flag in (_CLEARANCE, *FLAGS)
-        if flag.group in options.groups and _value(options, flag.attribute) is not None
-    ]
+    flags = (flag for flag in (_CLEARANCE, *FLAGS) if flag.group in options.groups)
+    return [flag for flag in flags if _value(options, flag.attribute) is not None]
 
 
 def chosen_preset(options: argparse.Namespace) -> Preset | None:
@@ -392,16 +381,6 @@ def _value(options: argparse.Namespace, attribute: str) -> Any:
     return getattr(options, attribute, None)
 
 
-def _file(options: argparse.Namespace) -> Scenario | None:
-    """The scenario file as it stands, if the target is one."""
-    from jointplay.scenario import Scenario
-
-    if not is_scenario(options):
-        return None
-    _require_known(options.place)
-    return Scenario.load(options.place, options.trust)
-
-
 def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
     """What any case of a file says of single joints, by the name of the table."""
     found: dict[str, dict[str, Any]] = {
@@ -413,16 +392,6 @@ def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
             for name, draft in getattr(model, table).items():
                 joints.setdefault(name, {"kind": draft.word, **draft.fields})
     return found
-
-
-def _of_preset(
-    options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
-) -> tuple[Preset | None, list[Setting]]:
-    """A preset, and its tables as settings."""
-    chosen = chosen_preset(options)
-    if chosen is None:
-        return None, []
-    return chosen, chosen.settings(_description(options, wanted, file))
 
 
 def _description(
@@ -450,9 +419,9 @@ def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, st
             continue
         if (kind := bearing_kind(text)) is None:
             lengths[name] = text
-            continue
-        for key, value in (("kind", kind), ("designation", text)):
-            bearings.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
+        else:
+            for key, value in (("kind", kind), ("designation", text)):
+                bearings.append(Setting(("joints", name, key), value, f"--joint {name}={text}"))
     return bearings, lengths
 
 
@@ -464,14 +433,9 @@ def _joint_settings(
     file: Scenario | None,
     wanted: Sequence[Setting],
 ) -> list[Setting]:
-    """What options say of joints, in the words of each joint's kind.
+    """What options say of joints, in the words of each joint's kind; of all if none are named.
 
-    Args:
-        options: those of the command.
-        names: of --joint; without any they are for all joints with clearance.
-        lengths: clearances of single joints.
-        said: of joints otherwise, by the file, the preset, and --set.
-        file, wanted: as in `_description`.
+    `said` is what the file, the preset, and --set say of them.
 
     Raises:
         JointplayError: an option for a joint, and no joint.
@@ -529,30 +493,19 @@ def _path(
 def _gear_settings(
     options: argparse.Namespace, said: Mapping[str, Any], still: bool
 ) -> list[Setting]:
-    """What options say of gears: those of --gear, or else all.
-
-    Raises:
-        JointplayError: an option for a gear, and no gear.
-    """
+    """What options say of gears: those of --gear, or else all."""
     from jointplay.scenario.settings import Setting
 
     plays = numbers_by_name(_value(options, "gear") or (), "--gear JOINT=ANGLE", "rad")
-    known = said.get("gears", {})
-    settings = [
-        Setting(("gears", name, key), value, f"--gear {name}", assumed=True)
-        for name in plays
-        if still and name not in known
-        for key, value in _STATIC_GEAR.items()
-    ]
+    known, settings = said.get("gears", {}), []
     for name, angle in plays.items():
+        if still and name not in known:
+            for key, value in _STATIC_GEAR.items():
+                settings.append(Setting(("gears", name, key), value, f"--gear {name}", True))
         settings.append(Setting(("gears", name, "play"), angle, f"--gear {name}"))
-    for flag in _given(options):
-        if flag.keys[0][0] != "gears":
-            continue
+    for flag in (one for one in _given(options) if one.keys[0][0] == "gears"):
         if not (plays or known):
-            raise JointplayError(
-                f"{flag.name} needs a gear, and no joint has one; add it with --gear"
-            )
+            raise JointplayError(f"{flag.name} is for gears; no joint has one; add it with --gear")
         for name in plays or known:
             value = flag.read(_value(options, flag.attribute))
             settings.append(Setting(("gears", name, flag.keys[0][2]), value, flag.name))
@@ -582,11 +535,7 @@ def _other_settings(options: argparse.Namespace) -> list[Setting]:
 
 
 def _require_known(target: str) -> None:
-    """Refuse what is neither a scenario file nor looks like one: perhaps a robot's name gone wrong.
-
-    Raises:
-        JointplayError: with the robots whose names resemble it.
-    """
+    """Refuse what is no scenario file and no name of one: perhaps a robot's name gone wrong."""
     import difflib
 
     from jointplay.base.files import is_file

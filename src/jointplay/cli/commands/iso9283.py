@@ -47,7 +47,11 @@ KINDS = ("path", "settling", "cornering")
 
 def run(options: argparse.Namespace) -> int:
     """Run the cycles, print, draw."""
-    names = {percent: _names(percent) for percent in dict.fromkeys(options.speed or [100.0])}
+    parts = {percent: "" if percent == 100.0 else f"_{percent:g}" for percent in options.speed}
+    names = {
+        percent: [name.replace(".", f"{part}.") for name in FILES]
+        for percent, part in (parts or {100.0: ""}).items()
+    }
     out = Outputs(options.out, [name for several in names.values() for name in several])
     from jointplay.study.courses import check_numbers
     from jointplay.study.iso9283 import check, iso9283
@@ -90,12 +94,6 @@ def run(options: argparse.Namespace) -> int:
                 contents[along] = plots.path(performance)
             out.write(contents, f"; runs in {options.out}/cycles")
     return 0
-
-
-def _names(percent: float) -> list[str]:
-    """Names of the files at a part of the speed."""
-    part = "" if percent == 100.0 else f"_{percent:g}"
-    return [name.replace(".", f"{part}.") for name in FILES]
 
 
 def _cycles(options: argparse.Namespace) -> Any:

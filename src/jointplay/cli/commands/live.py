@@ -18,6 +18,7 @@ token. Ctrl-C stops the server and its processes.
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.cli.commands.inputs import scenario_of
@@ -42,11 +43,6 @@ def run(options: argparse.Namespace) -> int:
         title,
         port=options.port,
         browser=not options.no_browser,
-        say=_say,
+        say=partial(print, flush=True),
     )
     return 0
-
-
-def _say(text: str) -> None:
-    """Print at once: who reads a pipe waits for the address."""
-    print(text, flush=True)

@@ -252,11 +252,7 @@ def _chain(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
 
 
 def _require_sizes(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism) -> None:
-    """Refuse joints of --joint of which nobody says how large their clearance is.
-
-    Raises:
-        JointplayError: there is one.
-    """
+    """Refuse joints of --joint of which nobody says how large their clearance is."""
     given = scenario.given(options.case or scenario.cases[0]).get("joints", {})
     for name in inputs.named_joints(options):
         sizes = mechanism.clearance[name].clearance_fields if name in mechanism.clearance else {}

@@ -36,6 +36,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,15 +92,17 @@ def _play(options: argparse.Namespace, shot: Any) -> None:
         print(player.save_movie(results, options.movie, shot, _note, **shown))
     else:
         where: dict[str, Any] = {"host": options.host, "port": options.port}
-        player.play(results, **where, browser=not options.no_browser, say=_say, **shown)
+        player.play(
+            results,
+            **where,
+            browser=not options.no_browser,
+            say=partial(print, flush=True),
+            **shown,
+        )
 
 
 def _shot(options: argparse.Namespace) -> Any:
-    """What the film shows; None if none is wanted.
-
-    Raises:
-        JointplayError: options of films without one, or numbers that make no sense.
-    """
+    """What the film shows; None if none is wanted."""
     chosen = given(options, "speed", "begin", "end", "size", "fps", "view", "signal")
     if options.movie is None:
         if chosen:
@@ -121,8 +124,3 @@ def _note(text: str) -> None:
     """A note that is shown at once."""
     streams.note(text)
     streams.release()
-
-
-def _say(text: str) -> None:
-    """Print at once: who reads a pipe waits for the address."""
-    print(text, flush=True)

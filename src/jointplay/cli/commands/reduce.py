@@ -40,6 +40,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.base.imports import how_to_install
 from jointplay.base.tables import Column, Table
@@ -64,8 +65,6 @@ NEEDS = {
 """Packages that formats need, and for what."""
 LEANS = ("mjcf", "json")
 """Formats that can hold the lean of an axis."""
-STEM = "robot"
-"""Name of a whole robot's files."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -74,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
         options.spread = _share(options.spread)
     count = _copies(options)
     joint = None if options.all else _joint(options)
-    stem = STEM if joint is None else joint.replace("/", "_")
+    stem = "robot" if joint is None else joint.replace("/", "_")
     formats, notes = _formats(options)
     endings = [ending for one in formats for ending in FORMATS[one]]
     width = len(str(count))
@@ -117,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
     shown = _overview(reductions, leaning) if joint is None else str(reductions[0])
     print("\n".join([*work.notes, shown]))
-    writer = _Writer(options, mechanism, reductions, pose, endings)
+    makers, meshes = _makers(options, mechanism, reductions, pose, endings, later := [])
     written, own = reduced_files.reach(mechanism, reductions, pose, leaning)
     notes.append(
         f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
@@ -131,13 +130,14 @@ def run(options: argparse.Namespace) -> int:
                 "not turn the journal to the rim (a side force presses both rims to one side, or "
                 "nothing does); leave --tilt out"
             )
-    contents: dict[str, Any] = writer.files(stem, reductions, servos)
+    contents: dict[str, Any] = {
+        f"{stem}{e}": make(reductions, servos) for e, make in makers.items()
+    }
     if "urdf" in formats:
         contents[f"{stem}.yaml"] = reduced_files.to_yaml(reductions, options.encoder)
     if "json" in formats:
-        contents[f"{stem}.json"] = reduced_files.to_json(
-            reductions, options.encoder, options.spread
-        )
+        text = reduced_files.to_json(reductions, options.encoder, options.spread)
+        contents[f"{stem}.json"] = text
     if count:
         compiled = "mjcf" in formats
         ranges = random_copies.intervals(
@@ -146,7 +146,8 @@ def run(options: argparse.Namespace) -> int:
         values = random_copies.draw(ranges, count, options.seed or 0)
         for name, row in zip(copies, values, strict=True):
             ones = random_copies.drawn(reductions, ranges, row)
-            contents |= writer.files(name, ones, random_copies.drawn_servos(servos, ranges, row))
+            own_servos = random_copies.drawn_servos(servos, ranges, row)
+            contents |= {f"{name}{e}": make(ones, own_servos) for e, make in makers.items()}
         contents["batch.csv"] = random_copies.table(ranges, values, copies).csv(17)
         known = [one.label for one in ranges if one.origin == "identified"]
         assumed = f"within +-{100.0 * options.spread:g} %, assumed"
@@ -157,16 +158,19 @@ def run(options: argparse.Namespace) -> int:
         from jointplay.show.plots.design import reversals
 
         contents["reversals.png"] = reversals(reductions[0])
-    print("\n".join([*notes, *writer.notes]))
-    writer.write_meshes()
+    print("\n".join([*notes, *later]))
+    if meshes:
+        (Path(options.out) / FOLDER).mkdir()
+    for name, data in meshes.items():
+        files.write(Path(options.out) / FOLDER / name, data)
     out.write(contents)
     if options.check:
         mjcf = contents[f"{stem}.xml"]
-        _check(mjcf, writer.meshes, reductions)
+        _check(mjcf, meshes, reductions)
         if leaning:
             from jointplay.bridges.reduced_mjcf import find_reach
 
-            moved = find_reach(mjcf, writer.meshes, mechanism.tool, pose, own.direction[0])
+            moved = find_reach(mjcf, meshes, mechanism.tool, pose, own.direction[0])
             print(
                 f"MuJoCo: the axes' lean moves the tool by {1e3 * moved:.5g} mm along the "
                 "budget's worst direction"
@@ -226,12 +230,7 @@ def _unwritten(mechanism: Any, reductions: list[Any], leaning: list[str]) -> str
 
 
 def _formats(options: argparse.Namespace) -> tuple[list[str], list[str]]:
-    """Formats to write, and why some that nobody asked for are left out.
-
-    Raises:
-        JointplayError: a format that was asked for cannot hold what --tilt writes, or needs a
-            package that is missing, or --check does.
-    """
+    """Formats to write, and why some that nobody asked for are left out."""
     from importlib.util import find_spec
 
     chosen, notes = list(dict.fromkeys(options.format or FORMATS)), []
@@ -288,76 +287,53 @@ def _require_play(
     )
 
 
-class _Writer:
-    """What writes the files for simulators, of the robot itself and of random copies."""
+def _makers(
+    options: argparse.Namespace,
+    mechanism: Any,
+    reductions: list[Any],
+    pose: dict[str, float],
+    endings: list[str],
+    notes: list[str],
+) -> tuple[dict[str, Callable[..., str]], dict[str, bytes]]:
+    """What makes the simulators' files of reductions and servos, by ending; and their meshes."""
+    from jointplay.bridges import reduced_files
 
-    def __init__(
-        self,
-        options: argparse.Namespace,
-        mechanism: Any,
-        reductions: list[Any],
-        pose: dict[str, float],
-        endings: list[str],
-    ) -> None:
-        from jointplay.bridges import reduced_files
+    plugin, meshes = options.plugin or reduced_files.PLUGIN, {}
+    makers: dict[str, Callable[..., str]] = {
+        ".sdf": lambda ones, _: reduced_files.to_sdf(mechanism, *ones),
+        ".urdf": lambda ones, _: reduced_files.to_urdf(mechanism, *ones, plugin=plugin),
+    }
+    if ".xml" in endings:
+        from jointplay.bridges.reduced_mjcf import compile_robot
 
-        self.out = Path(options.out)
-        plugin = options.plugin or reduced_files.PLUGIN
-        self.notes: list[str] = []
-        self.meshes: dict[str, bytes] = {}
-        makers: dict[str, Callable[..., str]] = {
-            ".sdf": lambda ones, _: reduced_files.to_sdf(mechanism, *ones),
-            ".urdf": lambda ones, _: reduced_files.to_urdf(mechanism, *ones, plugin=plugin),
-        }
-        if ".xml" in endings:
-            from jointplay.bridges.reduced_mjcf import compile_robot
+        compiled = compile_robot(mechanism, reductions, pose, options.tilt)
+        notes += compiled.notes
+        meshes = dict(compiled.meshes)
+        makers[".xml"] = lambda ones, servos: compiled.mjcf(
+            ones, encoder=options.encoder, servos=servos
+        )
+    if ".usda" in endings:
+        from jointplay.bridges.usd import to_usd
 
-            compiled = compile_robot(mechanism, reductions, pose, options.tilt)
-            self.notes += compiled.notes
-            self.meshes = dict(compiled.meshes)
-            makers[".xml"] = lambda ones, servos: compiled.mjcf(
-                ones, encoder=options.encoder, servos=servos
-            )
-        if ".usda" in endings:
-            from jointplay.bridges.usd import to_usd
-
-            makers[".usda"] = lambda ones, _: to_usd(mechanism, *ones)
-        self.makers = {ending: makers[ending] for ending in endings if ending in makers}
-        follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
-        if follow and {".sdf", ".usda"} & set(endings):
-            self.notes.append(
-                f"sdf and usd: that {', '.join(follow)} mimic others is not represented"
-            )
-
-    def files(self, stem: str, reductions: list[Any], servos: dict[str, Any]) -> dict[str, str]:
-        """Contents by name."""
-        makers = self.makers.items()
-        return {f"{stem}{ending}": make(reductions, servos) for ending, make in makers}
-
-    def write_meshes(self) -> None:
-        """Write the shapes of the MJCF."""
-        from jointplay.base import files
-        from jointplay.model.meshes import FOLDER
-
-        if self.meshes:
-            (self.out / FOLDER).mkdir()
-        for name, data in self.meshes.items():
-            files.write(self.out / FOLDER / name, data)
+        makers[".usda"] = lambda ones, _: to_usd(mechanism, *ones)
+    follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
+    if follow and {".sdf", ".usda"} & set(endings):
+        notes.append(f"sdf and usd: that {', '.join(follow)} mimic others is not represented")
+    return {ending: makers[ending] for ending in endings if ending in makers}, meshes
 
 
 def _overview(reductions: list[Any], leaning: list[str]) -> str:
     """A line for each joint, with the lean of those whose axes lean in the files."""
-    columns = [
-        Column("joint", [one.joint for one in reductions]),
-        Column("half play", [0.5 * one.dead_band for one in reductions], "rad"),
-        Column("friction", [one.friction for one in reductions], "N*m"),
-        Column("stiffness", [one.stiffness for one in reductions], "N*m/rad"),
-        Column("rotor", [one.rotor_inertia for one in reductions], "kg*m^2"),
+    rows = [
+        (one.joint, 0.5 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
+        for one in reductions
     ]
-    if leaning:
-        tilts = [one.tilt if one.joint in leaning else 0.0 for one in reductions]
-        columns.append(Column("lean", tilts, "rad"))
-    return str(Table(columns))
+    heads = ("joint", ""), ("half play", "rad"), ("friction", "N*m"), ("stiffness", "N*m/rad")
+    table = Table.of([*heads, ("rotor", "kg*m^2")], rows)
+    if not leaning:
+        return str(table)
+    tilts = [one.tilt if one.joint in leaning else 0.0 for one in reductions]
+    return str(Table([*table.columns, Column("lean", tilts, "rad")]))
 
 
 def _check(mjcf: str, meshes: dict[str, bytes], reductions: list[Any]) -> None:
@@ -414,11 +390,7 @@ def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
 
 
 def _require_whole_gears(options: argparse.Namespace, work: Task) -> None:
-    """Refuse gears of --gear of which a reduction does not know enough.
-
-    Raises:
-        JointplayError: the stiffness or the rotor's inertia is missing.
-    """
+    """Refuse gears of --gear of which a reduction does not know enough."""
     for option in ("gear_stiffness", "rotor_inertia"):
         if options.gear and work.simulation is None and getattr(options, option) is None:
             name = option.replace("_", "-")

@@ -26,14 +26,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from jointplay.base.errors import JointplayError
-
-
-def _is_sweep(path: Path) -> bool:
-    """Whether a path is a sweep's store."""
-    return (path / "zarr.json").is_file()
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,60 +38,41 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.base.files import check_new
 
     paths = [Path(name) for name in options.result]
-    if any(_is_sweep(path) for path in paths):
-        return _sweep(paths, options)
-    home = paths[0] if paths[0].is_dir() else paths[0].parent
-    for path in paths:  # before anything is loaded that takes time
-        if not path.exists():
-            raise JointplayError(f"no result file {str(path)!r}")
-    out = Path(options.out) if options.out else home / "report.html"
-    for target in [out] if options.no_pdf else [out, out.with_suffix(".pdf")]:
-        check_new(target)
-    from jointplay.show import reports
+    shared: dict[str, Any] = {"title": options.title, "pdf": not options.no_pdf}
+    shared["say"] = (lambda _: None) if options.quiet else partial(print, file=sys.stderr)
+    if any((path / "zarr.json").is_file() for path in paths):
+        written = _sweep(paths, options, shared)
+    else:
+        home = paths[0] if paths[0].is_dir() else paths[0].parent
+        for path in paths:  # before anything is loaded that takes time
+            if not path.exists():
+                raise JointplayError(f"no result file {str(path)!r}")
+        out = Path(options.out) if options.out else home / "report.html"
+        for target in [out] if options.no_pdf else [out, out.with_suffix(".pdf")]:
+            check_new(target)
+        from jointplay.show import reports
 
-    results = reports.load(paths, options.label, options.trust)
-    claims = Path(options.claims) if options.claims else None
-    if claims is None:
+        results = reports.load(paths, options.label, options.trust)
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
-    written = reports.report(
-        results,
-        out,
-        title=options.title,
-        claims=claims,
-        impacts=reports.IMPACTS if options.impacts is None else options.impacts,
-        pdf=not options.no_pdf,
-        say=(lambda text: None) if options.quiet else _say,
-    )
-    for path in written:
-        print(path)
+        claims = Path(options.claims) if options.claims else claims
+        impacts = reports.IMPACTS if options.impacts is None else options.impacts
+        written = reports.report(results, out, claims=claims, impacts=impacts, **shared)
+    print(*written, sep="\n")
     return 0
 
 
-def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
+def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any]) -> list[Path]:
     """Write the report of a sweep."""
     from jointplay.show.reports import sweep
     from jointplay.study.store import reading
 
     if len(paths) > 1:
         raise JointplayError("a sweep gets a separate report; give only its store")
+    (store,) = paths
     for name in ("label", "claims", "impacts"):
         if getattr(options, name):
-            raise JointplayError(f"--{name} is for results; {str(paths[0])!r} is a sweep")
-    store = paths[0]
+            raise JointplayError(f"--{name} is for results; {str(store)!r} is a sweep")
     default = store.parent / f"{store.name.removesuffix('.zarr')}_report.html"
     with reading(store):
-        written = sweep.write(
-            store,
-            Path(options.out) if options.out else default,
-            title=options.title,
-            pdf=not options.no_pdf,
-            say=(lambda text: None) if options.quiet else _say,
-        )
-    for path in written:
-        print(path)
-    return 0
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)
+        return sweep.write(store, Path(options.out or default), **shared)

@@ -15,8 +15,9 @@ import argparse
 import textwrap
 from typing import TYPE_CHECKING
 
+from jointplay.base.tables import Table
+
 if TYPE_CHECKING:
-    from jointplay.model.mechanism import Mechanism
     from jointplay.model.survey import Survey
     from jointplay.model.urdf import Description
 
@@ -30,17 +31,10 @@ def run(options: argparse.Namespace) -> int:
         print(_detail(survey(options.name)))
         return 0
     surveys = [survey(name) for name in robots.robots()]
-    arms = [robot for robot in surveys if robot.serial]
-    others = [robot for robot in surveys if not robot.serial]
-    print("\n".join(["ARMS (revolute joints on one path)", *map(_entry, arms)]))
-    print(
-        "\n".join(
-            [
-                "OTHERS (the base is held fast, unless it is run with --base free)",
-                *map(_entry, others),
-            ]
-        )
-    )
+    print("ARMS (revolute joints on one path)")
+    print(*(_entry(robot) for robot in surveys if robot.serial), sep="\n")
+    print("OTHERS (the base is held fast, unless it is run with --base free)")
+    print(*(_entry(robot) for robot in surveys if not robot.serial), sep="\n")
     return 0
 
 
@@ -60,16 +54,21 @@ def _wrapped(text: str) -> str:
 
 
 def _detail(survey: Survey) -> str:
+    from jointplay.model.tool import choose_tool
     from jointplay.model.urdf import as_option
 
     lines = [f"{survey.name}: {survey.path}"]
     if survey.mechanism is None:
         lines += [f"    {joint}  {kind}" for joint, kind in survey.moving.items()]
     else:
-        lines += _joints(survey, survey.mechanism.description) + _frames(survey.mechanism)
+        description = survey.mechanism.description
+        tool, reason = choose_tool(description)
+        lines += _joints(survey, description)
+        lines.append(_wrapped(f"frames: {', '.join(description.links)}"))
+        lines.append(_wrapped(f"tool, if none is named: {tool} ({reason})"))
+        if description.held:
+            lines.append(_wrapped(f"! {description.held}; --base free lets go of it"))
     remarks = list(survey.remarks)
-    if survey.mechanism is not None and (held := survey.mechanism.description.held):
-        remarks.insert(0, f"{held}; --base free lets go of it")
     if survey.bare:
         remarks.append(
             f"links without mass: {', '.join(survey.bare)}; their joints cannot have clearance "
@@ -90,35 +89,11 @@ def _joints(survey: Survey, description: Description) -> list[str]:
         entry = description.joints[name]
         unit, force = ("m", "N") if entry.slides else ("rad", "N m")
         position = "" if entry.lower is None else f"{entry.lower:.4g} to {entry.upper:.4g} {unit}"
-        more = []
-        if entry.mimic is not None:
-            more.append(f"follows {entry.mimic.formula()}")
+        speed = "" if entry.speed is None else f"{entry.speed:.4g} {unit}/s"
+        effort = "" if entry.effort is None else f"{entry.effort:.4g} {force}"
+        more = [] if entry.mimic is None else [f"follows {entry.mimic.formula()}"]
         if name in gears and gears[name].reduction is not None:
             more.append(f"geared {gears[name].reduction:g} : 1")
-        rows.append(
-            (
-                name,
-                entry.kind,
-                entry.parent,
-                entry.child,
-                position,
-                "" if entry.speed is None else f"{entry.speed:.4g} {unit}/s",
-                "" if entry.effort is None else f"{entry.effort:.4g} {force}",
-                "; ".join(more),
-            )
-        )
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "    " + "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
-
-
-def _frames(mechanism: Mechanism) -> list[str]:
-    from jointplay.model.tool import choose_tool
-
-    tool, reason = choose_tool(mechanism.description)
-    return [
-        _wrapped(f"frames: {', '.join(mechanism.description.links)}"),
-        _wrapped(f"tool, if none is named: {tool} ({reason})"),
-    ]
+        words = (name, entry.kind, entry.parent, entry.child)
+        rows.append((*words, position, speed, effort, "; ".join(more)))
+    return [f"    {line}".rstrip() for line in Table.of_texts(rows).aligned("<")]
