@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +22,8 @@ from jointplay.cli import main
 from jointplay.cli.commands import MODULES
 from jointplay.model.gear import Gear
 from jointplay.model.urdf import shipped
-from jointplay.paper import CONDITIONS, output_names, scara
-from jointplay.paper import run as paper_run
+from jointplay.paper import CONDITIONS, output_names
 from jointplay.physics.kernel import Status
-from jointplay.show import plots
 from jointplay.simulation.loads import Free
 
 START = str(Path(sys.executable).parent / "jointplay")
@@ -133,16 +130,6 @@ def test_unwritable_output_is_refused(tmp_path):
     assert occupied.read_text() == "mine"
 
 
-@pytest.mark.parametrize("command", ["run", "scara"])
-def test_existing_results_are_not_overwritten(command, tmp_path):
-    name = "result.nc" if command == "run" else "claims.md"
-    (tmp_path / name).write_text("precious")
-    done = jointplay(command, "--out", tmp_path)
-    assert done.returncode == 2
-    assert "already holds results" in done.stderr
-    assert (tmp_path / name).read_text() == "precious"
-
-
 def test_run_passes_its_options_on(tmp_path):
     done = jointplay(
         *("run", "--out", tmp_path, *SHORT, "--clearance", "3e-4", "--axial-clearance", "1e-4"),
@@ -200,13 +187,6 @@ def test_settings_count_more_than_a_scenario_and_its_cases(tmp_path):
     assert (joint.cr, joint.ca, joint.restitution) == (3e-4, 5e-4, 0.7)
 
 
-def test_run_draws_its_figures(tmp_path):
-    assert jointplay("run", "--duration", "0.02", "--out", tmp_path).returncode == 0
-    written = {path.name for path in tmp_path.iterdir()}
-    expected = {f"fig{n:02d}.{kind}" for n in range(9, 16) for kind in ("png", "pdf")}
-    assert expected | {"result.nc"} <= written
-
-
 def test_ideal_robot_has_no_contact(tmp_path):
     assert jointplay("run", "--ideal", "--out", tmp_path, *SHORT).returncode == 0
     assert Result.load(tmp_path / "result.nc").joints == []
@@ -220,26 +200,6 @@ def test_run_away_keeps_what_was_computed(tmp_path):
     result = Result.load(tmp_path / "result.nc")
     assert result.status != Status.COMPLETED
     assert len(result.time) > 0
-
-
-def test_ctrl_c_keeps_what_was_computed(tmp_path):
-    command = [JOINTPLAY, "run", "--duration", "300", "--no-figures", "--out", str(tmp_path)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    seen = ""
-    while not re.search(r" \d+\.\d*[1-9]\d*/[\d.]+ s simulated.* left", seen):
-        more = process.stderr.read(1)
-        assert more, f"it ended: {seen}"
-        seen += more
-    assert "x real time" in seen
-    assert "left" in seen
-    process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=900)
-    assert process.returncode == 130
-    assert "interrupted at t = " in output
-    result = Result.load(tmp_path / "result.nc")
-    assert result.status == Status.INTERRUPTED
-    assert 0.0 < result.time[-1] < 300.0
-    assert np.isfinite(result["q"].values).all()
 
 
 STUDY = """
@@ -500,31 +460,6 @@ sys.exit(cli.main(sys.argv[1:]))
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert "interrupted; no result of: 0.2 mm" in done.stderr
-
-
-@pytest.mark.parametrize("moment", ["errors_table", "write_errors", "plots"])
-def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
-    moment, tmp_path, monkeypatch, capsys
-):
-    def told(*given):
-        signal.raise_signal(signal.SIGTERM)
-        return work(*given)
-
-    place, name = (plots, "save") if moment == "plots" else (paper_run, moment)
-    work = getattr(place, name)
-    monkeypatch.setattr(place, name, told)
-    monkeypatch.setattr(paper_run, "CASES", {"ideal": None})
-    monkeypatch.setattr("jointplay.paper.ensembles.CASES", {"ideal": None})
-    short = replace(scara(None), duration=0.002)
-    monkeypatch.setattr(paper_run, "run_case", lambda *_: short.run())
-    monkeypatch.setattr("jointplay.paper.ensembles.METHODS", {})
-    assert main(["scara", "--runs", "0", "--out", str(tmp_path / "o"), "--quiet"]) == 0
-    assert (
-        "stop requested after the computation had ended: the result is saved"
-        in capsys.readouterr().err
-    )
-    there = {path.name for path in (tmp_path / "o").iterdir()}
-    assert {"errors.md", "fig09.png", "fig15.pdf"} <= there
 
 
 def test_an_interrupt_that_a_library_reports_as_a_wrong_value_is_an_interrupt(monkeypatch, capsys):

@@ -34,25 +34,14 @@ ARMS = {  # bearing radius and length [m]
 }
 JOINTS = {
     "ur5": [
-        "shoulder_pan_joint",
-        "shoulder_lift_joint",
-        "elbow_joint",
-        "wrist_1_joint",
-        "wrist_2_joint",
-        "wrist_3_joint",
+        *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
+        *(f"wrist_{k}_joint" for k in (1, 2, 3)),
     ],
     "panda": [f"panda_joint{k}" for k in range(1, 8)],
     "kinova": [f"j2s6s200_joint_{k}" for k in range(1, 7)],
-    "z1": [f"joint{k}" for k in range(1, 7)] + ["jointGripper"],
+    "z1": [*(f"joint{k}" for k in range(1, 7)), "jointGripper"],
     "xarm7": [f"joint{k}" for k in range(1, 8)],
-    "so101": [
-        "shoulder_pan",
-        "shoulder_lift",
-        "elbow_flex",
-        "wrist_flex",
-        "wrist_roll",
-        "gripper",
-    ],
+    "so101": ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"],
 }
 
 
@@ -172,11 +161,6 @@ def test_without_the_package_the_message_says_how_to_install_it(monkeypatch, tmp
         robots.robot_urdf("ur5")
 
 
-def test_resolve_takes_paths_and_names():
-    assert robots.resolve("some/file.urdf").name == "file.urdf"
-    assert robots.resolve("example-robot-data:ur5") == robots.robot_urdf("ur5")
-
-
 def test_every_robot_is_surveyed():
     found = {name: survey(name) for name in robots.robots()}
     for name, robot in found.items():
@@ -279,30 +263,6 @@ def test_a_urdf_that_cannot_be_read_is_refused(tmp_path, capsys):
     path.write_text("<robot>")
     assert main(["robots", str(path)]) == 2
     assert "not well-formed" in capsys.readouterr().err
-
-
-def test_a_robot_is_run_by_name(tmp_path):
-    path = tmp_path / "motion.csv"
-    path.write_text(
-        "time_s," + ",".join(JOINTS["ur5"]) + "\n0" + ",0.3" * 6 + "\n0.002" + ",0.3" * 6
-    )
-    options = ["--joint", "wrist_3_joint", "--motion", str(path), "--no-figures", "--quiet"]
-    out = tmp_path / "out"
-    assert main(["run", "example-robot-data:ur5", *options, "--out", str(out)]) == 0
-    assert (out / "result.nc").is_file()
-
-
-def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, monkeypatch):
-    from jointplay.cli import parser
-    from jointplay.cli.commands.inputs import scenario_of
-
-    line = ["run", "ur5", "--out", "o", "--joint", "elbow_joint=0.3mm", "--joint", "wrist_1_joint"]
-    options = parser().parse_args([*line, "--clearance", "0.1 mm", "--axial-clearance", "0.2 mm"])
-    mechanism = scenario_of(options).simulation().mechanism
-    found = {name: (j.radial_clearance, j.axial_clearance) for name, j in
-             mechanism.clearance.items()}  # fmt: skip
-    assert found["elbow_joint"] == (pytest.approx(3e-4), pytest.approx(2e-4))
-    assert found["wrist_1_joint"][0] == pytest.approx(1e-4)
 
 
 def test_how_a_robot_is_stepped_is_chosen_and_said():

@@ -123,11 +123,7 @@ def require_a(name: str, value: Any, *kinds: str) -> None:
         raise JointplayError(f"{name} must be {wanted}, not {value!r:.60}", where=(name,))
 
 
-_KINDS = {
-    "str": "text",
-    "Mapping": "a mapping of names to them",
-    "Iterable": "a list of them",
-}
+_KINDS = {"str": "text", "Mapping": "a mapping of names to them", "Iterable": "a list of them"}
 
 
 def require_positive(name: str, value: float, unit: str, where: Where = ()) -> float:
@@ -236,11 +232,8 @@ def require_increasing(name: str, values: Sequence[float], unit: str, where: Whe
     """Raise if numbers do not increase, naming the first that does not with its `unit`."""
     for i, (before, after) in enumerate(pairwise(values), 1):
         if not after > before:
-            raise JointplayError(
-                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit} "
-                f"(number {i + 1})",
-                (*where, i),
-            )
+            words = f"{before:g} {unit} is followed by {after:g} {unit} (number {i + 1})"
+            raise JointplayError(f"{name} must increase: {words}", (*where, i))
 
 
 def require_vector(

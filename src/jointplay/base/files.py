@@ -136,10 +136,8 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
     with system_errors(f"cannot write {str(path)!r}"):
         if not os.path.lexists(path) or begins(path, mark):
             return
-    raise JointplayError(
-        f"{str(path)!r} is not a {what} of jointplay, and one would be written there; move it, or "
-        "choose another file or folder for the results"
-    )
+    other = "one would be written there; move it, or choose another place for the results"
+    raise JointplayError(f"{str(path)!r} is not a {what} of jointplay, and {other}")
 
 
 def remove_own(path: Path, mark: bytes) -> None:
@@ -347,9 +345,8 @@ def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
         except csv.Error as error:
             raise JointplayError(f"{path}, line {number}: {error}") from None
         if rows and len(cells) != len(rows[0][1]):
-            raise JointplayError(
-                f"{path}, line {number}: {len(rows[0][1])} cells expected, got {len(cells)}"
-            )
+            words = f"{len(rows[0][1])} cells expected, got {len(cells)}"
+            raise JointplayError(f"{path}, line {number}: {words}")
         rows.append((number, cells))
     if not rows:
         raise JointplayError(f"the {what} {str(path)!r} is empty")

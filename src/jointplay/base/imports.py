@@ -23,6 +23,5 @@ def extra(name: str, package: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise JointplayError(
-            f"this needs {package} ({error}); install it with {how_to_install(name)}"
-        ) from None
+        how = f"install it with {how_to_install(name)}"
+        raise JointplayError(f"this needs {package} ({error}); {how}") from None

@@ -517,9 +517,8 @@ def _chosen(family: Family, data: Any) -> Draft:
         word, parameter = family.number
         data = {key: word, parameter: data}
     if not isinstance(data, Mapping):
-        raise JointplayError(
-            f"{toml_text(data)} is not a table; a {noun} is a table with the key {key}"
-        )
+        words = f"a {noun} is a table with the key {key}"
+        raise JointplayError(f"{toml_text(data)} is not a table; {words}")
     word = data.get(key, family.default)
     if word is None:
         raise JointplayError(f"the key {key} is missing; available: {', '.join(members)}")
@@ -536,9 +535,8 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
     if word is None and selector is not None and isinstance(data, Mapping) and selector[0] in data:
         word = (selector[0], getattr(kind, selector[1]))
         if data[word[0]] != word[1]:
-            raise JointplayError(
-                f"{toml_text(data[word[0]])} is not {toml_text(word[1])}", (word[0],)
-            )
+            words = f"{toml_text(data[word[0]])} is not {toml_text(word[1])}"
+            raise JointplayError(words, (word[0],))
     form = getattr(kind, "written", None) or kind
     keys = [*([word[0]] if word else []), *fields, *getattr(form, "further_keys", ())]
     if not isinstance(data, Mapping):
@@ -606,9 +604,8 @@ def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, 
     fixed = origin is tuple and parts[-1] is not Ellipsis
     if not isinstance(data, list | tuple) or (fixed and len(data) != len(parts)):
         if fixed and len(parts) == 3:
-            raise JointplayError(
-                f"{toml_text(data)} are not three components; give each as {expected(*units)}"
-            )
+            form = f"give each as {expected(*units)}"
+            raise JointplayError(f"{toml_text(data)} are not three components; {form}")
         raise JointplayError(f"expected a list in brackets, got {toml_text(data)}")
     several = []
     for index, one in enumerate(data):

@@ -157,11 +157,7 @@ class Table:
     """Lines that are shown below it."""
 
     @classmethod
-    def of(
-        cls,
-        heads: Sequence[Head],
-        rows: Sequence[Sequence[Any]],
-    ) -> Self:
+    def of(cls, heads: Sequence[Head], rows: Sequence[Sequence[Any]]) -> Self:
         """The table of rows whose columns have these names and units, and are fine or not."""
         values = list(zip(*rows, strict=True)) or [() for _ in heads]
         names = zip(heads, values, strict=True)

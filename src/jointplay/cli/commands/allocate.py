@@ -63,10 +63,7 @@ def run(options: argparse.Namespace) -> int:
     if rolling and len(rolling) == len(joints) and not whole:
         for name in (*_OF_CLEARANCES, "weight"):
             if getattr(options, name) not in (None, []):
-                raise JointplayError(
-                    f"--{name} is for clearances that can be any; bearings have classes (--price "
-                    "CLASS=X)"
-                )
+                raise JointplayError(f"--{name}: bearings have classes only (--price CLASS=X)")
     more: dict[str, Any] = {}
     if whole:
         from jointplay.accuracy.causes import CAUSES

@@ -36,15 +36,10 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.simulation.loads.drive import Drive
 
     if options.causes is not None and options.whole is None:
-        raise JointplayError(
-            f"--causes {','.join(options.causes)} selects causes of the whole error: give --whole "
-            "CLASS, too"
-        )
+        words = f"--causes {','.join(options.causes)} selects causes of the whole error"
+        raise JointplayError(f"{words}: give --whole CLASS, too")
     if options.relative_to is not None and options.whole is not None:
-        raise JointplayError(
-            f"--relative-to {options.relative_to}: the whole error (--whole) is known in the world "
-            "only; leave one of the two out"
-        )
+        raise JointplayError("--whole is known in the world only; leave --relative-to out")
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
     if options.whole is not None:
@@ -87,10 +82,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
-    contents = {
-        "budget.csv": errors.data(work.names or ()).csv(),
-        "bars.png": plots.bars(errors),
-    }
+    contents = {"budget.csv": errors.data(work.names or ()).csv(), "bars.png": plots.bars(errors)}
     if not seen:
         contents["robot.png"] = plots.robot(work.mechanism, errors, work.q)
         contents["reach.png"] = plots.reachable(errors)

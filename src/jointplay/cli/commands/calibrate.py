@@ -50,9 +50,8 @@ def run(options: argparse.Namespace) -> int:
         try:
             folds = int(folds)
         except ValueError:
-            raise JointplayError(
-                f"--folds must be a number, or rows, groups or points; got {folds!r}"
-            ) from None
+            words = f"--folds must be a number, rows, groups or points, got {folds!r}"
+            raise JointplayError(words) from None
     scatter = _scatter(options.scatter)
     point = vector(options.point or "0,0,0", "m", "--point")
     out.claim()
@@ -79,9 +78,8 @@ def run(options: argparse.Namespace) -> int:
         contents[ENCODERS] = table(found).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
-        raise JointplayError(
-            f"--link {options.link[0]}: {options.csv} has no column '{options.link[0]} link'"
-        )
+        (joint, *_) = options.link
+        raise JointplayError(f"--link {joint}: {options.csv} has no column '{joint} link'")
     measured = poses.position is not None or poses.point is not None
     if not measured and not contents:
         raise JointplayError(

@@ -72,9 +72,7 @@ def run(options: argparse.Namespace) -> int:
     out, mark = files.claim(options.out, []), f"jointplay dynamics {options.kind}"
     path = out / f"{options.kind}.png"
     if path.exists() and not files.holds(path, mark):
-        raise JointplayError(
-            f"{str(path)!r} is not a figure of this command; choose another folder"
-        )
+        raise JointplayError(f"{str(path)!r} is no figure of this command; choose another folder")
     from jointplay.cli.commands.dynamics_figures import FIGURES, FigureJob
 
     figure = FIGURES[options.kind](FigureJob(study, options, out))

@@ -291,9 +291,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         _require_known(options.place)
         file = Scenario.load(options.place, options.trust)
     if file is not None and ideal:
-        raise JointplayError(
-            "--ideal is for a robot; for a joint of a scenario use --set joints.NAME.ideal=true"
-        )
+        raise JointplayError("--ideal is for a robot; here use --set joints.NAME.ideal=true")
     if file is None and options.case:
         raise JointplayError("--case needs a scenario (.toml)")
     of_file = {} if file is None else _tables(file)
@@ -447,9 +445,7 @@ def _joint_settings(
     given = for_joints(options)
     joints = list(names) or [*tables]
     if given and not joints:
-        raise JointplayError(
-            f"{given[0].name} is for a joint with clearance; name it: --joint NAME"
-        )
+        raise JointplayError(f"{given[0].name} is for a joint with clearance: name it by --joint")
     description = _description(options, wanted, file)
     settings, kinds = [], {}
     for name in joints:
@@ -552,5 +548,5 @@ def _require_known(target: str) -> None:
     )
     similar = f"; did you mean {', '.join(near)}?" if near else ""
     raise JointplayError(
-        f"{target!r} is neither a file nor a robot{similar} (jointplay robots lists all)"
+        f"{target!r} is neither a file nor a robot{similar} (see jointplay robots)"
     )

@@ -257,9 +257,8 @@ def _require_sizes(options: argparse.Namespace, scenario: Scenario, mechanism: M
     for name in inputs.named_joints(options):
         sizes = mechanism.clearance[name].clearance_fields if name in mechanism.clearance else {}
         if sizes and not {*sizes, *sizes.values(), "designation"}.intersection(given.get(name, ())):
-            raise JointplayError(
-                f'--clearance is missing: the radial clearance of {name!r}, such as "0.1 mm"'
-            )
+            words = f'--clearance is missing: the radial clearance of {name!r}, such as "0.1 mm"'
+            raise JointplayError(words)
 
 
 def _notes(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:

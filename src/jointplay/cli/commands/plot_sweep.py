@@ -30,10 +30,8 @@ def run(options: argparse.Namespace) -> int:
     for word in options.words:
         name, equals, value = word.partition("=")
         if not equals or not value or name in given:
-            raise JointplayError(
-                f"{word!r} must be one of {', '.join(f'{one}=NAME' for one in WORDS)} or "
-                "DIMENSION=VALUE, each once"
-            )
+            forms = ", ".join(f"{one}=NAME" for one in WORDS)
+            raise JointplayError(f"{word!r} must be one of {forms} or DIMENSION=VALUE, each once")
         given[name] = value
     for name in ("x", "y"):
         if name not in given:

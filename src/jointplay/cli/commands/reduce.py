@@ -92,9 +92,7 @@ def run(options: argparse.Namespace) -> int:
     options.pose = [options.pose or ""]
     work = task(options)
     if not (joint is None or options.joint or work.simulation or joint in work.mechanism.gears):
-        raise JointplayError(
-            "--clearance or --gear is missing: without play there is nothing to reduce"
-        )
+        raise JointplayError("--clearance or --gear is missing: there is no play to reduce")
     mechanism = work.mechanism
     _require_whole_gears(options, work)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
@@ -205,10 +203,8 @@ def _copies(options: argparse.Namespace) -> int:
 def _joint(options: argparse.Namespace) -> str:
     """The one joint that is named; if it has no clearance of its own, it is no option any more."""
     if len(options.joint) != 1:
-        raise JointplayError(
-            f"--joint must name one joint, got {len(options.joint) or 'none'}: name it, or add "
-            "--all, which reduces every joint that has play"
-        )
+        number = len(options.joint) or "none"
+        raise JointplayError(f"--joint must name one joint, got {number}; --all reduces every one")
     ((joint, length),) = named_joints(options).items()
     if length is None and options.clearance is None:
         options.joint = []  # its play is the scenario's, or its gear's alone
