@@ -123,9 +123,7 @@ def folder(earlier, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     (tmp_path / "my_robot.urdf").write_text(ROBOT)
     (tmp_path / "poses.csv").write_text(POSES)
-    for name, source in {
-        **{"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"},
-    }.items():
+    for name, source in {**{"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"}}.items():
         shutil.copy(earlier / f"{source}.nc", tmp_path / f"{name}.nc")
     shutil.copy(earlier / "case1_0.2mm.nc", tmp_path)
     shutil.copytree(earlier, tmp_path / "results")

@@ -52,10 +52,7 @@ def bearings():
     for name, law in NORMAL_LAWS.items():
         if name != paper.normal.name:
             limit = IMPLICIT if issubclass(law, LineContactLaw) else EXPLICIT
-            made[name] = (
-                dataclasses.replace(paper, normal=law(**needed.get(name, {}))),
-                limit,
-            )
+            made[name] = (dataclasses.replace(paper, normal=law(**needed.get(name, {}))), limit)
     own = jp.contact.CustomNormalForce(own_force, paper.normal.parameters(paper.radial_contact))
     made["own normal force"] = dataclasses.replace(paper, normal=own), EXPLICIT
     for name, law in FRICTION_LAWS.items():

@@ -42,10 +42,7 @@ LAWS = ("tests/contact/test_restitution.py", "tests/contact/test_line_contact.py
 QUICK = "geometry"
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
-        (
-            "physics/geometry/cylinder.py",
-            "physics/geometry/contacts.py",
-        ),
+        ("physics/geometry/cylinder.py", "physics/geometry/contacts.py"),
         ("tests/test_geometry.py", "tests/test_geometry_properties.py"),
     ),
     "laws": (
@@ -64,10 +61,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
             "tests/physics/test_bristles.py",
         ),
     ),
-    "film": (
-        ("physics/contact/film.py",),
-        ("tests/test_film.py",),
-    ),
+    "film": (("physics/contact/film.py",), ("tests/test_film.py",)),
     "audit": (
         ("simulation/result/audit.py",),
         ("tests/test_audit_figures.py", "tests/test_audit.py"),

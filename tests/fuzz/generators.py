@@ -1161,15 +1161,7 @@ def _parsers() -> dict[str, argparse.ArgumentParser]:
     return dict(found.choices)
 
 
-LONG_WORK = (
-    "--verify",
-    "--runs",
-    "--sobol",
-    "--certify",
-    "--check",
-    "--movie",
-    "--scheduler",
-)
+LONG_WORK = ("--verify", "--runs", "--sobol", "--certify", "--check", "--movie", "--scheduler")
 """Options that ask for minutes of work, or for other programs."""
 
 SERVES = ("--help", "-h", "--html", "--jobs")

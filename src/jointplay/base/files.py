@@ -284,7 +284,8 @@ def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
             return {name: kept[name] for name in kept.files}
     except OSError:
         raise
-    except Exception as error:  # zipfile, zlib and numpy raise whatever damaged bytes make them do
+    except Exception as error:  # noqa: BLE001
+        # zipfile, zlib and numpy raise whatever damaged bytes make them do
         raise ValueError(" ".join(str(error).split()) or type(error).__name__) from None
 
 

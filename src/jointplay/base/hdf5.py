@@ -114,7 +114,7 @@ def _main(path: str, allowed: str, room: str) -> None:
                 _check(h5py, file)
             with h5netcdf.File(file, "r") as opened:
                 _read(opened)
-    except Exception as error:  # HDF5 raises whatever it stumbles over
+    except Exception as error:  # noqa: BLE001 - HDF5 raises whatever it stumbles over
         print(" ".join(str(error).split()) or type(error).__name__, flush=True)
         os._exit(_REFUSED)
     os._exit(0)

@@ -80,8 +80,7 @@ def number_of(jobs: int | None, items: object = None) -> int:
 def begin(orphaned: Callable[[], None] | None = None) -> None:
     """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
 
-    Args:
-        orphaned: what to do, in a thread, before the process ends because its parent has.
+    `orphaned` is done, in a thread, before the process ends because its parent has.
     """
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
@@ -131,7 +130,6 @@ class Pool(Generic[Item, Value]):
     Args:
         work: done for each item. Items, and what it returns or raises, travel pickled; itself it
             does so only where processes cannot be forked.
-        number: of processes.
         begin: sets each of them up.
         lost: what came of an item that took `MOST_DEATHS` processes with it; None: the first one
             is an error.
@@ -271,17 +269,13 @@ class Pool(Generic[Item, Value]):
 
 
 class Serial(Generic[Item, Value]):
-    """This process, where one is enough: does what a `Pool` does.
-
-    Args:
-        work, name: see `Pool`.
-    """
+    """This process, where one is enough: does what a `Pool` does."""
 
     def __init__(self, work: Callable[[Item], Value], *, name: str = "") -> None:
         self._work, self._name = work, name
 
     def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
-        """Do the work for these items, one after the other; see `Pool.run`."""
+        """Do the work for these items, one after the other."""
         for key, item in items:
             try:
                 with one_thread():
@@ -292,7 +286,7 @@ class Serial(Generic[Item, Value]):
             yield key, value
 
     def close(self) -> None:
-        """Nothing is left to be ended."""
+        pass
 
 
 def with_item(error: BaseException, name: str, key: Any) -> BaseException:
@@ -314,7 +308,7 @@ def _serve(work: Callable[[Any], Any], begin: Callable[[], None], connection: An
             content = connection.recv_bytes()
             try:
                 sent = ForkingPickler.dumps((None, work(pickle.loads(content))))
-            except BaseException as error:
+            except BaseException as error:  # noqa: BLE001
                 sent = ForkingPickler.dumps((_portable(error), None))
             connection.send_bytes(sent)
 
@@ -326,7 +320,7 @@ def _portable(error: BaseException) -> BaseException:
     error.add_note("".join(traceback.format_exception(error)))
     try:
         pickle.loads(pickle.dumps(error))
-    except Exception:
+    except Exception:  # noqa: BLE001
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
 

@@ -75,16 +75,11 @@ def quantity(
     Args:
         units: of which one it has; ``""`` for pure numbers. Two where it depends on the joint:
             that of revolute and that of prismatic joints.
-        default, default_factory: of the field; without one it must be given.
         choices: what words are called that stand for a value, and these.
         above: 0.0 if the number must be positive, as `check_fields` demands.
         least: 0.0 if it must not be negative.
         words: what errors call it; the field's name, if not given.
         finite: without, files may have infinity or no number (NaN) here.
-
-    Raises:
-        TypeError: a unit is not text, such as a default without its name.
-        ValueError: a range that begins elsewhere.
     """
     if not units or not all(isinstance(unit, str) for unit in units):
         raise TypeError(f'units are text, "" for pure numbers, got {units!r}; see default=')
@@ -92,23 +87,16 @@ def quantity(
         raise ValueError("a range begins at zero, or the class checks it itself")
     check = require_positive if above == 0.0 else require_non_negative
     check = require_finite if above is None and least is None else check
-    metadata = {"units": units, "check": check, "words": words, "finite": finite}
-    metadata["choices"] = choices
+    about = {"units": units, "check": check, "words": words, "finite": finite, "choices": choices}
     if default_factory is not dataclasses.MISSING:
-        return dataclasses.field(default_factory=default_factory, metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
+        return dataclasses.field(default_factory=default_factory, metadata=about)
+    return dataclasses.field(default=default, metadata=about)
 
 
 def choice(
     noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
 ) -> Any:
-    """Field of a dataclass that holds one of several words.
-
-    Args:
-        noun: what one is called.
-        choices: the words; a mapping has the values for which they stand.
-        default: of the field; without one it must be given.
-    """
+    """Field that holds one of several words; a mapping has the values for which they stand."""
     return dataclasses.field(default=default, metadata={"choices": (noun, choices)})
 
 
@@ -177,7 +165,7 @@ def _read_field(field: Field, given: Any) -> Any:
         raise JointplayError(f"{place}: {error}", error.where) from None
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Field:
     """What a class says of one of its fields."""
 
@@ -189,9 +177,7 @@ class Field:
     choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
     """What its words are called, and these; a mapping has the values they stand for."""
     finite: bool = True
-    """Whether its number must be finite."""
     default: Any = None
-    """What it is if not given; None also where it must be."""
     check: Callable[[str, float, str, Where], float] | None = None
     """Raises if its number is out of range; None: of no quantity."""
     words: str = ""
@@ -305,11 +291,9 @@ class Family:
     key: str
     """Key that has the word: ``law``, ``kind``."""
     noun: str
-    """What one is called: ``friction law``."""
     members: MutableMapping[str, Any]
     """Classes and presets by word; `add` writes into it."""
     default: str | None = None
-    """Word that is taken where there is none."""
     bare: bool = True
     """Whether the bare word stands for a table with nothing else in it."""
     number: tuple[str, str] | None = None
@@ -333,9 +317,7 @@ def register(base: type, family: Family) -> None:
 def add(base: type, kind: type) -> None:
     """Let files name a class of one's own, by the word that it has: one of a family's, from now on.
 
-    Args:
-        base: `Load`, `Drive`, `Gearing`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
-        kind: its subclass.
+    `base` is `Load`, `Drive`, `Gearing`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
 
     Raises:
         JointplayError: no such family, or the word is taken.
@@ -368,15 +350,9 @@ def names_of(kind: Any) -> Sequence[str]:
 
 # Objects to plain data and back, from the type hints of their fields.
 #
-# Result files and scenario files are both read and written by what is here: a class says its
-# fields once, with their types, units and explanations.
-#
 #     plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
 #     read(Clearance, data)             # the joint, or a JointplayError that knows its place
 #     check(Clearance, data).make()     # the same in two steps: all checks first
-#
-# Numbers may be text with a unit, ``"0.2 mm"``. A class whose kinds are chosen by a word (laws by
-# ``law``, joints and drives by ``kind``) is a `Family`.
 
 
 T = TypeVar("T")
@@ -478,11 +454,7 @@ def read(kind: type[T] | Any, data: Any) -> Any:
 def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
     """What `data` say, checked against a type but not yet made: `Draft` for objects.
 
-    Args:
-        kind: a class or a type hint.
-        data: numbers, text, lists and dictionaries.
-        units: that numbers can have. A number of which there are several possible ones remembers
-            its own (`units.Measured`).
+    Numbers can have these `units`; one of several possible ones remembers its own (`Measured`).
 
     Raises:
         JointplayError: what cannot be; `where` has its place in the data.

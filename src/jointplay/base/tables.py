@@ -62,7 +62,6 @@ class Column:
     """A column of a `Table`: what it is called, in which unit, and its values."""
 
     head: str
-    """Above it, in words."""
     values: Sequence[Any] | np.ndarray
     """Numbers in SI, text, or None where there is nothing; so is a number that is not finite."""
     unit: str = ""

@@ -111,9 +111,7 @@ def convert(value: Any, *units: str) -> Measured:
 
     Decimal prefixes are exact: ``"0.2 mm"`` is the number nearest to 0.0002.
 
-    Args:
-        value: what the file has.
-        units: keys of `WORDS` (or other SI units) of which one must fit; empty for pure numbers.
+    One of `units` must fit, keys of `WORDS` or other SI units; empty for pure numbers.
 
     Raises:
         ValueError: one line that names the value, and what was expected.
@@ -261,7 +259,7 @@ def unit_of(text: str) -> _Unit:
     inverse = text.startswith("/")
     try:
         return _Unit(_registry().parse_units(f"1{text}" if inverse else text))
-    except Exception as error:  # pint's parser raises whatever Python's own does
+    except Exception as error:  # noqa: BLE001 - pint's parser raises whatever Python's own does
         raise ValueError(str(error)) from None
 
 
@@ -311,9 +309,7 @@ _TYPESET = (
 def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
     """How many of the unit in which results are shown are one SI `unit`, and that unit.
 
-    Args:
-        unit: as in `WORDS`.
-        fine: of sizes such as clearances.
+    `fine` is for sizes such as clearances.
     """
     return (_FINE if fine and unit in _FINE else _DISPLAY).get(unit, (1.0, unit))
 

@@ -174,7 +174,7 @@ def _read(path: Path) -> Parts:
         scene: Any = trimesh.load_scene(data, file_type=kind, resolver=Beside(path))
         bodies = scene.dump()
         size = _metres(scene)
-    except Exception as error:  # trimesh and what it calls raise whatever they like
+    except Exception as error:  # noqa: BLE001 - trimesh and what it calls raise whatever they like
         reason = " ".join(str(error).split()) or type(error).__name__
         raise JointplayError(f"mesh {str(path)!r} cannot be read: {reason}") from None
     parts = []

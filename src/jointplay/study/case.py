@@ -146,7 +146,7 @@ class Bench:
             state, said = FAILED, "not enough memory"
         except JointplayError as error:
             state, said = FAILED, str(error)
-        except Exception as error:  # a measure of the user's own can raise anything
+        except Exception as error:  # noqa: BLE001 - a measure of the user's own can raise anything
             state, said = FAILED, f"{type(error).__name__}: {error}"
         values[COST] = time.process_time() - began
         return Outcome(index, state, values, self._portable(said)[:LONGEST_ERROR], kept)

@@ -110,7 +110,7 @@ class ClusterWorkers(Generic[Item, Value]):
         self.number = len(threads)
         try:
             answers = self.client.run(version, on_error="return")
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001
             raise JointplayError(
                 f"the workers of {self.address!r} do not answer: {error}"
             ) from None

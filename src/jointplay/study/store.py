@@ -683,7 +683,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
             )  # fmt: skip
     except JointplayError:
         raise
-    except Exception as error:  # zarr and xarray raise whatever they stumble over
+    except Exception as error:  # noqa: BLE001 - zarr and xarray raise whatever they stumble over
         raise damaged(path, "sweep", error) from None
     for word in ("store", CHUNKS):
         dataset.attrs.pop(word)

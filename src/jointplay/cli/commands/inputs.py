@@ -547,6 +547,4 @@ def _require_known(target: str) -> None:
         target.lower().replace("-", "_"), known
     )
     similar = f"; did you mean {', '.join(near)}?" if near else ""
-    raise JointplayError(
-        f"{target!r} is neither a file nor a robot{similar} (see jointplay robots)"
-    )
+    raise JointplayError(f"{target!r} is neither a file nor a robot{similar}; see jointplay robots")

@@ -126,7 +126,7 @@ class CustomNormalForce(Custom, NormalForceLaw):
                 first, *others = (self.function(depth, 0.0, speed, *own) for speed in _SPEEDS)
                 same = all(math.isclose(first, other, rel_tol=1e-9) for other in others)
                 finite = math.isfinite(first)
-            except Exception:  # it may be one that runs compiled only
+            except Exception:  # noqa: BLE001 - it may be one that runs compiled only
                 return
             if finite and not same:
                 raise JointplayError(

@@ -170,7 +170,7 @@ def _answer(machine: Machine, kind: str, values: Mapping[str, float], send: Any)
     except (ArithmeticError, ValueError, MemoryError) as error:
         reason = f"these numbers cannot be computed with: {error or type(error).__name__}"
         send({"kind": "error", "error": reason, "at": None})
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001
         traceback.print_exc()
         send({"kind": "error", "error": f"{type(error).__name__}: {error}", "at": None})
     send({"kind": "done", "refused": refused})

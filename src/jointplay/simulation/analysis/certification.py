@@ -561,7 +561,7 @@ def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate
     """
     try:
         return certify(result, strict=strict, **told)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001
         reason = str(error) if isinstance(error, JointplayError) else repr(error)
         text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
         warnings.warn(text, RuntimeWarning, stacklevel=3)

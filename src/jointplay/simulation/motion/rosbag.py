@@ -181,7 +181,7 @@ def opened(path: Path) -> Iterator[Bag]:
             yield Bag(reader, kinds, numbers)
     except JointplayError:
         raise
-    except Exception as error:  # its libraries raise whatever they stumble over
+    except Exception as error:  # noqa: BLE001 - its libraries raise whatever they stumble over
         reason = " ".join(str(error).split()) or type(error).__name__
         raise JointplayError(f"cannot read the bag {str(path)!r}: {reason}") from None
 

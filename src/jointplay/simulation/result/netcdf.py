@@ -145,7 +145,7 @@ def _examined(path: Path) -> Iterator[ModuleType]:
         yield xr
     except JointplayError:
         raise
-    except Exception as error:  # HDF5 raises whatever it stumbles over
+    except Exception as error:  # noqa: BLE001 - HDF5 raises whatever it stumbles over
         raise damaged(path, "result", error) from None
 
 
