@@ -39,14 +39,13 @@ def begin(*arguments):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def steps(process):
-    """Wait until the process shows that it steps; returns what it said."""
+def until(process, words=r" \d+\.\d*[1-9]\d*/\d+.*left"):
+    """Wait until the process says these words, by default that it steps."""
     seen = ""
-    while not re.search(r" \d+\.\d*[1-9]\d*/\d+.*left", seen):
+    while not re.search(words, seen):
         read = process.stderr.read(1)
         assert read, seen
         seen += read
-    return seen
 
 
 def end(process):
@@ -93,7 +92,7 @@ def kept(folder):
 def test_any_signal_that_ends_a_run_keeps_it(number, tmp_path):
     call = begin if number == signal.SIGTERM else start
     process = call("run", "--duration", "100", "--no-figures", "--out", tmp_path / "o")
-    steps(process)
+    until(process)
     process.send_signal(number)
     out, err, status = end(process)
     assert status == 130, err
@@ -110,7 +109,7 @@ def test_any_signal_that_ends_a_run_keeps_it(number, tmp_path):
 def test_signals_end_all_processes_of_a_scenario_and_keep_their_runs(number, tmp_path):
     path = scenario(tmp_path)
     process = start("run", path, "--no-figures", "--out", tmp_path / "o", "--jobs", 2)
-    steps(process)
+    until(process)
     pids = children(process.copy) if Path("/proc/self/task").is_dir() else []
     process.send_signal(number)
     _, err, status = end(process)
@@ -123,11 +122,7 @@ def test_signals_end_all_processes_of_a_scenario_and_keep_their_runs(number, tmp
 def test_runs_are_kept_that_were_being_certified_when_told_to_stop(tmp_path):
     path = scenario(tmp_path, "2 s")
     process = start("run", path, "--certify", "--no-figures", "--out", tmp_path / "o", "--jobs", 2)
-    said = ""
-    while "errors of 0" not in said:  # a case with clearance
-        read = process.stderr.read(1)
-        assert read, said
-        said += read
+    until(process, "errors of 0")  # a case with clearance
     process.send_signal(signal.SIGINT)
     _, err, status = end(process)
     assert status == 130, err
@@ -140,7 +135,7 @@ def test_runs_are_kept_that_were_being_certified_when_told_to_stop(tmp_path):
 def test_workers_end_with_a_parent_that_is_killed_and_save_their_runs(tmp_path):
     path = scenario(tmp_path)
     process = start("run", path, "--no-figures", "--out", tmp_path / "o", "--jobs", 2)
-    steps(process)
+    until(process)
     pids = children(process.copy)
     assert pids
     process.kill()
@@ -155,11 +150,7 @@ def test_workers_end_with_a_parent_that_is_killed_and_save_their_runs(tmp_path):
 @needs_proc
 def test_workers_of_the_study_end_with_a_parent_that_is_killed(tmp_path):
     process = start("scara", "--runs", 2, "--jobs", 2, "--out", tmp_path / "o")
-    seen = ""
-    while "case 0.2 mm" not in seen:  # the ensembles run beside it
-        read = process.stderr.read(1)
-        assert read, seen
-        seen += read
+    until(process, "case 0.2 mm")  # the ensembles run beside it
     pids = children(process.copy)
     assert pids
     process.kill()
@@ -191,15 +182,6 @@ def saving(folder, duration="0.01"):
     process = Process(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
     assert process.stdout.readline() == "packing\n"
     return process
-
-
-def until(process, words):
-    seen = ""
-    while words not in seen:
-        read = process.stderr.read(1)
-        assert read, seen
-        seen += read
-    return seen
 
 
 def test_ctrl_c_while_a_result_is_saved_lets_it_be_saved(tmp_path):
@@ -262,13 +244,9 @@ def kill_at_random(folder, runs, seed):
         assert all(file.stat().st_size for file in out.glob("fig*"))
 
 
-def test_results_of_a_killed_run_are_whole_or_not_there(tmp_path):
-    kill_at_random(tmp_path, 2, seed=1)
-
-
-@pytest.mark.nightly
-def test_results_of_a_hundred_killed_runs_are_whole_or_not_there(tmp_path):
-    kill_at_random(tmp_path, 100, seed=2)
+@pytest.mark.parametrize("runs", [2, pytest.param(100, marks=pytest.mark.nightly)])
+def test_results_of_killed_runs_are_whole_or_not_there(runs, tmp_path):
+    kill_at_random(tmp_path, runs, seed=runs)
 
 
 LIMITED = """

@@ -154,14 +154,9 @@ def kill_at_random(folder, times, seed, path, reference, duration):
 
 
 @needs_proc
-def test_killed_at_random_moments_a_sweep_gives_what_it_would_have(whole, tmp_path):
-    kill_at_random(tmp_path, 3, 1, *whole)
-
-
-@pytest.mark.nightly
-@needs_proc
-def test_killed_at_a_hundred_random_moments_a_sweep_gives_what_it_would_have(whole, tmp_path):
-    assert kill_at_random(tmp_path, 100, 2, *whole) > 100
+@pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.nightly)])
+def test_killed_at_random_moments_a_sweep_gives_what_it_would_have(kills, whole, tmp_path):
+    assert kill_at_random(tmp_path, kills, kills, *whole) > (kills if kills > 3 else 0) - 1
 
 
 @needs_proc

@@ -334,19 +334,22 @@ NONSENSE = ("nan", "inf", "-inf", "1e400", "", " ", "abc", "1 2")
 """What no option takes for a number."""
 
 NUMBERS = {
-    "X",
-    "MU",
-    "EDGE",
-    "FORCE",
-    "LENGTH",
-    "MASS",
-    "TIME",
-    "ANGLE",
-    "N",
-    "T",
-    "P",
-    "FX,FY,FZ",
-    "X,Y,Z",
+    *[
+        "X",
+        "MU",
+        "EDGE",
+        "FORCE",
+        "LENGTH",
+        "MASS",
+        "TIME",
+        "ANGLE",
+        "N",
+        "T",
+        "P",
+        "VALUE",
+        "FX,FY,FZ",
+        "X,Y,Z",
+    ]
 }
 """How options call numbers that they read as text."""
 
@@ -1161,7 +1164,9 @@ def _parsers() -> dict[str, argparse.ArgumentParser]:
     return dict(found.choices)
 
 
-LONG_WORK = ("--verify", "--runs", "--sobol", "--certify", "--check", "--movie", "--scheduler")
+LONG_WORK = tuple(
+    ["--verify", "--runs", "--sobol", "--certify", "--check", "--movie", "--scheduler"]
+)
 """Options that ask for minutes of work, or for other programs."""
 
 SERVES = ("--help", "-h", "--html", "--jobs")

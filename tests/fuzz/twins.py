@@ -8,7 +8,6 @@ histories are held against Pinocchio and against each other.
 
 from __future__ import annotations
 
-import json
 import random
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +22,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
+from jointplay.scenario.settings import inline
 from jointplay.simulation.result.audit import ENERGY_WARNING
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
@@ -187,18 +187,6 @@ def urdf(made: Machine, order: random.Random | None = None) -> str:
     return f'<robot name="r">{"".join(elements)}</robot>'
 
 
-def _toml(value: Any) -> str:
-    """A value of TOML."""
-    if isinstance(value, dict):
-        pairs = ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items())
-        return f"{{ {pairs} }}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, str):
-        return json.dumps(value).replace("\x7f", "\\u007f")
-    return json.dumps(value) if isinstance(value, bool) else repr(value)
-
-
 def scenario(made: Machine, say: Say = plainly) -> str:
     """The scenario with all its quantities as `say` writes them."""
     joint = made.joints[made.clearance]
@@ -244,7 +232,8 @@ def scenario(made: Machine, say: Say = plainly) -> str:
     }
     if made.integrator == "multi-rate":
         tables["integration"]["macro_step"] = say(made.macro_step, "s")
-    return "\n".join(f"{name} = {_toml(table)}" for name, table in tables.items()) + "\n"
+    text = "\n".join(f"{name} = {inline(table)}" for name, table in tables.items()) + "\n"
+    return text.replace("\x7f", "\\u007f")
 
 
 def write(folder: Path, text: str, robot: str) -> Path:
