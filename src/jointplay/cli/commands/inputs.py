@@ -1,7 +1,7 @@
 """Options that say what a command looks at: a scenario file, or a robot, in the scenario's words.
 
 `entries` has them, `scenario_of` makes of them the scenario that the command is about. An option
-for a key of the scenario is named in `OPTIONS` only: what the key is, its unit, its choices and its
+for a key of the scenario is only named there: what the key is, its unit, its choices and its
 default come from the field that the scenario's tables have for it.
 """
 
@@ -26,56 +26,6 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
     from jointplay.scenario.settings import Setting
     from jointplay.simulation.simulation import Simulation
-
-OPTIONS = {
-    "robot": ("robot.tool", "robot.gravity", "robot.base"),
-    "joints with clearance": (
-        "joints.JOINT.axial_clearance",
-        "joints.JOINT.bearing_radius",
-        "joints.JOINT.bearing_length",
-        "joints.JOINT.journal_radius",
-        "joints.JOINT.journal_length",
-    ),
-    "gears": (
-        "gear_stiffness=gears.GEAR.stiffness",
-        "gear_damping=gears.GEAR.damping",
-        "gears.GEAR.rotor_inertia",
-    ),
-    "contacts": (
-        "young=joints.JOINT.bearing_material.young+joints.JOINT.journal_material.young",
-        "poisson=joints.JOINT.bearing_material.poisson+joints.JOINT.journal_material.poisson",
-        "joints.JOINT.stiffness",
-        "joints.JOINT.axial_stiffness",
-        "joints.JOINT.normal.law",
-        "joints.JOINT.restitution",
-        "joints.JOINT.normal.damping",
-        "impact_mass=joints.JOINT.normal.mass",
-        "friction=joints.JOINT.friction.mu_d",
-    ),
-    "motion": ("motion=motion.file", "motion.interpolation"),
-    "drive and start": (
-        "drive.bandwidth",
-        "drive.damping_ratio",
-        "integration.seed",
-        "integration.start",
-        "integration.settle",
-        "integration.judge_from",
-    ),
-    "integration and output": (
-        "integration.step",
-        "integration.duration",
-        "integration.integrator",
-        "integration.macro_step",
-        "integration.tolerance",
-        "output.record_every",
-    ),
-}
-"""Options that are names for keys of a scenario, by group: a key, whose last part is the name.
-
-Each is one setting, as if by ``--set KEY=VALUE``: the scenario's tables read its value, check it,
-and say what it is. In a key, ``JOINT`` stands for each joint of ``--joint``, ``GEAR`` for each of
-``--gear``. An option of another name than its key's, or with several keys, has it in front.
-"""
 
 _STATIC_GEAR = {"rotor_inertia": 0.1, "stiffness": 1e4}
 """Of gears of which only the play is given, where only that counts."""
@@ -118,31 +68,21 @@ _READERS: dict[str, Callable[[str], Any]] = {
 
 @dataclass(frozen=True)
 class Flag:
-    """An option, and the keys that its value is for."""
+    """An option that is a name for keys of a scenario."""
 
-    attribute: str
-    """Name of its value among the options."""
+    name: str
+    """As it is typed."""
     keys: tuple[tuple[str, ...], ...]
     group: str
 
-    @classmethod
-    def parse(cls, text: str, group: str) -> Flag:
-        """An entry of `OPTIONS`."""
-        name, _, keys = text.rpartition("=")
-        paths = tuple(tuple(key.split(".")) for key in keys.split("+"))
-        return cls(name or paths[0][-1], paths, group)
-
     @property
-    def name(self) -> str:
-        """As it is typed."""
-        return f"--{self.attribute.replace('_', '-')}"
+    def attribute(self) -> str:
+        """Name of its value among the options."""
+        return self.name.removeprefix("--").replace("-", "_")
 
     def read(self, text: Any) -> Any:
         """From the text of the command line to a value of the scenario."""
         return _READERS.get(self.attribute, number)(text) if isinstance(text, str) else text
-
-
-FLAGS = tuple(Flag.parse(text, group) for group, several in OPTIONS.items() for text in several)
 
 
 ABOUT = (
@@ -161,6 +101,9 @@ HELP = """
         impossible, or all
     --fix JOINT,... ...  hold these joints, at zero or the limit nearest to it; those that mimic
         them are held, too
+    --tool  = robot.tool
+    --gravity  = robot.gravity
+    --base  = robot.base
   joints with clearance:
     --joint NAME[=LENGTH|=BEARING] ...  joint with clearance, optionally with its radial clearance
         or the designation of its rolling bearing, such as elbow="6010/C3"; the options of this
@@ -171,12 +114,46 @@ HELP = """
     --preset [NAME]  joints, gears and drives as they are publicly known, or assumed for a class of
         robots (jointplay presets lists them; without NAME that of ROBOT); what else is given
         counts more
+    --axial-clearance  = joints.JOINT.axial_clearance
+    --bearing-radius  = joints.JOINT.bearing_radius
+    --bearing-length  = joints.JOINT.bearing_length
+    --journal-radius  = joints.JOINT.journal_radius
+    --journal-length  = joints.JOINT.journal_length
   gears:
     --gear JOINT=ANGLE ...  total play of a joint's gear, such as elbow="2 arcmin"; the options of
         this group apply to these gears, or to all
+    --gear-stiffness  = gears.GEAR.stiffness
+    --gear-damping  = gears.GEAR.damping
+    --rotor-inertia  = gears.GEAR.rotor_inertia
+  contacts:
+    --young  = joints.JOINT.bearing_material.young + joints.JOINT.journal_material.young
+    --poisson  = joints.JOINT.bearing_material.poisson + joints.JOINT.journal_material.poisson
+    --stiffness  = joints.JOINT.stiffness
+    --axial-stiffness  = joints.JOINT.axial_stiffness
+    --law  = joints.JOINT.normal.law
+    --restitution  = joints.JOINT.restitution
+    --damping  = joints.JOINT.normal.damping
+    --impact-mass  = joints.JOINT.normal.mass
+    --friction  = joints.JOINT.friction.mu_d
+  motion:
+    --motion  = motion.file
+    --interpolation  = motion.interpolation
   drive and start:
     --joint-friction JOINT=C,V ...  Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction
         (default: from the URDF)
+    --bandwidth  = drive.bandwidth
+    --damping-ratio  = drive.damping_ratio
+    --seed  = integration.seed
+    --start  = integration.start
+    --settle  = integration.settle
+    --judge-from  = integration.judge_from
+  integration and output:
+    --step  = integration.step
+    --duration  = integration.duration
+    --integrator  = integration.integrator
+    --macro-step  = integration.macro_step
+    --tolerance  = integration.tolerance
+    --record-every  = output.record_every
   poses:
     --pose JOINT=X,... ...  joint positions [rad or m, or with a unit]; other joints are at zero, or
         mid-range if zero is outside their limits (default: along the motion, or one pose)
@@ -192,15 +169,29 @@ HELP = """
         printed; without CLASS that of the scenario's [errors] or of the preset)
     --causes LIST  causes that count in --whole, such as play,elasticity (default: all)
 """
-"""Options of those groups that are no keys of a scenario, and of groups of other commands'."""
+"""The options by group. One that is followed by = is a name for the keys of the scenario behind it:
+each is one setting, as if by ``--set KEY=VALUE``, which the scenario's tables read and explain.
+``JOINT`` stands for each joint of --joint, ``GEAR`` for each of --gear."""
+
+ENTRIES = read_help(HELP)[1]
+FLAGS = tuple(
+    Flag(name, tuple(tuple(key.split(".")) for key in about[2:].split(" + ")), group)
+    for name, about, group in ENTRIES
+    if about.startswith("= ")
+)
+STATIC = ("poses", "load", "whole error")
+"""Groups that only commands have that ask for them."""
 
 
 def entries(parser: argparse.ArgumentParser, about: str) -> Iterator[Entry]:
-    """The options that say what a command looks at, of these groups, or all of `OPTIONS`."""
-    groups = about.split(", ") if about else [*OPTIONS]
+    """The options that say what a command looks at, of these groups, or all but `STATIC`."""
+    every = dict.fromkeys(group for *_, group in ENTRIES if group not in STATIC)
+    groups = about.split(", ") if about else list(every)
     parser.set_defaults(groups=groups)
-    yield from (one for one in read_help(HELP)[1] if one[2] in ("", *groups))
-    yield from ((f"{flag.name} VALUE", "", flag.group) for flag in FLAGS if flag.group in groups)
+    for name, said, group in ENTRIES:
+        if group in ("", *groups):
+            key = said.startswith("= ")
+            yield (f"{name} VALUE", "", group) if key else (name, said, group)
 
 
 def explain(parser: argparse.ArgumentParser) -> None:
@@ -244,7 +235,9 @@ def default_of(key: Sequence[str]) -> str:
     from jointplay.base.schema import fields_at
     from jointplay.scenario.model import Model
 
-    field: Field = next(one for one, _ in fields_at(Model, key, every=False))
+    field: Field | None = next((one for one, _ in fields_at(Model, key, every=False)), None)
+    if field is None:
+        return ""
     value, words = field.default, field.choices[1] if field.choices else ()
     if isinstance(words, Mapping) and not isinstance(value, str):
         value = next((word for word, stands_for in words.items() if stands_for == value), None)
@@ -253,7 +246,7 @@ def default_of(key: Sequence[str]) -> str:
     return value if isinstance(value, str) else ""
 
 
-_CLEARANCE = Flag("clearance", (("joints", "JOINT", "clearance"),), "joints with clearance")
+_CLEARANCE = Flag("--clearance", (("joints", "JOINT", "clearance"),), "joints with clearance")
 """For which each kind of joint has a name of its own: the first of its ``clearance_fields``."""
 
 SCARA_JOINT = "joint_b"
