@@ -5,8 +5,6 @@
 is in `numba_inside`; where numba has other internals, the same code is compiled without it.
 """
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import warnings

@@ -3,8 +3,6 @@
 Nothing imports upward, yet `result.plot` draws and `simulation.run(certify=True)` certifies.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

@@ -10,8 +10,6 @@ This file is also the program of that process, which must start quickly: it impo
 jointplay.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import signal

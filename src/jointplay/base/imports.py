@@ -1,7 +1,5 @@
 """Libraries that are extras, imported at the moment of need."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

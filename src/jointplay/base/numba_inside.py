@@ -10,8 +10,6 @@ a hash; and it does not know of which files its code was made, which a stamp say
 `compiler` imports this module; where numba lacks a name that is used here, importing fails.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Progress of what takes longer than a moment: a bar in a terminal, at times a line in a file."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -4,8 +4,6 @@ After the first request what was computed is saved, and a file being written is 
 gives up what is not yet saved, and reports it.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

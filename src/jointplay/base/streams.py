@@ -1,7 +1,5 @@
 """Standard output and error as they are: closed, full, or in an encoding that knows no Greek."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """The command line: a module for each command, and one line that says what is wrong."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import errno

@@ -15,8 +15,6 @@ the option is not given. ``FILE | ROBOT`` stands for the inputs of `inputs`, of 
 it, or all.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json

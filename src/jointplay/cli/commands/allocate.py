@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Allocate, verify, print."""
     out = Outputs(options.out, ["allocation.csv", "allocation.png"])
     from jointplay.accuracy.allocation import allocate
     from jointplay.physics.joints import RollingBearing

@@ -18,8 +18,6 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
         a hand or the trunk of what walks: what moves both does not count (default: the world)
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from typing import Any
@@ -30,7 +28,6 @@ from jointplay.cli.commands.mechanism import error_class, load_on_tool, task
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compute, print, draw."""
     out = Outputs(options.out, ["budget.csv" if options.whole is None else "errors.csv"])
     from jointplay.accuracy.error_budget import FOLLOW, budget
     from jointplay.simulation.loads.drive import Drive

@@ -28,8 +28,6 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from typing import Any
@@ -43,7 +41,6 @@ ENCODERS = "encoders.csv"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit, print, draw."""
     out = Outputs(options.out, [*TABLES, ENCODERS])
     folds = options.folds
     if folds not in ("rows", "groups", "points"):

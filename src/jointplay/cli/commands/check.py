@@ -30,7 +30,6 @@ MARK = "jointplay check"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check, print, draw."""
     if options.picture and options.no_picture:
         raise JointplayError("give one of --picture and --no-picture")
     scenario = scenario_of(options)

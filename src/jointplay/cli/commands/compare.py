@@ -12,8 +12,6 @@ Example: jointplay compare old/result.nc new/result.nc --out difference
     --trust
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
@@ -21,7 +19,6 @@ from jointplay.cli.commands import Outputs
 
 
 def run(options: argparse.Namespace) -> int:
-    """Read both, compare, print, draw."""
     out = Outputs(options.out, ["comparison.txt"])
     from jointplay.base.errors import JointplayError
     from jointplay.show import plots, reports

@@ -62,7 +62,6 @@ CYCLES = (1, 8)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run what is missing, draw, print."""
     from jointplay.base import files, processes
 
     processes.number_of(options.jobs)

@@ -1,7 +1,5 @@
 """What `jointplay dynamics` draws and prints, a function for each kind."""
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from dataclasses import dataclass, replace

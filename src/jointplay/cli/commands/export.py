@@ -19,15 +19,12 @@ rerun, .fmu the extra fmu: pip install '.[ros]' in the clone of jointplay.
     --trust
 """
 
-from __future__ import annotations
-
 import argparse
 
 from jointplay import bridges
 
 
 def run(options: argparse.Namespace) -> int:
-    """Read, write, say what was written."""
     bridges.check(options.out, options.to)
     from jointplay.simulation.result.result import Result
 

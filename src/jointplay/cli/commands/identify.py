@@ -52,8 +52,6 @@ Example: jointplay identify my_robot.toml measured.csv --out worn
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
@@ -66,7 +64,6 @@ from jointplay.cli.commands.mechanism import task
 
 
 def run(options: argparse.Namespace) -> int:
-    """Identify or plan, print, draw."""
     from jointplay.base import processes
 
     processes.number_of(options.jobs)

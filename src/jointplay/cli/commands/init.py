@@ -6,8 +6,6 @@ clearances. Change what you need, check it with `jointplay check`, and run it wi
     [NAME]  file name; .toml is added if missing (default scenario.toml)
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
@@ -18,7 +16,6 @@ TEMPLATE = Path(__file__).parents[2] / "scenario" / "template.toml"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the file, never over another."""
     path = Path(options.name)
     if not path.name:
         raise JointplayError(f"{options.name!r} is not a valid file name")

@@ -28,8 +28,6 @@ Example: jointplay iso9283 ur5 --joint "elbow_joint=0.05 mm" --duration 2.2 --ou
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from typing import Any
@@ -46,7 +44,6 @@ KINDS = ("path", "settling", "cornering")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the cycles, print, draw."""
     parts = {percent: "" if percent == 100.0 else f"_{percent:g}" for percent in options.speed}
     names = {
         percent: [name.replace(".", f"{part}.") for name in FILES]

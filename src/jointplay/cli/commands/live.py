@@ -15,8 +15,6 @@ token. Ctrl-C stops the server and its processes.
     --no-browser  do not open a browser
 """
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 
@@ -25,7 +23,6 @@ from jointplay.cli.commands.inputs import scenario_of
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serve until told to stop."""
     require_whole("the port", options.port, 0, 65535)
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)

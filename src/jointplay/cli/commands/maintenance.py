@@ -15,8 +15,6 @@ the scenario. docs/decisions.md explains the numbers. One run is one cycle.
     --out DIR  folder for maintenance.csv and the figure
 """
 
-from __future__ import annotations
-
 import argparse
 
 from jointplay.base.signals import INTERRUPTED
@@ -26,7 +24,6 @@ from jointplay.cli.commands.wear import cycles
 
 
 def run(options: argparse.Namespace) -> int:
-    """Estimate, print, draw."""
     out = Outputs(options.out, ["maintenance.csv", "maintenance.png"])
     from jointplay.study.maintenance import maintenance
 

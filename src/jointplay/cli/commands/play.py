@@ -32,8 +32,6 @@ jointplay[movie] and Chromium, but neither a screen nor a graphics card.
         (default: nothing)
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial
@@ -47,7 +45,6 @@ from jointplay.cli.commands import given
 
 
 def run(options: argparse.Namespace) -> int:
-    """Play what the options name; returns the exit status."""
     require_whole("the port", options.port, 0, 65535)
     for name in options.result:  # before anything is loaded that takes time
         if not files.is_file(Path(name)):

@@ -12,8 +12,6 @@ x=clearance y=friction z=tool_error_rms_total
     --out FILE  picture (default: beside STORE, as .png)
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
@@ -23,7 +21,6 @@ WORDS = ("x", "y", "hue", "z")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw, say where."""
     from jointplay.base import files
 
     given: dict[str, str] = {}

@@ -9,13 +9,10 @@ Use one with --preset: jointplay run so101 --preset
     [NAME]  one preset
 """
 
-from __future__ import annotations
-
 import argparse
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print all presets, or one."""
     from jointplay.scenario.presets import preset, presets
 
     names = presets() if options.name is None else [options.name]

@@ -33,8 +33,6 @@ arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path
@@ -68,7 +66,6 @@ LEANS = ("mjcf", "json")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit, print, write."""
     if options.spread is not None:
         options.spread = _share(options.spread)
     count = _copies(options)

@@ -22,8 +22,6 @@ is not among the results.
     --trust
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial
@@ -34,7 +32,6 @@ from jointplay.base.errors import JointplayError
 
 
 def run(options: argparse.Namespace) -> int:
-    """Read the results, write the report, say where."""
     from jointplay.base.files import check_new
 
     paths = [Path(name) for name in options.result]

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print all robots, arms first, or one."""
     from jointplay.model import robots
     from jointplay.model.survey import survey
 

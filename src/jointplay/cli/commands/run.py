@@ -21,8 +21,6 @@ reader), and the figures as .png and .pdf.
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
@@ -30,7 +28,6 @@ from jointplay.cli.commands.inputs import is_scenario, scenario_of
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make the scenario that the options describe, and run it."""
     from jointplay.cli.commands import run_scenario
     from jointplay.scenario.robot import LABEL
 

@@ -21,8 +21,6 @@ perturbed run; paper.md, which shows all of it on one page.
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time
@@ -31,7 +29,6 @@ from jointplay.base import signals
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the study and print its tables."""
     from jointplay.paper.outputs import PAGE, folder
 
     folder(options.out, options.runs, options.jobs)  # before anything is loaded that takes time

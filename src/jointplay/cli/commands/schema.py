@@ -5,14 +5,11 @@ line is `#:schema scenario.schema.json`, it gives editors with Taplo (Even Bette
 explanations and checks.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the schema."""
     import json
 
     from jointplay.scenario.schema import schema

@@ -20,8 +20,6 @@ Example: jointplay shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 
@@ -31,7 +29,6 @@ from jointplay.cli.commands.inputs import simulation_of
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run, print, draw."""
     out = Outputs(options.out, ["shares.csv", "shares.png"])
     from jointplay.study.courses import check_numbers
     from jointplay.study.shares import check, sensitivity, shares

@@ -19,8 +19,6 @@ payloads[1].mass is the first payload's.
     --trust
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
@@ -28,7 +26,6 @@ FAILED = 1
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the sweep, print the table."""
     from jointplay.study.journal import is_there
 
     # Before anything is loaded that takes time.

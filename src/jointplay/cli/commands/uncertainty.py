@@ -11,14 +11,11 @@ variance (Sobol indices).
     --out FILE  picture of the convergence
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the statements; draw how they converged."""
     from jointplay.base import files
 
     out = files.check_picture(options.out) if options.out else None

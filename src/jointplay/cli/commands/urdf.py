@@ -12,8 +12,6 @@ URDF: docs/robots.md.
     --out FILE  URDF file to write (required)
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from pathlib import Path
@@ -24,7 +22,6 @@ from jointplay.cli.commands.inputs import scenario_of
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the URDF and say what is in it."""
     from jointplay.bridges.urdf import to_urdf
 
     out = Path(options.out)

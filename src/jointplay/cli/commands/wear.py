@@ -15,8 +15,6 @@ needs a wear_rate in the scenario. One run is one cycle.
     --out CSV  file for the cycles and depths after each block
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 
@@ -33,7 +31,6 @@ def cycles(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Estimate, print, write."""
     from jointplay.study.wear import wear
 
     if options.out:
