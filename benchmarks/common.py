@@ -1,7 +1,5 @@
 """What the benchmark scripts share: the robot, ensembles of runs, tables and files."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import functools

@@ -497,12 +497,12 @@ def test_damaged_arrays_are_a_value_error_whatever_is_damaged(tmp_path, save):
     assert set(files.arrays(path)) == {"one", "other"}
     wrong = set()
     for at in range(len(whole)):
-        for flip in (1, 8, 128):
-            path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
-            try:
-                files.arrays(path)
-            except (ValueError, OSError) as error:
-                wrong.add(str(error)[:40])
+        flip = (1, 8, 128)[at % 3]
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
+        try:
+            files.arrays(path)
+        except (ValueError, OSError) as error:
+            wrong.add(str(error)[:40])
     assert len(wrong) > 5
     with pytest.raises(OSError, match="No such file"):
         files.arrays(tmp_path / "none")

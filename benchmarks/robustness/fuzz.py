@@ -7,8 +7,6 @@ The last line is `cases N traceback A hang B crash C silent D`; the exit status 
 are. Interrupted, it says how to go on.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import faulthandler

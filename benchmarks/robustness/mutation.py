@@ -14,8 +14,6 @@ annotations, default arguments, errors raised, tolerances (numbers below 1e-6) a
 iterations.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import contextlib

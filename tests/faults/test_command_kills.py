@@ -178,20 +178,6 @@ def tell_at_random(name, command, place, number, rng):
     assert re.search("interrupted|gave up", err + out), (out, err)
 
 
-@needs_proc
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("name", NAMES)
-def test_told_to_stop_a_command_leaves_whole_files_or_none(name, number, commands, tmp_path):
-    rng = random.Random(f"{name} {number}")
-    tell_at_random(name, commands[name], tmp_path / "o", number, rng)
-
-
-@needs_proc
-@pytest.mark.parametrize("name", NAMES)
-def test_killed_a_command_leaves_whole_files_or_none(name, commands, tmp_path):
-    kill_at_random(commands[name], tmp_path, 2, random.Random(name))
-
-
 def kill_at_random(command, folder, times, rng):
     """Kill a command at moments of its life: what has its final name is whole; nobody lives on."""
     for number in range(times):
@@ -211,14 +197,12 @@ def kill_at_random(command, folder, times, rng):
         assert all(name.endswith(".part") for name in rest)
 
 
-@pytest.mark.nightly
 @needs_proc
+@pytest.mark.parametrize("times", [1, pytest.param(25, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("name", NAMES)
-def test_told_or_killed_at_a_hundred_moments_a_command_leaves_whole_files_or_none(
-    name, commands, tmp_path
-):
-    rng = random.Random(7)
-    for k in range(50):
-        number = rng.choice([signal.SIGTERM, signal.SIGINT])
-        tell_at_random(name, commands[name], tmp_path / f"t{k}", number, rng)
-    kill_at_random(commands[name], tmp_path, 50, rng)
+def test_told_or_killed_a_command_leaves_whole_files_or_none(name, times, commands, tmp_path):
+    rng = random.Random(name)
+    for k in range(times):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            tell_at_random(name, commands[name], tmp_path / f"t{k}{number}", number, rng)
+    kill_at_random(commands[name], tmp_path, 2 * times, rng)

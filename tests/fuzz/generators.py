@@ -7,8 +7,6 @@ cannot; it never shows a traceback, hangs, crashes, takes what makes no sense in
 what it reads, reads a file that it was not given, or leaves files after it has refused.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import hashlib

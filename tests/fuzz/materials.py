@@ -4,8 +4,6 @@ Made once, into a folder, by `build`; generators read them from there (`use`), s
 that is forked for a case need have run zarr before.
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from dataclasses import replace

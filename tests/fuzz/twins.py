@@ -6,8 +6,6 @@ as it is, and again renamed, reordered, in other units, scaled, cut by a checkpo
 histories are held against Pinocchio and against each other.
 """
 
-from __future__ import annotations
-
 import random
 import warnings
 from collections.abc import Callable, Mapping, Sequence
