@@ -111,7 +111,8 @@ def run(options: argparse.Namespace) -> int:
     leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
     shown = _overview(reductions, leaning) if joint is None else str(reductions[0])
     print("\n".join([*work.notes, shown]))
-    makers, meshes = _makers(options, mechanism, reductions, pose, endings, later := [])
+    later: list[str] = []
+    makers, meshes = _makers(options, mechanism, reductions, pose, endings, later)
     written, own = reduced_files.reach(mechanism, reductions, pose, leaning)
     notes.append(
         f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
