@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 import jointplay as jp
 from jointplay.base.processes import cores
+from jointplay.base.tables import Table
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import PERTURBATION
 from jointplay.simulation.result.certificate import plus_minus
@@ -180,31 +181,17 @@ class Benchmark:
             description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
         )
         add = self.parser.add_argument
-        add(
-            "--out",
-            type=Path,
-            help="folder for table, figure and data (default: "
-            + (f"{docs}; --quick: " if docs else "")
-            + f"results/benchmarks/{name})",
-        )
+        plain = f"results/benchmarks/{name}"
+        where = f"{docs}; --quick: {plain}" if docs else plain
+        add("--out", type=Path, help=f"folder for table, figure and data (default: {where})")
         add("--force", action="store_true", help="overwrite files of an earlier run")
         add("--quick", action="store_true", help="a rough answer, in a fraction of the time")
         if runs:
-            add(
-                "--runs",
-                type=int,
-                default=runs,
-                metavar="N",
-                help="runs per case, each with the journal displaced at the start by up to "
-                f"{100 * PERTURBATION:g} %% of its clearances (default: %(default)s)",
+            aside = (
+                f"journals displaced at the start by up to {100 * PERTURBATION:g} %% of their play"
             )
-            add(
-                "--jobs",
-                type=int,
-                default=cores(),
-                metavar="N",
-                help="processes (default: all %(default)s cores)",
-            )
+            add("--runs", type=int, default=runs, metavar="N", help=f"of each case, {aside}")
+            add("--jobs", type=int, default=cores(), metavar="N", help="processes (default: cores)")
 
     def parse(self) -> argparse.Namespace:
         """Parse the command line; stop if a file would be overwritten."""
@@ -254,8 +241,7 @@ class Benchmark:
         figure: Figure | None = None,
     ) -> None:
         """Print and write the table, write data and figure."""
-        lines = [header, ["---"] * len(header), *rows]
-        table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        table = Table.of_texts([header, *rows]).markdown()
         print(table)
         self.path("md").write_text(table + "\n", encoding="utf-8")
         with self.path("csv").open("w", newline="", encoding="utf-8") as file:

@@ -20,6 +20,7 @@ from common import Case
 from cost import scale
 
 from jointplay.base.files import temporary
+from jointplay.base.tables import Table
 from jointplay.simulation.analysis.certification import figures
 
 BASELINE = Path(__file__).with_name("baseline.json")
@@ -95,14 +96,9 @@ def start_up():
 
 
 def _cpu(program):
-    before = os.times()
+    before = sum(os.times()[2:4])  # of children
     subprocess.run([sys.executable, "-c", program], check=True, stdout=subprocess.DEVNULL)
-    after = os.times()
-    return (
-        after.children_user
-        + after.children_system
-        - (before.children_user + before.children_system)
-    )
+    return sum(os.times()[2:4]) - before
 
 
 PARTS = {"step": step_cost, "accuracy": accuracy, "scale": scaling, "start": start_up}
@@ -146,10 +142,8 @@ def main():
     found = {name: float(np.format_float_positional(v, 4, fractional=False, trim="k"))
              for name, v in found.items()}  # fmt: skip
     known = json.loads(BASELINE.read_text()) if BASELINE.is_file() else {}
-    print("| ratio | now | baseline |\n| --- | --- | --- |")
-    for name, value in found.items():
-        before = f"{known[name]:.4g}" if name in known else "-"
-        print(f"| {name} | {value:.4g} | {before} |")
+    rows = [(name, f"{now:.4g}", f"{known.get(name, np.nan):.4g}") for name, now in found.items()]
+    print(Table.of_texts([("ratio", "now", "baseline"), *rows]).markdown())
     text = json.dumps({**known, **found} if args.update else found, indent=1) + "\n"
     if args.out:
         args.out.write_text(text)

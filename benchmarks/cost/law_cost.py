@@ -19,9 +19,9 @@ import time
 import numpy as np
 from common import COLOURS, JOINT, Benchmark, Case, new_figure
 from cost.step_cost import CHUNK, touching
-from tqdm import tqdm
 
 import jointplay as jp
+from jointplay.base.progress import ProgressBar
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 from jointplay.physics.contact.line_contact import LineContactLaw
 
@@ -79,7 +79,7 @@ def measure(made, duration):
     pieces = main.total_steps // CHUNK
     probes = [prepared(bearing, duration=duration) for bearing, _ in made.values()]
     costs, contacts = np.empty((pieces, len(probes))), np.empty(pieces, int)
-    for piece in tqdm(range(pieces), unit="state"):
+    for piece in ProgressBar(range(pieces), unit="state"):
         w = main.workspace
         contacts[piece] = touching(w)
         remembered = {name: w.contacts[name].copy() for name in ("ddelta0", "steps")}

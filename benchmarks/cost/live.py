@@ -17,7 +17,8 @@ import subprocess
 import sys
 
 from common import require
-from tqdm import tqdm
+
+from jointplay.base.progress import ProgressBar
 
 UR5 = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 ROBOTS = {"SCARA": (), "UR5": ("ur5", "--joint", "elbow_joint")}
@@ -41,7 +42,7 @@ def measure(browser, arguments, moves):
         page.goto(server.stdout.readline().split()[2])
         wait(page)
         rows = []
-        for k in tqdm(range(moves), file=sys.stderr):
+        for k in ProgressBar(range(moves)):
             page.wait_for_timeout(600)  # the last picture is drawn, in software
             page.evaluate(MOVE, [k])
             rows.append(wait(page))

@@ -24,10 +24,10 @@ import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, new_figure
 from cost.step_cost import CHUNK, inertia, seconds_per_call
-from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.base.files import temporary
+from jointplay.base.progress import ProgressBar
 from jointplay.model.survey import survey
 
 SHIPPED_STEP = 1e-6
@@ -227,7 +227,7 @@ def main():
     found = {}
     with temporary("mechanism-cost") as folder:
         setups = mechanisms(folder)
-        with tqdm(total=len(setups) * pieces, unit="piece") as bar:
+        with ProgressBar(total=len(setups) * pieces, unit="piece") as bar:
             for name, setup in setups.items():
                 measure(setup, pieces, found.setdefault(name, {}), bar)
     middle = {

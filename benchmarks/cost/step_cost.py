@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, Case, new_figure
 from numba import njit
-from tqdm import tqdm
 
+from jointplay.base.progress import ProgressBar
 from jointplay.simulation.run import Run
 
 CHUNK = 200
@@ -171,7 +171,7 @@ def main():
     duration, repeats = (1.0, 2) if args.quick else (3.0, args.repeats)
     pieces = round(duration / Case().step) // CHUNK
     samples: dict[str, list[float]] = {}
-    with tqdm(total=repeats * pieces, unit="piece") as bar:
+    with ProgressBar(total=repeats * pieces, unit="piece") as bar:
         for _ in range(repeats):
             cycle(duration, samples, bar)
     order = [*FAMILY, *sorted(set(samples) - set(FAMILY))]

@@ -33,6 +33,7 @@ from common import ROOT
 from tqdm import tqdm
 
 from jointplay.base.files import temporary
+from jointplay.base.tables import Table
 
 TESTS = ROOT / "tests"
 LIMIT_S = 120.0
@@ -146,7 +147,7 @@ def judge(seed: int, kept: str, place: Path | None = None) -> dict[str, Any]:
             place = Path(kept) / str(seed)
             _copy(folder, place)
             (place / "CASE.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
-    _remove(folder)
+    shutil.rmtree(folder, ignore_errors=True)
     found["seconds"] = time.perf_counter() - began
     return found
 
@@ -212,10 +213,6 @@ def _copy(folder: Path, to: Path) -> None:
 
     shutil.rmtree(to, ignore_errors=True)
     shutil.copytree(folder, to, symlinks=True, ignore=odd)
-
-
-def _remove(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 class Worker:
@@ -299,10 +296,11 @@ class Tally:
         """Say what was found; returns the exit status."""
         self.bar.close()
         done = self.cases - len(self.open)
-        print("kind         cases  refused  failed  s/case")
-        for kind, (cases, refused, failed, seconds) in sorted(self.kinds.items()):
-            pace = seconds / cases
-            print(f"{kind:<11}  {cases:5.0f}  {refused:7.0f}  {failed:6.0f}  {pace:6.2f}")
+        rows = [
+            (kind, str(cases), str(refused), str(failed), f"{seconds / cases:.2f}")
+            for kind, (cases, refused, failed, seconds) in sorted(self.kinds.items())
+        ]
+        print(Table.of_texts([("kind", "cases", "refused", "failed", "s/case"), *rows]))
         if self.failed:
             print(f"files of what failed: {self.kept}")
         if self.open:
