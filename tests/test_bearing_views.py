@@ -304,7 +304,7 @@ def test_sensitivity_varies_no_preloaded_bearing(robot):
 
     mechanism = jp.Mechanism(robot, {"balls": BALLS, "pair": PAIR}, tool="tip")
     simulation = jp.Simulation(mechanism, duration=0.01, limits="ignore")
-    names = [name for name, *_ in _inputs(simulation, 2.0, 1.0, 0.0)]
+    names = list(_inputs(simulation, 2.0, 1.0, 0.0))
     assert names == ["clearance balls"]
 
 

@@ -47,12 +47,6 @@ def test_parts_and_interaction_are_the_whole(arm):
     assert "simulated, 2 perturbed runs" in str(found)
 
 
-def test_one_joint_alone_is_the_whole(arm):
-    found = shares(simulation(arm, {"b": 2e-4}), 1)
-    assert found.parts[0] == pytest.approx([1.0])
-    assert found.interaction[0] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_gear_is_a_source_of_its_own(arm):
     gears = {"a": Gear(1e-3, 0.1, 1e4)}
     soft = ComputedTorque(30.0)

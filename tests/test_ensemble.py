@@ -88,9 +88,8 @@ def die(result):
 
 
 def test_a_process_that_is_killed_is_an_error_of_one_line(simulations):
-    with pytest.raises(
-        jp.JointplayError, match=r"^simulations\[1\]: .*ended from outside"
-    ) as caught:
+    said = r"^simulations\[1\]: .*ended from outside"
+    with pytest.raises(jp.JointplayError, match=said) as caught:
         jp.ensemble(simulations, jobs=2, keep=die)
     assert caught.value.where == ("simulations", 1)
 
@@ -198,9 +197,6 @@ def test_a_process_told_to_end_before_it_is_set_up_says_nothing(capfd):
         time.sleep(0.1)
         processes.begin()
 
-    with (
-        signals.listening(),
-        closing(Pool(abs, 1, begin=slowly, lost=lambda item: -item)) as pool,
-    ):
+    with signals.listening(), closing(Pool(abs, 1, begin=slowly, lost=lambda item: -item)) as pool:
         assert list(pool.run([(0, 5)])) == [(0, -5)]
     assert "Traceback" not in capfd.readouterr().err

@@ -500,8 +500,8 @@ def test_a_link_whose_name_has_a_comma_is_named_in_quotes(urdf):
 def test_what_could_be_of_the_tool_or_of_a_joint_of_that_name_is_refused(urdf):
     robot = jp.Mechanism(urdf(body("arm"), joint("tool", "base", "arm")))
     result = jp.simulate(robot, duration=1e-3, drive=jp.loads.Free(), joint_friction={})
-    assert observables.observe(result, "tool.position").unit == "rad"
-    assert observables.observe(result, "tool.x").unit == "m"
+    assert observables.unit("tool.position", result.simulation.mechanism) == "rad"
+    assert observables.unit("tool.x", result.simulation.mechanism) == "m"
     for name in ("tool.speed", "tool.acceleration"):
         with pytest.raises(JointplayError, match=f"'{name}' is a quantity of the tool and of"):
             observables.observe(result, name)

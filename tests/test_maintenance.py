@@ -63,12 +63,6 @@ def test_questions_without_an_answer_are_refused(urdf, machine, target, says):
         maintenance(rubbing(urdf, **machine), target, blocks=1, runs=1)
 
 
-def test_a_machine_without_motion_does_not_wear(urdf):
-    still = rubbing(urdf)
-    with pytest.raises(jp.JointplayError, match="no motion"):
-        maintenance(jp.Simulation(still.mechanism, duration=0.05), 2e-4)
-
-
 @pytest.mark.parametrize(
     ("changes", "says"),
     [

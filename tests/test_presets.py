@@ -12,7 +12,7 @@ from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.robot_errors import CLASSES
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.scenario.presets import ORIGINS, Preset, preset, preset_for, preset_of, presets
+from jointplay.scenario.presets import ORIGINS, preset, preset_of, presets
 
 ARMS = {"so101": None, "ur-like": "ur5", "panda-like": "panda", "x-scara": None,
         "printed-servo": "z1", "opentorque": "z1"}  # fmt: skip
@@ -88,8 +88,6 @@ def test_the_servo_holds_its_lever_where_the_published_stand_found_it(tmp_path, 
 
 def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
     assert preset_of("so101").name == "so101"
-    assert preset_for("so101", "").name == "so101"
-    assert preset_for("so101", "ur-like").name == "ur-like"
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset ur-like"):
         preset_of("ur5")
     with pytest.raises(JointplayError, match=r"nothing is publicly known.*--preset"):
@@ -100,10 +98,6 @@ def test_a_robot_of_which_nothing_is_known_says_so_and_offers_classes():
         preset("so101").mechanism("ur5")
     with pytest.raises(JointplayError, match="give a robot"):
         preset("ur-like").mechanism()
-
-
-def test_it_is_a_name_of_the_package():
-    assert isinstance(jp.presets.preset("so101"), Preset)
 
 
 @pytest.mark.thorough

@@ -57,41 +57,26 @@ def test_orders_stay_where_they_are_while_the_speed_rises():
         assert row[[2, 10]].max() < 1e-2 * expected[1]  # between whole orders is nothing
 
 
+COMMAND = ["dynamics", "jointplay:slider_crank.toml", "runup", "--case", "0.5 mm"]
+
+
 @pytest.mark.parametrize(
     ("speeds", "more", "words"),
     [
-        ("1000:1000:2 rpm", (), "a run-up needs two speeds of the same direction"),
         ("-1000:1000:2 rpm", (), "a run-up needs two speeds of the same direction"),
         ("1000:2000:3 rpm", ("--window", "9"), "a window of 9 turns does not fit into 4 turns"),
     ],
 )
 def test_a_run_up_that_cannot_be_is_refused(speeds, more, words, tmp_path, capsys):
-    command = [
-        "dynamics",
-        "jointplay:slider_crank.toml",
-        "runup",
-        "--case",
-        "0.5 mm",
-        "--keep",
-        "4",
-    ]
     vary = ["--vary", f"motion.speeds.crank_pin={speeds}", "--out", str(tmp_path / "o")]
-    assert main([*command, *vary, *more]) == 2
+    assert main([*COMMAND, "--keep", "4", *vary, *more]) == 2
     assert words in capsys.readouterr().err
 
 
 def test_the_command_draws_a_run_up(tmp_path, capsys):
-    command = [
-        "dynamics",
-        "jointplay:slider_crank.toml",
-        "runup",
-        "--case",
-        "0.5 mm",
-        "--keep",
-        "6",
-    ]
-    command += ["--settle", "1", "--records", "100", "--window", "2", "--orders", "10", "--quiet"]
-    command += ["--vary", "motion.speeds.crank_pin=1000:3000:4 rpm", "--jobs", "1"]
-    assert main([*command, "--set", "integration.step=5 us", "--out", str(tmp_path)]) == 0
+    options = ["--keep", "6", "--settle", "1", "--records", "100", "--window", "2"]
+    options += ["--orders", "10", "--quiet", "--jobs", "1"]
+    vary = ["--vary", "motion.speeds.crank_pin=1000:3000:4 rpm", "--set", "integration.step=5 us"]
+    assert main([*COMMAND, *options, *vary, "--out", str(tmp_path)]) == 0
     assert "4 windows of 2 turns, 1" in capsys.readouterr().out
     assert (tmp_path / "runup.png").read_bytes()[:4] == b"\x89PNG"

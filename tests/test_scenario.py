@@ -1,18 +1,15 @@
 """Scenario files: what they mean, and what they refuse."""
 
-import json
 import math
 import re
 import runpy
 import tomllib
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.cli import main
 from jointplay.paper import CASES, CONDITIONS, scara
 from jointplay.physics.contact import (
     FILM_LAWS,
@@ -30,7 +27,6 @@ from jointplay.scenario.places import lines
 from jointplay.scenario.schema import schema
 from jointplay.scenario.summary import summary
 from jointplay.simulation.loads.drive import DRIVES
-from jointplay.simulation.result import Result
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEMPLATE = Path(jp.__file__).parent / "scenario" / "template.toml"
@@ -87,35 +83,28 @@ def test_a_scenario_is_what_python_would_build():
     assert scenario.simulation().describe() == jp.Simulation(robot, motion).describe()
 
 
-@pytest.mark.parametrize("clearance", CASES.values(), ids=CASES)
+@pytest.mark.parametrize("clearance", [None, 0.2e-3, 0.5e-3])
 @pytest.mark.parametrize("condition", CONDITIONS, ids=str)
 def test_the_papers_study_is_its_shipped_scenario(clearance, condition):
-    variants = {
-        "consistent": ("scara.urdf", ()),
-        "as printed": ("scara_as_printed.urdf", ("arm1",)),
-    }
-    urdf, unphysical = variants[condition.variant]
-    joint = clearance and jp.RevoluteClearance(
-        radial_clearance=clearance,
-        axial_clearance=clearance,
+    assert clearance in CASES.values()
+    printed = condition.variant == "as printed"
+    joint = jp.RevoluteClearance(
+        radial_clearance=clearance or 1e-3,
+        axial_clearance=clearance or 1e-3,
         restitution=0.9,
         normal=jp.contact.LankaraniNikravesh(),
         friction=jp.contact.Ambrosio(mu_d=0.1),
     )
     robot = jp.Mechanism(
-        jp.shipped(urdf),
-        {"joint_b": joint} if joint else {},
+        jp.shipped("scara_as_printed.urdf" if printed else "scara.urdf"),
+        {"joint_b": joint} if clearance else {},
         gravity=(0, 0, 0) if condition.gravity == "balanced" else (0, 0, -9.81),
         tool="suction_cup",
-        allow_unphysical=unphysical,
+        allow_unphysical=("arm1",) if printed else (),
     )
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
     expected = jp.Simulation(robot, motion, record_every=20, seed=3, start="centred").describe()
     assert scara(clearance, condition, 20, 3).describe() == expected
-
-
-def test_the_papers_clearances():
-    assert CASES == {"ideal": None, "0.2 mm": 0.2e-3, "0.5 mm": 0.5e-3}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -144,15 +133,6 @@ def test_four_bar_turns_as_its_geometry_says():
     right = 2 * c * (a * np.cos(crank - rocker) - d * np.cos(rocker))
     np.testing.assert_allclose(left - right, 0.0, atol=1e-7)
     np.testing.assert_allclose(crank, 20 * np.pi * result.time, atol=1e-8)
-
-
-def test_four_bar_masses_are_those_of_steel_bars():
-    mechanism = Scenario.load("jointplay:four_bar.toml").ready_run("ideal").mechanism
-    for link, length in (("crank", 0.05), ("coupler", 0.15), ("rocker", 0.12)):
-        inertia = mechanism.model.inertias[mechanism.model.getJointId(f"{link}_pin")]
-        mass = 7850 * length * 0.02 * 0.008
-        assert inertia.mass == pytest.approx(mass, rel=1e-3)
-        assert inertia.inertia[2, 2] == pytest.approx(mass * (length**2 + 0.02**2) / 12, rel=1e-3)
 
 
 def test_everything_at_once():
@@ -207,8 +187,7 @@ record_every = 4
     assert gear.play == pytest.approx(math.radians(0.1))
     assert gear.rotor_inertia == pytest.approx(2e-4)
     assert simulation.drive["joint_c"] == jp.loads.Prescribed()
-    expected = jp.loads.ComputedTorque(40 * math.pi, encoder="motor")
-    assert simulation.drive["joint_a"].bandwidth == pytest.approx(expected.bandwidth)
+    assert simulation.drive["joint_a"].bandwidth == pytest.approx(40 * math.pi)
     assert simulation.drive["joint_a"].encoder == "motor"
     assert simulation.joint_friction["stroke"] == jp.loads.JointFriction(2.0, stribeck_speed=1e-3)
     (payload,) = simulation.payloads
@@ -253,10 +232,10 @@ duration = "1 ms"
 
 def test_lubricated_joints():
     oil = 'lubricant = { law = "short-bearing", viscosity = "50 mPa*s", transition = "2 um" }\n'
-    made = load(changed("[motion]", oil + "[motion]")).ready_run().mechanism.clearance["joint_b"]
-    text = changed("[motion]", oil + "[motion]").replace("short-bearing", "custom-film")
-    assert "function is missing" in refusal(text)
-    assert made.lubricant.describe() == jp.contact.ShortBearing(0.05, transition=2e-6).describe()
+    text = changed("[motion]", oil + "[motion]")
+    made = load(text).simulation().mechanism.clearance["joint_b"].lubricant
+    assert made.describe() == jp.contact.ShortBearing(0.05, transition=2e-6).describe()
+    assert "function is missing" in refusal(text.replace("short-bearing", "custom-film"))
 
 
 def test_torque_and_free_need_no_motion(tmp_path):
@@ -294,14 +273,6 @@ def test_own_laws_are_found_beside_the_scenario(tmp_path):
     assert "laws_of_this_test:pull" in wrong
 
 
-def test_a_planar_joints_result_can_be_run_again(tmp_path):
-    scenario = Scenario.load("jointplay:four_bar.toml")
-    result = scenario.simulation("0.2 mm", {"integration": {"duration": 1e-3}}).run()
-    result.save(tmp_path / "r.nc")
-    again = Result.load(tmp_path / "r.nc").simulation.run()
-    np.testing.assert_array_equal(result["q"].values, again["q"].values)
-
-
 def test_cases_merge_key_by_key():
     base = {"a": {"x": 1, "y": 2}, "l": [1, 2], "f": {"law": "ambrosio", "v0": 1}}
     assert merge(base, {"a": {"y": 3}}) == {**base, "a": {"x": 1, "y": 3}}
@@ -327,88 +298,55 @@ def test_cases_need_a_choice():
         scenario.simulation("c")
 
 
-PLACE = "here/arm.toml, line {}, "
-REFUSED = {
-    "unknown key": (
-        ("radial_clearance", "radial_clearence"),
-        PLACE.format(7) + "joints.joint_b.radial_clearence: unknown key",
-        'did you mean "radial_clearance"? valid keys: kind,',
-    ),
-    "unknown table": (("[motion]", "[motoin]"), "line 9, motoin", 'did you mean "motion"?'),
-    "unknown unit": (("0.2 mm", "0.2 mmm"), "line 7, joints.joint_b.radial", "unknown unit"),
-    "wrong dimension": (("0.2 mm", "0.2 kg"), "line 7", '"0.2 kg" is not a length', '"0.2 mm"'),
-    "angle of a slider": (("-50 mm", "50 deg"), "line 14, motion.joints.stroke", "is prismatic"),
-    "length of a hinge": (("30 deg", "30 mm"), "line 12", '"30 mm" is not an angle', "is revolute"),
-    "negative": (("0.2 mm", "-0.2 mm"), "line 7, joints.joint_b.radial_clearance", "-0.2 mm"),
-    "two clearances on one joint": (
-        ("[motion]", '[joints.joint_b]\nkind = "planar"\n[motion]'),
-        "line 9",
-        "joints.joint_b is given twice",
-    ),
-    "no such joint": (("joints.joint_b", "joints.elbow"), "joints.elbow", "joint_a, joint_b"),
-    "no such law": (
-        ("[motion]", 'friction = "lugree"\n[motion]'),
-        "line 9, joints.joint_b.friction",
-        'did you mean "lugre"? available: ambrosio, coulomb, threlfall,',
-    ),
-    "another law's parameter": (
-        ("[motion]", 'friction = { law = "dahl", v0 = 1 }\n[motion]'),
-        "line 9, joints.joint_b.friction.v0",
-        "valid keys: law, mu_d, sigma0",
-    ),
-    "no such kind": (("radial", 'kind = "hinge"\nradial'), "line 7", "planar"),
-    "kind that does not fit": (("radial", 'kind = "spherical"\nradial'), "axial_clearance"),
-    "no such URDF": (("jointplay:scara", "nowhere"), "line 3, robot.urdf", "nowhere.urdf"),
-    "no such shipped file": (("scara.urdf", "scaro.urdf"), "line 3, robot.urdf", "scara.urdf"),
-    "no such frame": (("suction_cup", "hammer"), "line 4, robot.tool", "'hammer'", "arm1"),
-    "gravity": (('"balanced"', '"balance"'), "line 5, robot.gravity", "balanced, loaded"),
-    "times": (('"1 s"]', '"-1 s"]'), "motion.times[2]", "must increase"),
-    "missing joint": (
-        ("joint_c = [0, 0]", "[start_speed]\njoint_c = 1"),
-        "motion",
-        "lacks joint_c",
-    ),
-    "missing position": (("joint_c = [0, 0]", "joint_c = [0]"), "line 15", "1 positions for 2"),
-    "no such motion": (
-        ("times = [0", 'file = "x.csv"\ntimes = [0'),
-        "motion.joints",
-        "one of file, joints, speeds, tool_position; got file and joints",
-    ),
-    "whole number": (("[joints", "[output]\nrecord_every = 2.5\n[joints"),
-        "line 7, output.record_every: expected a whole number, got 2.5",
-    ),
-    "step too large": (
-        ("[joints", "[integration]\nstep = 0.001\n[joints"),
-        "line 7, integration.step",
-        "too large for the contact stiffness",
-    ),
-    "drive without motion": (
-        ("[motion]", '[drives]\njoint_d = "prescribed"\n[motion]'),
-        "line 10, drives.joint_d",
-        "joint_a, joint_b",
-    ),
-    "no TOML": (("[robot]", "[robot"), "line 2, column 7"),
-    "no robot": (("[robot]", "[rob]"), "line 2, rob", 'did you mean "robot"?'),
-    "unknown key in a case": (
-        ("joint_c = [0, 0]", "joint_c = [0, 0]\n[cases.a]\nintegration.stepp = 1"),
-        "line 17, cases.a.integration.stepp",
-        'did you mean "step"?',
-    ),
-    "value in a case": (
-        ("joint_c = [0, 0]", "joint_c = [0, 0]\n[cases.a]\njoints.joint_b.restitution = 2"),
-        "line 17, cases.a.joints.joint_b.restitution",
-        "(0, 1], got 2",
-    ),
-    "title of a case": (("joint_c = [0, 0]", 'joint_c = [0, 0]\n[cases.a]\ntitle = "x"'), "title"),
-    "payload": (
-        ("[motion]", '[[payloads]]\nmass = "1 kg"\n[[payloads]]\nmass = "1 m"\n[motion]'),
-        "line 12, payloads[2].mass",
-        "is not a mass",
-    ),
-}  # fmt: skip
+LAST = "joint_c = [0, 0]"
+REFUSED = [
+    (("radial_clearance", "radial_clearence"),
+     "here/arm.toml, line 7, joints.joint_b.radial_clearence: unknown key",
+     'did you mean "radial_clearance"? valid keys: kind,'),
+    (("[motion]", "[motoin]"), "line 9, motoin", 'did you mean "motion"?'),
+    (("0.2 mm", "0.2 mmm"), "line 7, joints.joint_b.radial", "unknown unit"),
+    (("0.2 mm", "0.2 kg"), "line 7", '"0.2 kg" is not a length', '"0.2 mm"'),
+    (("-50 mm", "50 deg"), "line 14, motion.joints.stroke", "is prismatic"),
+    (("30 deg", "30 mm"), "line 12", '"30 mm" is not an angle', "is revolute"),
+    (("0.2 mm", "-0.2 mm"), "line 7, joints.joint_b.radial_clearance", "-0.2 mm"),
+    (("[motion]", '[joints.joint_b]\nkind = "planar"\n[motion]'),
+     "line 9", "joints.joint_b is given twice"),
+    (("joints.joint_b", "joints.elbow"), "joints.elbow", "joint_a, joint_b"),
+    (("joints.joint_b", "joints.jont_b"), 'did you mean "joint_b"? available: joint_a, joint_b,'),
+    (("[motion]", 'friction = "lugree"\n[motion]'), "line 9, joints.joint_b.friction",
+     'did you mean "lugre"? available: ambrosio, coulomb, threlfall,'),
+    (("[motion]", 'friction = { law = "dahl", v0 = 1 }\n[motion]'),
+     "line 9, joints.joint_b.friction.v0", "valid keys: law, mu_d, sigma0"),
+    (("radial", 'kind = "hinge"\nradial'), "line 7", "planar"),
+    (("radial", 'kind = "spherical"\nradial'), "axial_clearance"),
+    (("jointplay:scara", "nowhere"), "line 3, robot.urdf", "nowhere.urdf"),
+    (("scara.urdf", "scaro.urdf"), "line 3, robot.urdf", "scara.urdf"),
+    (("suction_cup", "hammer"), "line 4, robot.tool", "'hammer'", "arm1"),
+    (('"balanced"', '"balance"'), "line 5, robot.gravity", "balanced, loaded"),
+    (('"1 s"]', '"-1 s"]'), "motion.times[2]", "must increase"),
+    ((LAST, "[start_speed]\njoint_c = 1"), "motion", "lacks joint_c"),
+    ((LAST, "joint_c = [0]"), "line 15", "1 positions for 2"),
+    (("times = [0", 'file = "x.csv"\ntimes = [0'), "motion.joints",
+     "one of file, joints, speeds, tool_position; got file and joints"),
+    (("[joints", "[output]\nrecord_every = 2.5\n[joints"),
+     "line 7, output.record_every: expected a whole number, got 2.5"),
+    (("[joints", "[integration]\nstep = 0.001\n[joints"),
+     "line 7, integration.step", "too large for the contact stiffness"),
+    (("[motion]", '[drives]\njoint_d = "prescribed"\n[motion]'),
+     "line 10, drives.joint_d", "joint_a, joint_b"),
+    (("[robot]", "[robot"), "line 2, column 7"),
+    (("[robot]", "[rob]"), "line 2, rob", 'did you mean "robot"?'),
+    ((LAST, f"{LAST}\n[cases.a]\nintegration.stepp = 1"),
+     "line 17, cases.a.integration.stepp", 'did you mean "step"?'),
+    ((LAST, f"{LAST}\n[cases.a]\njoints.joint_b.restitution = 2"),
+     "line 17, cases.a.joints.joint_b.restitution", "(0, 1], got 2"),
+    ((LAST, f'{LAST}\n[cases.a]\ntitle = "x"'), "title"),
+    (("[motion]", '[[payloads]]\nmass = "1 kg"\n[[payloads]]\nmass = "1 m"\n[motion]'),
+     "line 12, payloads[2].mass", "is not a mass"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "words"), [(c, w) for c, *w in REFUSED.values()], ids=REFUSED)
+@pytest.mark.parametrize(("change", "words"), [(c, w) for c, *w in REFUSED], ids=repr)
 def test_bad_input_is_refused_in_one_line(change, words):
     message = refusal(changed(*change))
     assert message.startswith("here/arm.toml")
@@ -417,24 +355,18 @@ def test_bad_input_is_refused_in_one_line(change, words):
 
 
 FOUR_BAR = jp.shipped("four_bar.toml")
-LOOPS_REFUSED = {
-    "does not close": (("150 mm", "350 mm"), "line 10, loops.rocker_end", "stays open by 0.12 m"),
-    "no such link": (('"coupler"', '"couple"'), "loops.rocker_end", "'couple'", "coupler, rocker"),
-    "no such loop": (("loops.rocker_end", "loops.end"), "'rocker_end'", "available: ", "end"),
-    "name of a joint": (("loops.rocker_end", "loops.crank_pin"), "the name of a joint"),
-    "no duration": (('duration = "0.5 s"', ""), "motion.speeds", "give duration"),
-    "torque for all": (
-        ('"prescribed"', '"torque"\ntimes = [0]\nvalues = [1]'),
-        "drive.kind",
-        "give [drives.JOINT]",
-    ),
-    "torque of nothing": (('"prescribed"', '"torque"'), "drive", "times is missing"),
-}
+LOOPS_REFUSED = [
+    (("150 mm", "350 mm"), "line 10, loops.rocker_end", "stays open by 0.12 m"),
+    (('"coupler"', '"couple"'), "loops.rocker_end", "'couple'", "coupler, rocker"),
+    (("loops.rocker_end", "loops.end"), "'rocker_end'", "available: ", "end"),
+    (("loops.rocker_end", "loops.crank_pin"), "the name of a joint"),
+    (('duration = "0.5 s"', ""), "motion.speeds", "give duration"),
+    (('"prescribed"', '"torque"\ntimes = [0]\nvalues = [1]'), "drive.kind", "give [drives.JOINT]"),
+    (('"prescribed"', '"torque"'), "drive", "times is missing"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("change", "words"), [(c, w) for c, *w in LOOPS_REFUSED.values()], ids=LOOPS_REFUSED
-)
+@pytest.mark.parametrize(("change", "words"), [(c, w) for c, *w in LOOPS_REFUSED], ids=repr)
 def test_bad_loops_are_refused_in_one_line(change, words):
     text = FOUR_BAR.read_text(encoding="utf-8")
     message = refusal(changed(*change, text), FOUR_BAR.parent / "bar.toml")
@@ -456,9 +388,6 @@ CARTESIAN = ARM[: ARM.index("[motion]")] + (
 )
 
 
-@pytest.mark.skipif(
-    find_spec("jointplay.simulation.motion.cartesian") is None, reason="no Cartesian motions here"
-)
 def test_cartesian_waypoints_are_reached_and_unreachable_ones_named():
     for start, sign in (("60 deg", 1), ("-60 deg", -1)):
         simulation = load(changed("60 deg", start, CARTESIAN)).simulation()
@@ -478,15 +407,8 @@ def test_cartesian_waypoints_are_reached_and_unreachable_ones_named():
 def test_waypoints_of_wrong_size_are_named():
     message = refusal(changed('["510 mm", 0.1, -0.2]', '["510 mm", 0.1]', CARTESIAN))
     assert 'line 11, motion.tool_position[2]: ["510 mm", 0.1] are not three' in message
-    assert "1 waypoints for 2 times" in refusal(
-        changed(', ["510 mm", 0.1, -0.2]', "", CARTESIAN)
-    ) or (find_spec("jointplay.simulation.motion.cartesian") is None)
-
-
-def test_robots_of_example_robot_data():
-    text = changed("jointplay:scara.urdf", "example-robot-data:ur5")
-    text = text[: text.index("tool =")] + 'gravity = "balanced"\n' + text[text.index("[joints") :]
-    assert "wrist_3_joint" in refusal(text)  # joints of a UR5, none of which this motion has
+    message = refusal(changed(', ["510 mm", 0.1, -0.2]', "", CARTESIAN))
+    assert "1 waypoints for 2 times" in message
 
 
 def test_keys_know_their_lines():
@@ -520,18 +442,11 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
         assert list(validator.iter_errors({**base, **wrong})), wrong
 
 
-def test_the_command_prints_the_schema(capsys):
-    assert main(["schema"]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(schema()))
-
-
 def test_schema_has_units_and_explanations():
-    joint = schema()["$defs"]["RevoluteClearance"]["properties"]
-    assert (
-        joint["radial_clearance"]["description"]
-        == "C_r, radial, not diametral [m]; 0: an ideal joint."
-    )
-    speed = schema()["$defs"]["LuGre"]["properties"]["v_s"]["description"]
+    of = schema()["$defs"]
+    radial = of["RevoluteClearance"]["properties"]["radial_clearance"]["description"]
+    assert radial == "C_r, radial, not diametral [m]; 0: an ideal joint."
+    speed = of["LuGre"]["properties"]["v_s"]["description"]
     assert speed == "Speed over which the friction falls from static to dynamic [m/s]."
 
 
@@ -603,24 +518,11 @@ def test_a_mechanism_is_built_whole_yet_errors_name_their_part():
         scenario.simulation("A and B", {"joints": {"joint_x": {"ideal": True}}})
 
 
-def test_a_wrong_joint_of_a_file_is_answered_by_the_nearest_of_those_that_move():
-    text = """
-title = "x"
-robot.urdf = "jointplay:scara.urdf"
-joints.jont_b = { radial_clearance = "0.1 mm", axial_clearance = "0.1 mm" }
-motion = { times = [0, 1], joints = { joint_a = [0, 0.1] } }
-"""
-    message = refusal(text)
-    assert 'did you mean "joint_b"? available: joint_a, joint_b, joint_c' in message
-    assert "suction" not in message
-
-
 def test_a_start_that_is_rounding_is_said_as_zero():
     """Loops are closed by iteration: 1.5e-20 m is no place."""
     scenario = jp.Scenario.load("jointplay:four_bar.toml")
     run = scenario.ready_run("ideal")
     run.workspace.q[:] = [1.5182e-20, -3e-17, 0.25][: len(run.workspace.q)]
     (line,) = [one for one in summary(scenario, {"ideal": run}).splitlines() if "  start " in one]
-    assert "e-" not in line
     assert " 0 rad" in line
-    assert "-0 " not in line
+    assert not re.search("e-|-0 ", line)

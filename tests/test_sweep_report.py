@@ -1,5 +1,6 @@
 """The page on a sweep."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -14,12 +15,8 @@ clearance = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "1
 "<script>friction" = { key = "joints.joint_b.friction.mu_d", values = [0.0, 0.1] }
 """
 SAMPLED = """
-[sweep.axes.clearance]
-key = "joints.joint_b.radial_clearance"
-distribution = "normal"
-mean = "0.2 mm"
-std = "0.01 mm"
-"""
+clearance = { key = "joints.joint_b.radial_clearance", distribution = "normal", mean = "0.2 mm", std = "0.01 mm" }
+"""  # noqa: E501
 
 
 def swept(folder, axes, options):
@@ -52,39 +49,30 @@ def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
 
 
 def test_the_page_of_samples_has_their_distributions(tmp_path):
-    text = SCENARIO.format(axes="", options="samples = 8", duration="0.01 s") + SAMPLED
-    (tmp_path / "u.toml").write_text(text)
-    jp.sweep(tmp_path / "u.toml", tmp_path / "u.zarr", jobs=1)
-    assert main(["report", str(tmp_path / "u.zarr"), "--quiet", "--no-pdf"]) == 0
-    source = (tmp_path / "u_report.html").read_text(encoding="utf-8")
+    store = swept(tmp_path, SAMPLED, "samples = 8")
+    assert main(["report", str(store), "--quiet", "--no-pdf"]) == 0
+    source = (tmp_path / "s_report.html").read_text(encoding="utf-8")
     assert "<h2>Distributions</h2>" in source
     assert re.search(r"8 samples\s+peak_force \[N\]", source)
     assert "<h2>Heat maps</h2>" not in source
-    assert not (tmp_path / "u_report.pdf").exists()
+    assert not (tmp_path / "s_report.pdf").exists()
 
 
 def test_samples_with_a_failed_case_lose_their_sobol_indices_alone(tmp_path, capsys):
-    axes = """
-[sweep.axes.clearance]
-key = "joints.joint_b.radial_clearance"
-distribution = "uniform"
-from = "0.1 mm"
-to = "9 mm"
-[sweep.axes.radius]
-key = "joints.joint_b.bearing_radius"
-distribution = "uniform"
-from = "2 mm"
-to = "10 mm"
-"""
-    options = 'samples = 4\nsampling = "saltelli"\nseed = 1'
-    text = SCENARIO.format(axes="", options=options, duration="0.01 s") + axes
-    (tmp_path / "u.toml").write_text(text)
-    found = jp.sweep(tmp_path / "u.toml", tmp_path / "u.zarr", jobs=1)
-    failed = int((found["state"] == 2).sum())
-    assert 0 < failed < found["state"].size
-    assert main(["report", str(tmp_path / "u.zarr"), "--quiet", "--no-pdf"]) == 0
-    assert main(["uncertainty", str(tmp_path / "u.zarr"), "peak_force"]) == 0
-    page = (tmp_path / "u_report.html").read_text(encoding="utf-8")
+    axes = "\n".join(
+        f'{name} = {{ key = "joints.joint_b.{key}", distribution = "uniform", from = "{low} mm", '
+        f'to = "{high} mm" }}'
+        for name, key, low, high in (
+            ("clearance", "radial_clearance", 0.1, 9), ("radius", "bearing_radius", 2, 10)
+        )
+    )  # fmt: skip
+    store = swept(tmp_path, axes, 'samples = 4\nsampling = "saltelli"\nseed = 1')
+    state = jp.open_sweep(store)["state"].values
+    failed = int((state == 2).sum())
+    assert 0 < failed < state.size
+    assert main(["report", str(store), "--quiet", "--no-pdf"]) == 0
+    assert main(["uncertainty", str(store), "peak_force"]) == 0
+    page = (tmp_path / "s_report.html").read_text(encoding="utf-8")
     for said in (page, capsys.readouterr().out):
         assert re.search(r"\d+ samples, \d+ without a value\s+peak_force \[N\]", said)
         assert f"no Sobol indices: {failed} of " in said
@@ -100,26 +88,18 @@ def test_a_sweep_has_a_report_of_its_own(grid, tmp_path, capsys):
     assert "must end in .html" in err
 
 
-def judged(folder, options, integration):
-    text = SCENARIO.format(axes="", options=options, duration="0.05 s")
-    text = text.replace('duration = "0.05 s"', f'duration = "0.05 s"\n{integration}')
-    text = text.replace("[sweep.axes]", "")
-    path = folder / "s.toml"
-    path.write_text(text)
-    axes = {"joints.joint_b.radial_clearance": ["0.2 mm"]}
-    store = jp.sweep(path, folder / "s.zarr", axes, jobs=1).load().isel(radial_clearance=0)
-    return path, store
-
-
 @pytest.mark.parametrize(
     ("options", "integration"),
     [("", 'start = "centred"\njudge_from = "0.03 s"'),
      ('start = "0.03 s"', 'start = "centred"\nsettle = "0.01 s"')],
 )  # fmt: skip
 def test_all_measures_of_a_sweep_are_of_the_part_that_is_judged(options, integration, tmp_path):
-    path, found = judged(tmp_path, options, integration)
-    import dataclasses
-
+    text = SCENARIO.format(axes="", options=options, duration="0.05 s")
+    text = text.replace("[sweep.axes]", "").replace("[sweep]", f"{integration}\n[sweep]")
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    axes = {"joints.joint_b.radial_clearance": ["0.2 mm"]}
+    found = jp.sweep(path, tmp_path / "s.zarr", axes, jobs=1).load().isel(radial_clearance=0)
     one = jp.Scenario.load(path).simulation()
     result = dataclasses.replace(one, settle=None, judge_from=0.03).run()
     audit, late = result.audit, result.time >= 0.03

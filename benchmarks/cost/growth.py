@@ -69,48 +69,35 @@ def main():
         ratio, seconds = gain(8 if args.quick else 24, 1 if args.quick else 3)
     figure, axes = new_figure(2, 3, 9.0, 5.2)
     panels = list(axes.flat)
-    series = (
+    sweep = [n * (float(np.median(case)) + driver) for n in CASES]
+    series = [
         ("simulated time [s]", DURATIONS, steps, "CPU time [s]", "steps: SCARA"),
         ("joints of the arm", JOINTS, [1e6 * v for v in joints], "a step [µs]", "joints: arm"),
         ("joints with clearance of 5", LOOSE, [1e6 * v for v in loose], "a step [µs]", "contacts"),
-        (
-            "cases",
-            CASES,
-            [n * (float(np.median(case)) + driver) for n in CASES],
-            "CPU time [s]",
-            f"cases of {SHORT_S:g} s (reckoned)",
-        ),
+        ("cases", CASES, sweep, "CPU time [s]", f"cases of {SHORT_S:g} s (reckoned)"),
         ("workers", (1, 2), [1.0, ratio], "cases in a time", f"cores: cases of {LONG_S:g} s"),
-    )
+    ]
     if args.no_cores:
-        series = series[:-1]
+        series.pop()
         panels.pop(-2).set_visible(False)
     rows = []
     for panel, (x, at, values, y, title) in zip(panels, series, strict=False):
         panel.plot(at, values, "o-", ms=4, color=COLOURS[0])
-        panel.set_xlabel(x)
-        panel.set_ylabel(y)
+        panel.set(xlabel=x, ylabel=y)
         panel.set_title(title, fontsize=9)
-        if at is not CASES:
-            panel.set_ylim(bottom=0)
+        if at is CASES:
+            panel.set(xscale="log", yscale="log")
         else:
-            panel.set_xscale("log")
-            panel.set_yscale("log")
-        if at is JOINTS:
-            panel.set_xscale("log", base=2)
-            panel.xaxis.set_major_formatter("{x:g}")
-        if x == "workers":
-            panel.set_xticks(at)
+            panel.set_ylim(bottom=0)
         for one, value in zip(at, values, strict=True):
             rows.append([title, f"{x}: {one:g}", f"{value:.3g}"])
             data.append({"what": title, "x": one, "value": value})
-    parts = {"bare": np.median(bare), "built, measured": np.median(case - bare), "driver": driver}
-    names = [name.replace(", ", ",\n") for name in parts]
-    panels[-1].bar(names, [1e3 * float(v) for v in parts.values()], color=COLOURS[1])
+    parts = {"bare": np.median(bare), "built,\nmeasured": np.median(case - bare), "driver": driver}
+    title = f"a case of {SHORT_S:g} s"
+    panels[-1].bar(list(parts), [1e3 * float(v) for v in parts.values()], color=COLOURS[1])
     panels[-1].set_ylabel("CPU time [ms]")
-    panels[-1].set_title(f"a case of {SHORT_S:g} s", fontsize=9)
-    for name, value in parts.items():
-        rows.append([f"a case of {SHORT_S:g} s", name, f"{1e3 * float(value):.3g} ms"])
+    panels[-1].set_title(title, fontsize=9)
+    rows += [[title, " ".join(name.split()), f"{1e3 * v:.3g} ms"] for name, v in parts.items()]
     if ratio:
         print(f"a case of {LONG_S:g} s with two workers: {seconds:.3g} s of wall time")
     benchmark.finish(["what", "at", "value"], rows, data, figure)

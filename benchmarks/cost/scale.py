@@ -11,8 +11,12 @@ machine that does nothing else.
 
 import argparse
 import json
+import os
+import subprocess
 import sys
 import time
+from collections import deque
+from contextlib import ExitStack, closing
 from itertools import islice
 from pathlib import Path
 
@@ -20,6 +24,7 @@ import numpy as np
 
 import jointplay as jp
 from jointplay.base.files import temporary
+from jointplay.base.tables import Table
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
 from jointplay.study.journal import Outcome
@@ -53,7 +58,7 @@ def pairs(duration, number):
     bench = Bench(job(made))
     bench.run((0,), made.changes((0,)))
     found = []
-    for index in made.indices():
+    for index in made.cases:
         simulation = bench.simulation(made.changes(index))
         began = time.process_time()
         simulation.run(estimate=False)  # as cases of a sweep are run
@@ -70,9 +75,9 @@ def bookkeeping(outcome, number, folder):
     made = planned(SHORT_S, number)
     store = Store(folder / "stored", made)
     began = time.process_time()
-    for index in made.indices():
+    for index in made.cases:
         made.changes(index)
-        store.put(Outcome(index, 1, outcome.values))
+        store.keep(index, Outcome(index, 1, outcome.values))
     store.flush()
     took = (time.process_time() - began) / number
     store.close()
@@ -84,45 +89,30 @@ def bookkeeping(outcome, number, folder):
 
 def start():
     """CPU seconds that the start of the workers takes, imports and compiled kernels included."""
-    import resource
-
-    made = planned(SHORT_S, 2)
-
-    def children():
-        used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return used.ru_utime + used.ru_stime
-
-    before = children()
-    import subprocess
-
+    before = os.times()
     program = "import jointplay.study.case; from jointplay.physics import kernel; kernel.compiled()"
     subprocess.run([sys.executable, "-c", program], check=True)
-    assert made.count == 2
-    return children() - before
+    after = os.times()
+    return after.children_user + after.children_system - sum(before[2:4])
 
 
 def messages(number):
     """CPU seconds of the driver for messages to and from workers, by case."""
     made = planned(SHORT_S, number)
-    workers = workers_for(made, 1)
-    try:
-        cases = made.cases.items()
+    with closing(workers_for(made, 1)) as workers:
         began = time.process_time()
-        for _ in workers.run(cases):
-            pass
+        deque(workers.run(made.cases.items()), 0)
         return (time.process_time() - began) / number
-    finally:
-        workers.close()
 
 
 def gain(number, rounds):
     """How much faster two workers are than one, and the wall seconds of a case with two."""
     made = planned(LONG_S, number)
-    crews = {1: workers_for(made, 1), 2: workers_for(made, 2)}
     times = {1: [], 2: []}
-    try:
+    with ExitStack() as stack:
+        crews = {n: stack.enter_context(closing(workers_for(made, n))) for n in times}
         for crew in crews.values():
-            list(crew.run(islice(made.cases.items(), 4)))
+            deque(crew.run(islice(made.cases.items(), 4)), 0)
         for _ in range(rounds):
             for workers, crew in crews.items():
                 began = time.perf_counter()
@@ -130,25 +120,18 @@ def gain(number, rounds):
                     if outcome.state != 1:
                         raise SystemExit(outcome.error)
                 times[workers].append(time.perf_counter() - began)
-    finally:
-        for crew in crews.values():
-            crew.close()
     return min(times[1]) / min(times[2]), min(times[2]) / number
 
 
 def measure(quick=False):
     """All ratios and what is reckoned from them, by name."""
-    made = temporary("scale")
-    folder = Path(made.name)
-    try:
+    with temporary("scale") as folder:
         (short_bare, short_case), outcome = pairs(SHORT_S, 60 if quick else 200)
         (long_bare, long_case), _ = pairs(LONG_S, 6 if quick else 20)
-        kept, opened = bookkeeping(outcome, STORED, folder)
+        kept, opened = bookkeeping(outcome, STORED, Path(folder))
         told = messages(100 if quick else 300)
         begun = start()
         cores, seconds = gain(8 if quick else 24, 1 if quick else 3)
-    finally:
-        made.cleanup()
     driver = kept + told
     bare = float(np.median(long_bare))
     overhead = float(np.median(long_case - long_bare)) + driver
@@ -177,31 +160,24 @@ def main():
     parser.add_argument("--check", action="store_true", help="exit with status 1 beyond a limit")
     args = parser.parse_args()
     found = measure(args.quick)
-    print("| what | value |\n| --- | --- |")
-    print(f"| bare compute of the {LONG_S:g} s cycle, CPU | {found['bare_s']:.3f} s |")
-    print(f"| driver, for each case, CPU | {1e3 * found['driver_s']:.2f} ms |")
-    print(f"| start of the workers, CPU, once | {found['start_s']:.2f} s |")
-    print(f"| {STORED} stored cases open in | {found['open']:.2f} s |")
-    print(
-        f"| {STUDY} cases of {LONG_S:g} s on two cores, reckoned from those run | "
-        f"{found['study_s'] / 60:.1f} min |"
-    )
-    print(
-        f"| {MILLION} cases of {LONG_S:g} s on {WORKERS} workers, reckoned | "
-        f"{found['million_s'] / 3600:.2f} h, of which the driver is busy "
-        f"{found['million_driver_s'] / 3600:.2f} h |"
-    )
+    million, busy = (found[name] / 3600 for name in ("million_s", "million_driver_s"))
+    rows = (
+        (f"bare compute of the {LONG_S:g} s cycle, CPU", f"{found['bare_s']:.3f} s"),
+        ("driver, for each case, CPU", f"{1e3 * found['driver_s']:.2f} ms"),
+        ("start of the workers, CPU, once", f"{found['start_s']:.2f} s"),
+        (f"{STORED} stored cases open in", f"{found['open']:.2f} s"),
+        (f"{STUDY} cases of {LONG_S:g} s on two cores, reckoned from those run",
+         f"{found['study_s'] / 60:.1f} min"),
+        (f"{MILLION} cases of {LONG_S:g} s on {WORKERS} workers, reckoned",
+         f"{million:.2f} h, of which the driver is busy {busy:.2f} h"),
+    )  # fmt: skip
+    print(Table.of_texts((("what", "value"), *rows)).markdown())
     if args.json:
         args.json.write_text(json.dumps(found, indent=1) + "\n")
-    print(
-        f"cores {found['cores']:.2f} overhead {100 * found['overhead']:.1f}% "
-        f"short {found['short']:.2f}"
-    )
-    good = (
-        found["cores"] >= LIMITS["cores"]
-        and found["overhead"] < LIMITS["overhead"]
-        and found["short"] <= LIMITS["short"]
-        and found["open"] < LIMITS["open"]
+    cores, overhead, short = (found[name] for name in ("cores", "overhead", "short"))
+    print(f"cores {cores:.2f} overhead {100 * overhead:.1f}% short {short:.2f}")
+    good = cores >= LIMITS["cores"] and all(
+        found[name] <= LIMITS[name] for name in ("overhead", "short", "open")
     )
     if args.check and not good:
         sys.exit(1)

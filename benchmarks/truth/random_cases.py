@@ -7,12 +7,14 @@ converged runs: small steps, from the same start and from starts 1, 10 and 100 n
 with twice that step. The truth of a figure is the interval of these. Steps are halved until the
 step moves no figure by more than a quarter of its target, or by no more than the starts do; a
 figure for which that does not succeed is not judged. `--rk4` takes another method for them, whose
-first step is as long.
+first step is as long; `--methods` has the runs themselves by all integrators in turn (semi-implicit
+Euler, with a tolerance, rk4).
 
 A figure is outside if it is further from the interval than its target: 2 % of peak forces, 0.5 % of
 all else. It is silent if the run said nothing: no error that covers it, and no warning of the audit
-that the run was integrated badly. The number of impacts is judged in certificates only.
-Certificates count as in certify.py.
+that the run was integrated badly. The number of impacts is judged in certificates only. A
+certificate is judged if the runs of different step agree to a tenth of a per cent or to the stated
+error, and covers a figure that is no further from the interval than that.
 
 The same seed draws the same cases, however many: `--only NUMBER` shows one of them with all its
 figures. The last line counts cases, silent figures, and the share of figures that certificates
@@ -22,8 +24,8 @@ cover.
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -63,11 +65,10 @@ HALVINGS = 3
 """How often the step is halved at most."""
 ASIDES = ((0.8e-9, 0.5e-9, -0.3e-9), (-5e-9, 8e-9, 3e-9), (3e-8, -8e-8, 5e-8))
 """Journals at the start of the other converged runs [m]; 1, 10 and 100 nm aside."""
-BEGINNING = 0.06
-"""How long rk4 is compared [s]."""
 ATTEMPTS = 200
 """A case that is refused so often is a mistake in the draw."""
 
+METHODS = ({}, {"integrator": "semi-implicit-euler"}, {"tolerance": 1e-3}, {"integrator": "rk4"})
 QUINTIC = 1.875
 """Largest over mean speed of a way from rest to rest."""
 
@@ -119,34 +120,20 @@ class Arm:
     """Joints that cannot have clearance, for the link before them has no mass."""
 
 
-def _numbered(name: str, count: int) -> tuple[str, ...]:
-    return tuple(name.format(k) for k in range(1, count + 1))
-
-
 ARMS = {
     "SCARA": Arm(
-        "jointplay:scara.urdf",
-        ("joint_a", "joint_b", "stroke", "joint_c"),
-        12e-3,
-        2.0,
+        "jointplay:scara.urdf", ("joint_a", "joint_b", "stroke", "joint_c"), 12e-3, 2.0,
         massless=("joint_c",),
     ),
     "UR5": Arm(
-        "ur5",
-        (
-            "shoulder_pan_joint",
-            "shoulder_lift_joint",
-            "elbow_joint",
-            *_numbered("wrist_{}_joint", 3),
-        ),
-        30e-3,
-        5.0,
+        "ur5", ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
+                *(f"wrist_{k}_joint" for k in (1, 2, 3))), 30e-3, 5.0,
     ),
-    "Panda": Arm("panda", _numbered("panda_joint{}", 7), 30e-3, 3.0),
-    "Kinova": Arm("kinova", _numbered("j2s6s200_joint_{}", 6), 20e-3, 2.0),
-    "Z1": Arm("z1", _numbered("joint{}", 6), 18e-3, 2.0),
+    "Panda": Arm("panda", tuple(f"panda_joint{k}" for k in range(1, 8)), 30e-3, 3.0),
+    "Kinova": Arm("kinova", tuple(f"j2s6s200_joint_{k}" for k in range(1, 7)), 20e-3, 2.0),
+    "Z1": Arm("z1", tuple(f"joint{k}" for k in range(1, 7)), 18e-3, 2.0),
     "long arm": Arm("", ("yaw", "shoulder", "elbow"), 80e-3, 20.0, (0.03, 0.4)),
-}
+}  # fmt: skip
 ROBOTS = ("SCARA", "UR5", "Panda", "Kinova", "Z1")
 
 LINKAGES = {
@@ -170,8 +157,6 @@ class Case:
     normal: str
     friction: str
     simulation: jp.Simulation
-    refused: tuple[str, ...] = field(default=(), compare=False)
-    """Why draws before this one could not be run."""
 
     @property
     def label(self) -> str:
@@ -197,16 +182,15 @@ ALL = Among()
 
 def drawn(seed: int, number: int, among: Among = ALL) -> Case:
     """The case of that number: the first draw that can be run."""
-    refused: list[str] = []
     for attempt in range(ATTEMPTS):
         try:
             case = attempted(seed, number, attempt, among)
             jp.Run(case.simulation)
         except jp.JointplayError as error:
-            refused.append(str(error))
-            continue
-        return replace(case, refused=tuple(refused))
-    raise RuntimeError(f"case {number} of seed {seed} is refused: {refused[-1]}")
+            refused = error
+        else:
+            return case
+    raise RuntimeError(f"case {number} of seed {seed} is refused: {refused}")
 
 
 def attempted(seed: int, number: int, attempt: int, among: Among) -> Case:
@@ -495,20 +479,16 @@ class NoTruthError(Exception):
     """A converged run did not complete."""
 
 
-def finer(
-    simulation: jp.Simulation, times: int, integrator: str = DEFAULT, duration: float | None = None
-) -> jp.Simulation:
+def finer(simulation: jp.Simulation, times: int, integrator: str = DEFAULT) -> jp.Simulation:
     """The same with a step so many times smaller, and records at the same times."""
     step = simulation.step / times
-    multi_rate = integrator == DEFAULT
     return replace(
         simulation,
         integrator=integrator,
         step=step,
-        macro_step=MACRO * step if multi_rate else None,
+        macro_step=MACRO * step if integrator == DEFAULT else None,
         tolerance=None,
         record_every=simulation.record_every * times,
-        **({} if duration is None else {"duration": duration, "judge_from": 0.0}),
     )
 
 
@@ -582,10 +562,7 @@ class Truth:
     def verdict(self, value: float, stated: float, warned: bool) -> str:
         """``outside`` the target, and ``silent`` if no stated error or warning told of it, or none.
 
-        Args:
-            value: what is judged.
-            stated: its error as the run states it; not a number if it states none.
-            warned: whether the run warned of its step.
+        `stated` is the error as the run states it; not a number if it states none.
         """
         away = self.away(value)
         if self.state == "open" or away <= self.allowed:
@@ -635,29 +612,6 @@ def truth(simulation: jp.Simulation, by: str = DEFAULT) -> tuple[dict[str, Truth
     return known, simulation.step / times
 
 
-def crossing(simulation: jp.Simulation) -> float:
-    """Largest relative difference of rk4 and of the finest runs in the beginning.
-
-    Raises:
-        NoTruthError: one of them did not complete.
-    """
-    every = simulation.record_every * simulation.step
-    end = simulation.duration or simulation.motion.duration
-    duration = every * max(round(min(BEGINNING, 0.2 * end) / every), 10)
-    times = 4 * max(round(simulation.step / STEP), 4)
-    ideal = converged(analysis.ideal_simulation(finer(simulation, times // 4, duration=duration)))
-    ways = [
-        headline(figures(converged(finer(simulation, times, way, duration)), ideal))
-        for way in (DEFAULT, "rk4")
-    ]
-    apart = [
-        (ways[1][name][0] - value) / max(abs(value), FLOORS[unit] / TARGETS[kind_of(name)])
-        for name, (value, unit) in ways[0].items()
-        if kind_of(name) not in COUNTS
-    ]
-    return float(np.abs(apart).max())
-
-
 # ---- The judgement ------------------------------------------------------------------------------
 
 
@@ -682,20 +636,15 @@ class Outcome:
     rows: list[dict[str, object]]
     note: str = ""
     """Why there are none."""
-    refused: tuple[str, ...] = ()
     cpu: float = 0.0
     """[s]."""
-
-
-Change = Callable[[Case], jp.Simulation]
 
 
 def judge(
     seed: int,
     number: int,
     certified: bool = True,
-    cross: bool = False,
-    change: Change | None = None,
+    methods: bool = False,
     among: Among = ALL,
     by: str = DEFAULT,
 ) -> Outcome:
@@ -704,29 +653,23 @@ def judge(
     Args:
         seed, number: of the case.
         certified: whether certificates are judged too.
-        cross: whether the beginning is compared with rk4.
-        change: what makes the simulation that is judged of the case; its own if not given.
+        methods: whether the case runs by the integrators in turn.
         among: what the case is drawn from.
         by: method of the converged runs.
     """
     warnings.simplefilter("ignore", RuntimeWarning)
     started = time.process_time()
     case = drawn(seed, number, among)
-    simulation = case.simulation if change is None else change(case)
+    own_method = METHODS[number % len(METHODS)] if methods else {}
+    simulation = replace(case.simulation, **own_method)
     about: dict[str, object] = {
-        "seed": seed,
-        "number": number,
-        "kind": case.kind,
-        "robot": case.robot,
-        "normal": case.normal,
-        "friction": case.friction,
-        "case": case.label,
-        "integrator": simulation.integrator,
-        "step": simulation.step,
+        name: getattr(case, name)
+        for name in ("seed", "number", "kind", "robot", "normal", "friction")
     }
+    about |= {"case": case.label, "integrator": simulation.integrator, "step": simulation.step}
 
     def outcome(rows: list[dict[str, object]], note: str = "") -> Outcome:
-        return Outcome(about, rows, note, case.refused, time.process_time() - started)
+        return Outcome(about, rows, note, time.process_time() - started)
 
     once = time.process_time()
     try:
@@ -739,8 +682,6 @@ def judge(
     own = headline(figures(result, converged(analysis.ideal_simulation(result))))
     try:
         known, step = truth(case.simulation, by)
-        if cross:
-            about["from_rk4"] = crossing(case.simulation)
     except NoTruthError as error:
         return outcome([], f"no truth: {error}")
     said, warned = stated_errors(result), warnings_of_the_step(result.audit)
@@ -759,21 +700,11 @@ def judge(
         stated = said.get(name, np.nan)
         verdict = "" if kind_of(name) in COUNTS else true.verdict(value, stated, bool(warned))
         row: dict[str, object] = about | {
-            "figure": name,
-            "unit": unit,
-            "value": value,
-            "low": true.interval[0],
-            "high": true.interval[1],
-            "mean": true.mean,
-            "finest": true.draws[0],
-            "coarser": true.coarser,
-            "finest_step": step,
-            "state": true.state,
-            "away": away,
-            "stated_error": stated,
-            "warned": "; ".join(warned),
-            "verdict": verdict,
-        }
+            "figure": name, "unit": unit, "value": value, "low": true.interval[0],
+            "high": true.interval[1], "mean": true.mean, "finest": true.draws[0],
+            "coarser": true.coarser, "finest_step": step, "state": true.state, "away": away,
+            "stated_error": stated, "warned": "; ".join(warned), "verdict": verdict,
+        }  # fmt: skip
         if name in errors:
             row |= {
                 "certified_error": errors[name],
@@ -784,18 +715,8 @@ def judge(
     return outcome(rows)
 
 
-def judge_all(
-    seed: int, numbers: Sequence[int], jobs: int, tell: Callable[[Outcome], None], *options
-) -> list[Outcome]:
-    """Judge these cases in several processes; `tell` hears of each as it is done."""
-    warnings.simplefilter("ignore", RuntimeWarning)
-    study = jp.Study({number: number for number in numbers}, partial(_judge, seed, options))
-    for _, outcome in study.outcomes(jobs, progress=True, unit="case"):
-        tell(outcome)
-    return [study.store[number] for number in numbers]
-
-
 def _judge(seed: int, options: tuple, number: int) -> Outcome:
+    warnings.simplefilter("ignore", RuntimeWarning)
     return judge(seed, number, *options)
 
 
@@ -819,13 +740,15 @@ def tell(outcome: Outcome) -> None:
     if outcome.note:
         tqdm.write(f"case {number}: {outcome.note} ({label})")
     for row in outcome.rows:
-        if row["verdict"] == "silent":
-            tqdm.write(f"silent: case {number}: {named(row)} ({label})")
+        uncovered = row.get("agreed") and not row["covered"]
+        verdict = "not covered" if uncovered else row["verdict"]
+        if verdict in ("silent", "not covered"):
+            tqdm.write(f"{verdict}: case {number}: {named(row)} ({label}, {row['integrator']})")
 
 
 HEADER = (
     "", "cases", "stopped", "figures", "calm", "sensitive", "not converged", "outside target",
-    "stated", "silent", "certified",
+    "stated", "silent", "certified", "true error, median [%]", "certified, median [%]",
 )  # fmt: skip
 
 
@@ -847,7 +770,12 @@ def line(name: str, outcomes: Sequence[Outcome], figure: str = "") -> list[str]:
         states["sensitive"], states["open"], verdicts["outside"] + verdicts["silent"],
         verdicts["outside"], verdicts["silent"],
     )  # fmt: skip
-    return [name, *map(str, counts), covered]
+    sizes = [
+        100.0
+        * float(np.median([row[key] / abs(row["mean"]) for row in agreed if row["mean"]] or [0]))
+        for key in ("away", "certified_error")
+    ]
+    return [name, *map(str, counts), covered, *(f"{size:.2g}" for size in sizes)]
 
 
 def table(outcomes: Sequence[Outcome]) -> list[list[str]]:
@@ -862,98 +790,64 @@ def table(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def draw_errors(rows: Sequence[dict]):
-    """Distance from the truth of every figure, by mechanism."""
-    figure, axes = new_figure(1, 1, 7.0, 5.0)
+    """Stated over true errors, by figure; hollow where the motion is sensitive."""
+    figure, axes = new_figure(1, 1, 6.0, 5.0)
     panel = axes[0, 0]
     for name, colour in zip(HEADLINE, COLOURS, strict=True):
-        those = [
-            row for row in rows
-            if kind_of(row["figure"]) == name and row["state"] != "open" and row["mean"]
-        ]  # fmt: skip
         for state, face in (("calm", colour), ("sensitive", "none")):
             points = [
-                (max(100 * row["away"] / abs(row["mean"]), 1e-4), KINDS.index(row["kind"]))
-                for row in those
-                if row["state"] == state
+                [max(row[key] / abs(row["mean"]), 1e-8) for key in ("away", "stated_error")]
+                for row in rows
+                if kind_of(row["figure"]) == name and row["state"] == state and row["mean"]
             ]
+            label = name if state == "calm" else None
             x, y = np.array(points).reshape(-1, 2).T
-            at = y + 0.1 * (HEADLINE.index(name) - 0.5 * (len(HEADLINE) - 1))
-            panel.plot(
-                x, at, "o", ms=4, mec=colour, mfc=face, label=name if face != "none" else None
-            )
-    for target, style in ((2.0, "-"), (0.5, "--")):
-        panel.axvline(target, color="0.4", lw=0.9, ls=style)
-    panel.set_xscale("log")
-    panel.set_yticks(range(len(KINDS)), KINDS, fontsize=8)
-    panel.invert_yaxis()
-    panel.set_xlabel("distance from converged runs [%]; hollow: sensitive", fontsize=8)
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+            panel.loglog(x, y, "o", ms=4, mec=colour, mfc=face, label=label)
+    panel.plot([1e-8, 10.0], [1e-8, 10.0], color="0.5", lw=0.8)
+    panel.set_xlabel("distance from converged runs, relative")
+    panel.set_ylabel("stated error, relative")
+    panel.legend(fontsize=7)
     return figure
 
 
-def benchmark(name: str, doc: str, cases: int) -> Benchmark:
-    """The command line that benchmarks of random cases share."""
-    made = Benchmark(name, doc, runs=0)
+def main() -> None:
+    made = Benchmark("random_cases", __doc__, runs=0)
     add = made.parser.add_argument
-    add("--cases", type=int, default=cases, metavar="N", help="how many (default: %(default)s)")
+    add("--cases", type=int, default=100, metavar="N", help="how many (default: %(default)s)")
     add("--seed", type=int, metavar="N", help="of the draw (default: drawn, and printed)")
     add("--jobs", type=int, default=cores(), metavar="N", help="processes")
-    return made
-
-
-def begin(made: Benchmark):
-    """Parse the command line; returns the arguments, with a seed, which is printed."""
+    add("--only", type=int, metavar="NUMBER", help="this case alone, with all its figures")
+    add("--no-certify", action="store_true", help="judge no certificates")
+    add("--methods", action="store_true", help="run cases by all integrators in turn")
+    add("--rk4", action="store_true", help="converged runs by rk4, throughout")
+    for name, choices in (("kind", KINDS), ("friction", tuple(FRICTION_LAWS))):
+        add(f"--{name}", action="append", choices=choices, help="draw these only (repeatable)")
     args = made.parse()
     if args.cases < 1 or args.jobs < 1:
         made.parser.error("--cases and --jobs must be at least 1")
-    if args.quick:
-        args.cases = min(args.cases, 3)
-    if args.seed is None:
-        args.seed = time.time_ns() // 1_000_000 % 1_000_000_000
-    print(f"seed {args.seed}", flush=True)
-    return args
-
-
-def as_data(outcomes: Sequence[Outcome]) -> list[dict]:
-    """Rows for the CSV, all with the same columns."""
-    rows = [row | {"cpu_s": outcome.cpu} for outcome in outcomes for row in outcome.rows]
-    names = dict.fromkeys(name for row in rows for name in row)
-    return [dict.fromkeys(names, "") | row for row in rows]
-
-
-def main() -> None:
-    made = benchmark("random_cases", __doc__, 100)
-    add = made.parser.add_argument
-    add("--only", type=int, metavar="NUMBER", help="this case alone, with all its figures")
-    add("--no-certify", action="store_true", help="judge no certificates")
-    add("--cross", action="store_true", help="compare beginnings with rk4")
-    add("--rk4", action="store_true", help="converged runs by rk4, throughout")
-    add("--kind", action="append", choices=KINDS, help="draw these mechanisms only (repeatable)")
-    add(
-        "--friction",
-        action="append",
-        choices=tuple(FRICTION_LAWS),
-        help="draw these friction laws only (repeatable)",
-    )
-    args = begin(made)
+    cases = min(args.cases, 3) if args.quick else args.cases
+    seed = time.time_ns() // 1_000_000 % 1_000_000_000 if args.seed is None else args.seed
+    print(f"seed {seed}", flush=True)
     among = Among(tuple(args.kind or KINDS), tuple(args.friction or FRICTION_LAWS))
-    by = "rk4" if args.rk4 else DEFAULT
-    options = (not args.no_certify, args.cross, None, among, by)
+    options = (not args.no_certify, args.methods, among, "rk4" if args.rk4 else DEFAULT)
     if args.only is not None:
-        outcome = judge(args.seed, args.only, *options)
-        print(f"case {args.only}: {outcome.case['case']}")
-        for name, value in outcome.case.items():
+        outcomes = [judge(seed, args.only, *options)]
+        for name, value in outcomes[0].case.items():
             print(f"  {name}: {value}")
-        for text in (*outcome.refused, outcome.note):
-            if text:
-                print(f"  {text}")
-        for row in outcome.rows:
+        print(f"  {outcomes[0].note}")
+        rows = outcomes[0].rows
+        for row in rows:
             print(f"{row['verdict']:8s}{named(row)}")
-        outcomes = [outcome]
-        rows = outcome.rows
     else:
-        outcomes = judge_all(args.seed, range(args.cases), args.jobs, tell, *options)
-        rows = as_data(outcomes)
+        study = jp.Study(
+            {number: number for number in range(cases)}, partial(_judge, seed, options)
+        )
+        for _, outcome in study.outcomes(args.jobs, progress=True, unit="case"):
+            tell(outcome)
+        outcomes = [study.store[number] for number in range(cases)]
+        rows = [row | {"cpu_s": one.cpu} for one in outcomes for row in one.rows]
+        names = dict.fromkeys(name for row in rows for name in row)
+        rows = [dict.fromkeys(names, "") | row for row in rows]
         made.finish(HEADER, table(outcomes), rows, draw_errors(rows))
         footnotes(outcomes)
     agreed = [row for row in rows if row.get("agreed")]
@@ -966,17 +860,12 @@ def main() -> None:
 
 
 def footnotes(outcomes: Sequence[Outcome]) -> None:
-    """Draws that were refused, cases without figures, cost."""
-    refused = Counter(" ".join(text.split()[:6]) for one in outcomes for text in one.refused)
-    print(f"draws refused: {sum(refused.values())}")
-    for text, count in refused.most_common():
-        print(f"  {count} x {text} ...")
+    """Cases without figures, cost."""
     without = Counter(one.note.split(":")[0].split(" at ")[0] for one in outcomes if one.note)
     print(f"cases without figures: {sum(without.values())}"
           + "".join(f"; {count} x {text}" for text, count in without.items()))  # fmt: skip
-    crossed = [one.case["from_rk4"] for one in outcomes if "from_rk4" in one.case]
-    if crossed:
-        print(f"largest difference from rk4 in the beginning {100 * max(crossed):.2g} %, "
-              f"median {100 * np.median(crossed):.2g} %")  # fmt: skip
     times = [one.cpu for one in outcomes]
     print(f"CPU time of a case {np.mean(times):.1f} s in the mean, {max(times):.0f} s at most")
+    costs = [one.case["cost_in_runs"] for one in outcomes if "cost_in_runs" in one.case]
+    if costs:
+        print(f"certificates cost {np.median(costs):.0f} times the run, in the middle")

@@ -43,7 +43,6 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
 
 
 def _robot(mechanism: Mechanism) -> list[str]:
-    """The tool, and whether play moves it."""
     why = f" (chosen: {mechanism.tool_reason}; --tool FRAME selects another)"
     lines = [f"tool: {mechanism.tool}{why if mechanism.tool_reason else ''}"]
     lines += [f"link {name}: {words}" for name, words in mechanism.flexible.items()]
@@ -57,7 +56,6 @@ def _robot(mechanism: Mechanism) -> list[str]:
 
 
 def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
-    """Each joint with clearance: its sizes and laws."""
     tables = given.get("joints", {})
     hinges = {name for its in mechanism.hinges.values() for name in its}
     return [

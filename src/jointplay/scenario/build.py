@@ -114,6 +114,19 @@ def of_joint(draft: Draft, mechanism: Mechanism, joint: str, path: tuple[str, ..
     return replace(draft, fields=fitted)
 
 
+def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, Any]:
+    """Objects of a table by moving joint; `place` leads to it, errors are there."""
+    found = {}
+    for name, draft in drafts(table).items():
+        path = (*place, name)
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints, where=path)
+        own = of_joint(draft, mechanism, name, path)
+        with within(*path):
+            found[name] = own.make()
+    return found
+
+
 # What acts in a scenario: drives, friction, loads, payloads.
 
 
@@ -132,31 +145,19 @@ def drive_of(
             raise JointplayError(
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
-        common = _one_drive(shared, ("drive",))
+        with within("drive"):
+            common = shared.make()
     if motion is not None and not model.drives:
         return common
-    drives: dict[str, Drive] = {}
-    if motion is not None and common.follows:
-        drives = dict.fromkeys(motion.joints, common)
-    for name, draft in drafts(model.drives).items():
-        path = ("drives", name)
-        if name not in mechanism.joints:
-            raise MissingName("moving joint", name, mechanism.joints, where=path)
-        drives[name] = _one_drive(of_joint(draft, mechanism, name, path), path)
-        if drives[name].follows and (motion is None or name not in motion.joints):
-            kind = drives[name].kind
+    led = () if motion is None else motion.joints
+    own = made_by_joint(model.drives, mechanism, "drives")
+    for name, drive in own.items():
+        if drive.follows and name not in led:
             raise JointplayError(
-                f"a {kind} drive follows a motion, but [motion] does not give one for it",
-                where=path,
+                f"a {drive.kind} drive follows a motion, but [motion] does not give one for it",
+                where=("drives", name),
             )
-    return drives
-
-
-def _one_drive(draft: Draft, path: tuple[str, ...]) -> Drive:
-    """A drive; errors are at `path`."""
-    with within(*path):
-        drive: Drive = draft.make()
-        return drive
+    return {**(dict.fromkeys(led, common) if common.follows else {}), **own}
 
 
 def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
@@ -168,14 +169,7 @@ def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] 
         name: JointFriction(entries[name].friction, entries[name].damping)
         for name in mechanism.joints
     }
-    for name, draft in drafts(model.joint_friction).items():
-        path = ("joint_friction", name)
-        if name not in friction:
-            raise MissingName("moving joint", name, mechanism.joints, where=path)
-        own = of_joint(draft, mechanism, name, path)
-        with within(*path):
-            friction[name] = own.make()
-    return friction
+    return friction | made_by_joint(model.joint_friction, mechanism, "joint_friction")
 
 
 def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
@@ -183,10 +177,7 @@ def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
         own = of_joint(draft, mechanism, draft.fields.get("joint", ""), ("loads", name))
-        with (
-            within("loads", name),
-            laws_in_folder(folder, str(draft.fields.get("function", ""))),
-        ):
+        with within("loads", name), laws_in_folder(folder, str(draft.fields.get("function", ""))):
             load = own.make()
             load.site(mechanism)
             load.numbers(mechanism)
@@ -197,8 +188,8 @@ def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load
 def payloads_of(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
     """Payloads, held by the tool if nothing else is said."""
     payloads = []
-    drafts: list[Any] = list(model.payloads)
-    for index, draft in enumerate(drafts):
+    several: list[Any] = list(model.payloads)
+    for index, draft in enumerate(several):
         with within("payloads", index):
             payload = Payload(**{"frame": mechanism.tool, **draft.fields})
             if not mechanism.model.existFrame(payload.frame):
@@ -218,14 +209,7 @@ def errors_of(model: Model, mechanism: Mechanism) -> RobotErrors | None:
     robot: Any = model.errors
     if robot is None:
         return None
-    joints = {}
-    for name, draft in drafts(robot.fields.get("joints", {})).items():
-        path = ("errors", "joints", name)
-        if name not in mechanism.joints:
-            raise MissingName("moving joint", name, mechanism.joints, where=path)
-        own = of_joint(draft, mechanism, name, path)
-        with within(*path):
-            joints[name] = own.make()
+    joints = made_by_joint(robot.fields.get("joints", {}), mechanism, "errors", "joints")
     with within("errors"):
         errors: RobotErrors = replace(robot, fields={**robot.fields, "joints": joints}).make()
         refuse_misfit(errors, mechanism)
@@ -252,23 +236,19 @@ def motion_of(
 def _as_given(
     model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion:
-    """The reference at the speed that the scenario gives it."""
     given = table.given()
     interpolation = table.interpolation or INTERPOLATIONS[0]
     sources = [key for key in MOTION_SOURCES if key in given]
     if len(sources) != 1:
+        got = " and ".join(sources) or "none"
         raise JointplayError(
-            f"the motion needs one of {', '.join(MOTION_SOURCES)}; "
-            f"got {' and '.join(sources) or 'none'}",
+            f"the motion needs one of {', '.join(MOTION_SOURCES)}; got {got}",
             where=("motion", *sources[1:2]),
         )
     (source,) = sources
-    for key in given:
-        if key not in (source, *MOTION_SOURCES[source]):
-            keys = (source, *MOTION_SOURCES[source])
-            raise JointplayError(
-                unknown_key(key, keys) + f" (with {source})", where=("motion", key)
-            )
+    keys = (source, *MOTION_SOURCES[source])
+    for key in (key for key in given if key not in keys):
+        raise JointplayError(unknown_key(key, keys) + f" (with {source})", where=("motion", key))
     if source == "file":
         with within("motion", "file"):
             return _from_file(resolve(given["file"], folder), table.interpolation)
@@ -303,35 +283,30 @@ def _from_file(path: Path, interpolation: str | None) -> Motion:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
-    """Motion of a file as of when it had this stamp."""
     if path.suffix.lower() == ".mcap":  # recorded, and dense
         return Motion.from_mcap(path, interpolation=interpolation or "spline")
     return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
-    """Joints at constant speed."""
-    assert model.motion is not None
-    assert model.motion.speeds is not None
+    table: Any = model.motion
     duration = model.integration.duration
     if duration is None:
         raise JointplayError(
             "constant speeds do not end by themselves; give duration in [integration]",
             where=("motion", "speeds"),
         )
-    names = list(model.motion.speeds)
     speeds = [
         fit(mechanism, name, speed, ANGULAR_SPEED, ("motion", "speeds", name))
-        for name, speed in model.motion.speeds.items()
+        for name, speed in table.speeds.items()
     ]
-    begin = np.array([start.pop(name, 0.0) for name in names])
+    begin = np.array([start.pop(name, 0.0) for name in table.speeds])
     with within("motion", "speeds"):
-        positions = [begin, begin + np.array(speeds) * duration]
-        return Motion(names, [0.0, duration], np.array(positions), "constant-speed")
+        positions = np.array([begin, begin + np.array(speeds) * duration])
+        return Motion(list(table.speeds), [0.0, duration], positions, "constant-speed")
 
 
 def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Motion:
-    """Joints that move a frame as asked."""
     for key in ("tool_position", "tool_rpy"):
         rows = getattr(table, key)
         if rows is not None and len(rows) != len(table.times):
@@ -413,11 +388,9 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    notes += mechanism.description.astray
-    notes += mechanism.warm
+    notes += [*mechanism.description.astray, *mechanism.warm]
     notes += [mechanism.base_words] if mechanism.base_words else []
-    notes += _of_zero(model, mechanism)
-    notes += _of_wide_clearances(mechanism)
+    notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
     tables = ((Integration, model.integration), (Recording, model.output), (Limited, model.robot))
@@ -466,7 +439,6 @@ def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
 Built = OrderedDict[tuple[str, ...], Mechanism]
 """Mechanisms that a scenario has built, for who asks for the same again: a run is checked, then
 begun."""
-
 _LAST_BUILT = 4
 """So many are kept."""
 
@@ -506,12 +478,11 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
                 kind: Any = draft.kind
                 able = [j.name for j in description.joints.values() if j.kind in kind.replaces]
                 raise MissingName("joint", name, [*able, *loops])
-            if draft.fields.get("ideal") and _plain_when_ideal(draft.word, name in loops):
-                continue
-            joint = _joint(draft, folder)
-            if joint.ideal and _plain_when_ideal(draft.word, name in loops):
-                continue
-            joints[name] = joint
+            plain = _plain_when_ideal(draft.word, name in loops)
+            if not (plain and draft.fields.get("ideal")):
+                joint = _joint(draft, folder)
+                if not (plain and joint.ideal):
+                    joints[name] = joint
     gears = {}
     for name, draft in drafts(model.gears).items():
         with within("gears", name):
@@ -533,17 +504,9 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
     places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical", "base")}
     with _relocated({**places, "clearance": ("joints",), "flexible": ("links",)}):
         mechanism = Mechanism(
-            description,
-            joints,
-            loops=loops,
-            gears=gears,
-            flexible=flexible,
-            gravity=robot.gravity,
-            tool=tool,
-            allow_unphysical=robot.allow_unphysical,
-            fix=robot.fix,
-            base=robot.base,
-        )
+            description, joints, loops=loops, gears=gears, flexible=flexible, gravity=robot.gravity,
+            tool=tool, allow_unphysical=robot.allow_unphysical, fix=robot.fix, base=robot.base,
+        )  # fmt: skip
     mechanism.tool_reason = reason
     mechanism.warm = tuple(warm)
     return mechanism

@@ -32,22 +32,17 @@ if TYPE_CHECKING:
 
 LONGEST = 5_000_000
 """Most characters of a scenario."""
-
 DEEPEST = 50
 """Most parts of a key."""
-
 _DEEP_KEY = re.compile(
     r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
 )
-
 _SELECTORS = ("kind", "law")
-
 _TABLES = {
     **{one.name: "integration" for one in fields(IntegrationTable)},
     **{one.name: "output" for one in fields(Output)},
 }
 """Tables of a scenario that have the inputs of a simulation, by input."""
-
 _WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind"}
 """Keys whose bare word stands for a table with this one key."""
 
@@ -108,6 +103,10 @@ class Scenario(Overview):
         self.title = models[0].title or self.path.stem
         self.figures = models[0].output.figures
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        label = "" if self._named else self.cases[0]
+        return Scenario, (self.text, self.path, self.trust, self.settings, label)
+
     def facts(self) -> tuple[str, dict[str, str]]:
         """File and title; its robot, its cases, and what was chosen that nobody gave."""
         facts = {"robot": self.model(self.cases[0]).robot.urdf, "cases": few(list(self.cases))}
@@ -121,10 +120,8 @@ class Scenario(Overview):
 
     def _parsed(self, text: str) -> dict[str, Any]:
         if len(text) > LONGEST:
-            raise JointplayError(
-                f"{self.path}: {len(text) / 1e6:.3g} MB of text; a scenario has at most "
-                f"{LONGEST / 1e6:g} MB"
-            )
+            size, most = f"{len(text) / 1e6:.3g} MB", f"{LONGEST / 1e6:g} MB"
+            raise JointplayError(f"{self.path}: {size} of text; a scenario has at most {most}")
         deep = _DEEP_KEY.search(text)
         if deep:
             line = text.count("\n", 0, deep.start()) + 1
@@ -158,9 +155,8 @@ class Scenario(Overview):
             path = resolve(str(path), Path())
         elif not is_file(Path(path)) and is_robot(str(path)):
             raise JointplayError(
-                f"{str(path)!r} is a robot, and a scenario is needed: a file (.toml) that says "
-                "besides which joints have play, and how it moves; jointplay init writes one "
-                "to start from"
+                f"{str(path)!r} is a robot; a scenario is needed, a file (.toml) that says besides "
+                "which joints have play and how it moves: jointplay init writes one to start from"
             )
         return cls(read_text(Path(path), "scenario"), path, trust, settings)
 
@@ -187,7 +183,6 @@ class Scenario(Overview):
         return simulation
 
     def mechanism(self, case: str | None = None) -> Mechanism:
-        """The mechanism of a case alone; see `simulation`."""
         case = self._chosen(case)
         model = self.model(case)
         from jointplay.scenario.build import mechanism_of
@@ -196,7 +191,6 @@ class Scenario(Overview):
             return mechanism_of(model, self.path.parent, self._built)
 
     def _chosen(self, case: str | None) -> str:
-        """The case of this label, or without one the only case."""
         if case is None and len(self.cases) > 1:
             raise JointplayError(f"{self.path}: choose a case: {', '.join(self.cases)} (--case)")
         return self.cases[0] if case is None else case
@@ -254,14 +248,14 @@ class Scenario(Overview):
 
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
-        return merge(self._base_of(case), self._set)
+        return merge(merge(self._base, self._changes[case]), self._set)
 
     def given(self, case: str) -> dict[str, Any]:
         """The same without what stands for what nobody gave."""
-        return merge(self._base_of(case), tree(one for one in self.settings if not one.assumed))
-
-    def _base_of(self, case: str) -> dict[str, Any]:
-        return merge(self._base, self._changes[case])
+        return merge(
+            merge(self._base, self._changes[case]),
+            tree(one for one in self.settings if not one.assumed),
+        )
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
@@ -312,14 +306,9 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
         if isinstance(before, str) and isinstance(value, Mapping) and key in _WORDS:
             before = {_WORDS[key]: before}
         if isinstance(before, Mapping) and isinstance(value, Mapping):
-            other = any(
-                value.get(word, before.get(word)) != before.get(word) for word in _SELECTORS
-            )
-            other |= (
-                key == "motion"
-                and not set(before).isdisjoint(MOTION_SOURCES)
-                and any(source in value and source not in before for source in MOTION_SOURCES)
-            )
+            other = any(word in value and value[word] != before.get(word) for word in _SELECTORS)
+            if key == "motion" and before.keys() & MOTION_SOURCES.keys():
+                other |= bool((value.keys() & MOTION_SOURCES.keys()) - before.keys())
             merged[key] = dict(value) if other else merge(before, value)
         else:
             merged[key] = value
@@ -327,7 +316,6 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _keys(table: Mapping[str, Any]) -> Iterator[str]:
-    """All keys of a table and of those within it."""
     for key, value in table.items():
         yield key
         if isinstance(value, Mapping):

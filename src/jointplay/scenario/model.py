@@ -24,7 +24,6 @@ from jointplay.simulation.result.settings import Integration, Limited, Recording
 
 PATHS = ("joint", "line")
 """Ways between Cartesian waypoints."""
-
 MOTION_SOURCES = {
     "file": ("interpolation", "faster"),
     "joints": ("times", "interpolation", "faster"),
@@ -32,7 +31,6 @@ MOTION_SOURCES = {
     "tool_position": ("times", "tool_rpy", "frame", "path", "driven", "faster"),
 }
 """Keys of [motion] of which there is one, and those that go with it."""
-
 ANGLE = ("rad", "m")
 ANGULAR_SPEED = ("rad/s", "m/s")
 """Of revolute or of prismatic joints; which one it must be shows when the robot has been read."""
@@ -122,7 +120,6 @@ class MotionTable:
     that determine the others."""
 
     def given(self) -> dict[str, Any]:
-        """Values of those keys that the file has."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 

@@ -9,10 +9,8 @@ from collections.abc import Sequence
 from typing import Any
 
 Key = tuple[str | int, ...]
-
 _TRIED = 30
 """Lines of a statement that is open at its end after which the rest is awaited."""
-
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 

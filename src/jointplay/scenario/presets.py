@@ -28,11 +28,9 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
     from jointplay.simulation.loads.drive import Drive
 
-__all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_for", "preset_of", "presets"]
-
+__all__ = ["ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
 """Tables of a scenario by what a preset calls a joint's."""
-
 ORIGINS = ("seen", "estimated", "assumed")
 """What a number can be."""
 
@@ -48,7 +46,6 @@ class Origin:
     source: str
 
     def __str__(self) -> str:
-        """A line of text."""
         return f"{self.key} {self.value}: {self.origin}; {self.source}"
 
 
@@ -74,13 +71,7 @@ class Preset:
     origins: tuple[Origin, ...]
 
     @property
-    def bearings(self) -> bool:
-        """Whether it says which bearings there are."""
-        return any("bearing" in one for one in (self.every, *self.ordered))
-
-    @property
     def assumed(self) -> bool:
-        """Whether nothing of it was seen."""
         return all(one.origin == "assumed" for one in self.origins)
 
     def tables(self, description: Description) -> dict[str, dict[str, Any]]:
@@ -112,7 +103,6 @@ class Preset:
         return found
 
     def settings(self, description: Description) -> list[Setting]:
-        """The same as settings of a scenario."""
         return [
             Setting((table, joint, key), value, f"--preset {self.name}")
             for table, joints in self.tables(description).items()
@@ -148,7 +138,6 @@ class Preset:
         return {name: make(Drive, one) for name, one in tables.items()}
 
     def __str__(self) -> str:
-        """Name, words, origins."""
         whom = f" ({', '.join(self.robots)})" if self.robots else " (any arm)"
         lines = [f"{self.name}{whom}: {self.words}", f"    publicly known: {self.known}"]
         return "\n".join([*lines, *(f"    {one}" for one in self.origins)])
@@ -208,13 +197,3 @@ def preset_of(robot: str) -> Preset:
         f"nothing is publicly known of the joints of {robot!r}; choose what they may be like: "
         + ", ".join(f"--preset {name}" for name in classes)
     )
-
-
-def preset_for(robot: str, name: str) -> Preset:
-    """A preset by its name, or without one (``""``) that of the robot.
-
-    Raises:
-        MissingName: none of that name.
-        JointplayError: no name, and nothing is publicly known of the robot's joints.
-    """
-    return preset(name) if name else preset_of(robot)

@@ -30,13 +30,10 @@ from jointplay.simulation.result.settings import Integration, Recording
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
 SCARA_MOTION = f"{SHIPPED}scara_motion.csv"
-
 LABEL = "result"
 """Case of a bare robot, after which its file is named."""
-
 ASSUMED_CLEARANCE = 2e-4
 """Clearance of a joint of which no more is said than its name [m]."""
-
 SWING = 0.2
 SLIDE = 0.05
 """Way of a joint of which no motion is given, at most, there and back [rad, m]."""
@@ -57,7 +54,6 @@ MARGIN = 1.2
 
 
 def _there(place: str) -> bool:
-    """Whether there is a file of this name, which may be one that none can have."""
     return files.is_file(Path(place))
 
 
@@ -107,11 +103,7 @@ def description_of(path: Path, settings: Sequence[Setting]) -> Description:
 
 
 def _of_robot(
-    place: str | None,
-    joints: Sequence[str],
-    settings: Sequence[Setting],
-    ideal: bool,
-    still: bool,
+    place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool, still: bool
 ) -> Scenario:
     """See `robot_scenario`; its steps are those of any scenario."""
     joints = require_names("joints", joints, "names")
@@ -125,11 +117,10 @@ def _of_robot(
     description.require_moving()
     if not (joints or ideal or still or {"joints", "gears"} & set(given)):
         if not scara:
-            choices = ", ".join(description.revolute) or "none"
+            choices = f"revolute joints of {path}: {', '.join(description.revolute) or 'none'}"
             raise JointplayError(
                 "no joint has clearance: give one by --set joints.NAME.radial_clearance=LENGTH, or "
-                f"where a command takes joints with play by name; revolute joints of {path}: "
-                f"{choices}"
+                f"where a command takes joints with play by name; {choices}"
             )
         joints = (SCARA_JOINT,)
     for name in joints:
@@ -199,10 +190,8 @@ def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
     if {"step", "tolerance"}.intersection(integration):
         return [], ""
     if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
-        key = Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")
-        return [
-            key
-        ], f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
+        words = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
+        return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], words
     choice = step_for(scenario)
     if choice is None:
         return [], ""
@@ -261,7 +250,6 @@ def robot_path(place: str | None) -> Path:
 
 
 def _prefixed(place: str) -> str:
-    """A bare name of example-robot-data gets its prefix."""
     if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
         return place
     return f"{PREFIX}{place}"

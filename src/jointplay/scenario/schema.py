@@ -19,7 +19,6 @@ from jointplay.base.schema import (
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
 
 CASE = "Case"
-
 _TYPES = {bool: "boolean", int: "integer", str: "string"}
 
 
@@ -62,7 +61,6 @@ class SchemaTables:
     """Schemas of types as `check` takes them; those of tables are put aside by name."""
 
     def __init__(self) -> None:
-        """Begin without definitions."""
         self.definitions: dict[str, Any] = {}
 
     def properties(self, kind: type, preset: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -75,7 +73,6 @@ class SchemaTables:
         }
 
     def field(self, field: Field, text: str) -> dict[str, Any]:
-        """Schema of a field; its unit stands in the explanation, if not there already."""
         said = self.of(field.hint)
         if field.choices is not None:
             words = {"enum": list(field.choices[1])}
@@ -85,7 +82,6 @@ class SchemaTables:
         return {**said, "description": text} if text else said
 
     def of(self, kind: Any) -> dict[str, Any]:
-        """Schema of a type."""
         origin, parts = get_origin(kind), get_args(kind)
         if origin in (Union, types.UnionType):
             several = [self.of(one) for one in parts if one is not type(None)]
@@ -106,7 +102,6 @@ class SchemaTables:
         return {"anyOf": [{"enum": names}, table]} if names else table
 
     def collection(self, origin: Any, parts: tuple[Any, ...]) -> dict[str, Any]:
-        """Schema of a table by name, a list or a tuple."""
         if issubclass(origin, Mapping):
             return {"type": "object", "additionalProperties": self.of(parts[1])}
         array: dict[str, Any] = {"type": "array", "items": self.of(parts[0])}

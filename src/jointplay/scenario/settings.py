@@ -88,7 +88,6 @@ def divided(text: str) -> tuple[str, str, str]:
 
 
 def _value(text: str) -> Any:
-    """A value as TOML reads it, or the text itself where TOML does not."""
     for written in (text, json.dumps(text, ensure_ascii=False)):
         try:
             table = tomllib.loads(f"value = {written}", parse_float=not_lost)
@@ -132,7 +131,6 @@ def as_toml(data: Mapping[str, Any]) -> str:
 
 
 def _section(path: Key, table: Mapping[str, Any], lines: list[str]) -> None:
-    """Append the lines of a table, and of those in it."""
     own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     if path and (own or not table):
         lines += ["", f"[{dotted(path)}]"]

@@ -130,7 +130,6 @@ def _place(coordinate: float) -> float:
 
 
 def _load_fields(load: Load, mechanism: Mechanism) -> str:
-    """Fields of a load, with units; those not set left out."""
     words = []
     entry = mechanism.description.joints.get(getattr(load, "joint", ""))
     slides = entry is not None and entry.slides

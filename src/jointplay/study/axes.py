@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,10 +24,8 @@ _SOURCES = {
     "distribution": ("from", "to", "mean", "std", "median", "sigma", "mode"),
 }
 """Keys of an axis of which there is one, and those that go with it."""
-
 MOST_VALUES = 1_000_000
 """Most values of one axis."""
-
 DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "uniform": (("from", "to"), ()),
     "log-uniform": (("from", "to"), ()),
@@ -49,7 +47,7 @@ class Axis:
             distribution.
         coordinate: the same as numbers in SI, or as text.
         unit: SI unit of the coordinate, empty for pure numbers and text.
-        quantile: value in SI at a probability, of a distribution.
+        quantile: function of probabilities that gives values in SI, of a distribution.
     """
 
     name: str
@@ -57,11 +55,10 @@ class Axis:
     values: tuple[Any, ...]
     coordinate: np.ndarray
     unit: str
-    quantile: Callable[[np.ndarray], np.ndarray] | None = None
+    quantile: Any = None
 
     @property
     def sampled(self) -> bool:
-        """Whether values are drawn from a distribution."""
         return self.quantile is not None
 
 
@@ -85,9 +82,8 @@ def read(name: str, given: Any) -> Axis:
     if "distribution" in sources:
         sources = ["distribution"]
     if len(sources) != 1:
-        raise JointplayError(
-            f"needs one of {', '.join(_SOURCES)}; got {' and '.join(sources) or 'none'}"
-        )
+        got = " and ".join(sources) or "none"
+        raise JointplayError(f"needs one of {', '.join(_SOURCES)}; got {got}")
     (source,) = sources
     for word in given:
         if word not in (*_KEYS, source, *_SOURCES[source]):
@@ -98,9 +94,8 @@ def read(name: str, given: Any) -> Axis:
     units = units_of(keys[0])
     for key in keys[1:]:
         if units_of(key) != units:
-            raise JointplayError(
-                f"{dotted(key)} and {dotted(keys[0])} take values of different kinds"
-            )
+            both = f"{dotted(key)} and {dotted(keys[0])}"
+            raise JointplayError(f"{both} take values of different kinds")
     label = name if any(word in given for word in _KEYS) else dotted(keys[0][-1:])
     if source == "values":
         return _list(label, keys, given["values"], units)
@@ -112,7 +107,6 @@ def read(name: str, given: Any) -> Axis:
 
 
 def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
-    """The keys of an axis, each of which must exist."""
     if "key" in given and "keys" in given:
         raise JointplayError("key and keys exclude each other; give only one of them")
     texts = given.get("keys", given.get("key", name))
@@ -122,9 +116,8 @@ def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
     paths = tuple(path_of(text) for text in texts)
     for path in paths:
         if len(path) == 1 and not any(word in given for word in _KEYS):
-            raise JointplayError(
-                f'the key is missing; give the one that varies, such as key = "joints.{name}..."'
-            )
+            like = f'key = "joints.{name}..."'
+            raise JointplayError(f"the key is missing; give the one that varies, such as {like}")
         kinds(path)
     if len(set(paths)) < len(paths):
         raise JointplayError("the same key is named twice")
@@ -132,19 +125,16 @@ def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
 
 
 def _variants(name: str, given: Mapping[str, Any]) -> Axis:
-    """Tables of changes by label, like the cases of a scenario."""
     if any(word in given for word in _KEYS):
         raise JointplayError("variants name the keys that they change; leave out key")
     tables = given["variants"]
     if not isinstance(tables, Mapping) or not tables:
-        raise JointplayError(
-            f"{toml_text(tables)} are not variants; give a table of changes by label"
-        )
+        shown = toml_text(tables)
+        raise JointplayError(f"{shown} are not variants; give a table of changes by label")
     for label, changes in tables.items():
         if not isinstance(changes, Mapping):
-            raise JointplayError(
-                f"variant {toml_text(label)}: {toml_text(changes)} is not a table of changes"
-            )
+            shown = f"variant {toml_text(label)}: {toml_text(changes)}"
+            raise JointplayError(f"{shown} is not a table of changes")
         for key in changes:
             kinds((key,))
     labels = np.array(list(tables), dtype=object).astype(str)
@@ -152,7 +142,6 @@ def _variants(name: str, given: Mapping[str, Any]) -> Axis:
 
 
 def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] | None) -> Axis:
-    """An axis of given values."""
     if not isinstance(values, Sequence) or isinstance(values, str) or not len(values):
         raise JointplayError(f"{toml_text(values)} are not values; give a list of at least one")
     if len(values) > MOST_VALUES:
@@ -192,7 +181,6 @@ def shown_whole(value: Any) -> str:
 
 
 def _number(given: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
-    """A number of the table in SI."""
     if word not in given:
         raise JointplayError(f"the key {word} is missing")
     try:
@@ -212,7 +200,6 @@ def _unit(given: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...]
 def _range(
     name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...] | None
 ) -> Axis:
-    """An axis of numbers at equal steps or ratios."""
     low, high = _number(given, "from", units), _number(given, "to", units)
     number = require_whole("number", given.get("number"), 2, MOST_VALUES)
     spacing = given.get("spacing", SPACINGS[0])
@@ -235,17 +222,15 @@ def _range(
 def _distribution(
     name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...]
 ) -> Axis:
-    """An axis that is sampled."""
     kind = given["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise JointplayError(one_of("distribution", kind, DISTRIBUTIONS))
     needed, optional = DISTRIBUTIONS[kind]
     for word in given:
         if word not in (*_KEYS, "distribution", *needed, *optional):
-            raise JointplayError(
-                f"{word} does not go with {kind}; {closest(word, needed)}it takes "
-                f"{', '.join((*needed, *optional))}"
-            )
+            most = ", ".join((*needed, *optional))
+            hint = closest(word, needed)
+            raise JointplayError(f"{word} does not go with {kind}; {hint}it takes {most}")
     at = {
         word: _number(given, word, ("",) if word == "sigma" else units)
         for word in (*needed, *(word for word in optional if word in given))
@@ -253,9 +238,8 @@ def _distribution(
     for low, high in (("from", "to"), ("from", "mode"), ("mode", "to")):
         less = np.less_equal if "mode" in (low, high) else np.less
         if low in at and high in at and not less(at[low], at[high]):
-            raise JointplayError(
-                f"{low} must be less than {high}, got {at[low]:g} and {at[high]:g}"
-            )
+            both = f"{at[low]:g} and {at[high]:g}"
+            raise JointplayError(f"{low} must be less than {high}, got {both}")
     for word in ("std", "sigma", "median"):
         if word in at:
             require_positive(word, at[word], "")
@@ -266,7 +250,6 @@ def _distribution(
 
 
 def _frozen(kind: str, at: Mapping[str, float]) -> Any:
-    """The distribution as scipy has it."""
     from scipy import stats
 
     low, high = at.get("from", -np.inf), at.get("to", np.inf)
@@ -288,12 +271,9 @@ def _frozen(kind: str, at: Mapping[str, float]) -> Any:
 
 METHODS = ("sobol", "latin-hypercube", "random", "saltelli")
 """`saltelli` is the design that Sobol indices are reckoned from: n (d + 2) points."""
-
 GROWING = ("sobol", "random", "saltelli")
 """Methods whose first points stay when more are asked for."""
-
 MOST_SAMPLES = 10_000_000
-
 _INSIDE = 1e-12
 """No point is nearer to a face of the cube, where a normal distribution is infinite."""
 
@@ -301,11 +281,7 @@ _INSIDE = 1e-12
 def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
     """Points in the unit cube, shape (rows, dimensions); the same for the same arguments.
 
-    Args:
-        method: see `METHODS`.
-        samples: how many; of `saltelli`, of its base sample.
-        dimensions: of the cube.
-        seed: of the random numbers.
+    Of `saltelli`, `samples` are those of the base.
 
     Raises:
         JointplayError: no such method, or a number of samples that makes no sense.

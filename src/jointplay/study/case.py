@@ -40,13 +40,10 @@ from jointplay.study.plan import Plan
 
 Case = tuple[Index, Mapping[str, Any]]
 """A case of a sweep, and what is changed for it."""
-
 KEPT_IDEALS = 16
 """Ideal runs that a process remembers for the tool errors of the cases to come."""
-
 _SETTINGS = ("step", "integrator", "macro_step", "tolerance", "record_every", "duration")
 """Of a run, with which its ideal run is made as well."""
-
 LONGEST_ERROR = 500
 
 
@@ -57,6 +54,7 @@ class Job:
     text: str
     path: str
     trust: tuple[str, ...]
+    settings: tuple[Setting, ...]
     case: str
     joints: tuple[str, ...]
     measures: tuple[str, ...]
@@ -64,45 +62,30 @@ class Job:
     start: float | None
     tool_error: bool
     version: str
-    settings: tuple[Setting, ...] = ()
     inputs: Mapping[str, str] | None = None
     """Texts of the files that the scenario names, where they cannot be reached; see `Plan`."""
 
 
 def job(plan: Plan, send_files: bool = False) -> Job:
     """What processes must know of a sweep; with `send_files` those without its folder too."""
-    path = plan.scenario.path
+    scenario = plan.scenario
+    path = scenario.path.name if send_files else str(scenario.path.absolute())
+    of_plan = plan.measures, plan.histories, plan.start, plan.tool_error, versions()["jointplay"]
     return Job(
-        plan.scenario.text,
-        path.name if send_files else str(path.absolute()),
-        plan.scenario.trust,
-        plan.case,
-        tuple(plan.joints),
-        plan.measures,
-        plan.histories,
-        plan.start,
-        plan.tool_error,
-        versions()["jointplay"],
-        plan.scenario.settings,
-        plan.inputs if send_files else None,
-    )
+        scenario.text, path, scenario.trust, scenario.settings, plan.case, tuple(plan.joints),
+        *of_plan, plan.inputs if send_files else None,
+    )  # fmt: skip
 
 
 class Bench:
     """Runs cases of one sweep in this process, one at a time."""
 
     def __init__(self, work: Job) -> None:
-        """Read the scenario and find the measures.
-
-        Raises:
-            JointplayError: another version of jointplay, or a measure that cannot be imported.
-        """
+        """Read the scenario and find the measures."""
         mine = versions()["jointplay"]
         if mine != work.version:
-            raise JointplayError(
-                f"a worker has jointplay {mine}, the sweep was started with {work.version}; "
-                "install the same version"
-            )
+            both = f"a worker has jointplay {mine}, the sweep was started with {work.version}"
+            raise JointplayError(f"{both}; install the same version")
         self.job = work
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         path, text = Path(work.path), work.text
@@ -123,10 +106,9 @@ class Bench:
         for number, (name, text) in enumerate(inputs.items()):
             if name.startswith((SHIPPED, PREFIX)):
                 continue
-            if name.endswith(".py"):
-                place = folder / Path(name).name
-            else:
-                place = folder / str(number) / Path(name).name
+            place = folder / Path(name).name
+            if not name.endswith(".py"):
+                place = folder / str(number) / place.name
                 place.parent.mkdir()
                 self._names[name] = str(place)
             place.write_text(text, encoding="utf-8")
@@ -142,12 +124,9 @@ class Bench:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
                 values, kept = self._run(changes)
-        except MemoryError:
-            state, said = FAILED, "not enough memory"
-        except JointplayError as error:
-            state, said = FAILED, str(error)
         except Exception as error:  # noqa: BLE001 - a measure of the user's own can raise anything
-            state, said = FAILED, f"{type(error).__name__}: {error}"
+            kind = "" if isinstance(error, JointplayError) else f"{type(error).__name__}: "
+            state, said = FAILED, f"{kind}{error}"
         values[COST] = time.process_time() - began
         return Outcome(index, state, values, self._portable(said)[:LONGEST_ERROR], kept)
 
@@ -159,7 +138,6 @@ class Bench:
         return " ".join(said.replace(f"{folder}{os.sep}", "").split())
 
     def simulation(self, changes: Mapping[str, Any]) -> Simulation:
-        """The simulation of a case."""
         if self._names:
             changes = self._relocated(changes)
         simulation = self.scenario.simulation(self.job.case, changes)
@@ -168,7 +146,6 @@ class Bench:
         return simulation
 
     def _relocated(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Changes with the files where they are here."""
         tables = dict(changes)
         data = self.scenario.data(self.job.case)
         for table, key in (("robot", "urdf"), ("motion", "file")):
@@ -178,7 +155,6 @@ class Bench:
         return tables
 
     def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
-        """Measures and histories of a case."""
         simulation = self.simulation(changes)
         result = simulation.run(estimate=False)
         if result.status != Status.COMPLETED:
@@ -204,9 +180,7 @@ class Bench:
         return values, {name: History.of(result[name]) for name in known}
 
     def _certified(self, changes: Mapping[str, Any]) -> bool:
-        """Whether the case asks for the numerical errors of its figures."""
-        table = {**self._integration, **changes.get("integration", {})}
-        return bool(table.get("certify", False))
+        return bool({**self._integration, **changes.get("integration", {})}.get("certify"))
 
     def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
         """Times at which the reference stands still; of one motion they are looked up once."""

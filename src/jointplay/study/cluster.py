@@ -15,25 +15,20 @@ from jointplay.base.imports import extra
 from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Item, Value
 
-BATCH_S = 2.0
-"""Work of one task: the scheduler's own milliseconds are then nothing [s]."""
-
-MOST_BATCH = 256
+BATCH_S, MOST_BATCH = 2.0, 256
+"""Work of one task: the scheduler's own milliseconds are then nothing [s]; and its items."""
 AHEAD = 3
 """Tasks for each thread of a worker that the scheduler has at a time."""
-
+CONNECT_S = 15
+"""How long a scheduler, and then its first worker, is waited for [s]."""
+TRIES = 5
+"""Clients begun: on a busy machine the thread of one may not start within its 10 s."""
 _LOGGERS = (
     "distributed",
     *(f"distributed.{part}" for part in ("client", "core", "comm", "batched", "utils", "worker")),
     "tornado.application",
     "asyncio",
 )
-
-CONNECT_S = 15
-"""How long a scheduler, and then its first worker, is waited for [s]."""
-
-TRIES = 5
-"""Clients begun: on a busy machine the thread of one may not start within its 10 s."""
 
 
 def version() -> str:
@@ -69,7 +64,6 @@ class ClusterWorkers(Generic[Item, Value]):
     def __init__(
         self, work: Callable[[Item], Value], address: str, lost: Callable[[Item], Value]
     ) -> None:
-        """Connect, and ask every worker for its version."""
         with extra("cluster", "dask.distributed"):
             from distributed import Client
         for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
@@ -101,7 +95,6 @@ class ClusterWorkers(Generic[Item, Value]):
         raise JointplayError(f"no Dask scheduler answers at {self.address!r}: {reason}")
 
     def _check(self) -> None:
-        """Refuse a cluster without workers, or with workers of another version."""
         deadline = time.monotonic() + CONNECT_S
         while not (threads := self.client.nthreads()):
             if time.monotonic() > deadline:
@@ -111,17 +104,14 @@ class ClusterWorkers(Generic[Item, Value]):
         try:
             answers = self.client.run(version, on_error="return")
         except Exception as error:  # noqa: BLE001
-            raise JointplayError(
-                f"the workers of {self.address!r} do not answer: {error}"
-            ) from None
-        mine = version()
+            text = f"the workers of {self.address!r} do not answer: {error}"
+            raise JointplayError(text) from None
         for worker, said in answers.items():
             if isinstance(said, BaseException):
-                words = " ".join(str(said).split())
-                raise JointplayError(f"worker {worker} cannot use jointplay: {words}")
-            if said != mine:
+                raise JointplayError(f"worker {worker} cannot use jointplay: {said}")
+            if said != version():
                 raise JointplayError(
-                    f"worker {worker} has jointplay {said}, here is {mine}; install the same "
+                    f"worker {worker} has jointplay {said}, here is {version()}; install the same "
                     "version everywhere"
                 )
 
@@ -134,16 +124,13 @@ class ClusterWorkers(Generic[Item, Value]):
             JointplayError: the scheduler was lost.
         """
         waiting = iter(items)
-        pending: dict[Any, list[tuple[Any, Item]]] = {}
+        pending: dict[Any, tuple[Any, Sequence[tuple[Any, Item]]]] = {}
         ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
         def submit(batch: Sequence[tuple[Any, Item]]) -> None:
-            future = self.client.submit(_timed, self.work, list(batch), pure=False)
-            pending[future.key] = list(batch)
-            kept[future.key] = future
+            future = self.client.submit(_timed, self.work, batch, pure=False)
+            pending[future.key] = future, batch
             future.add_done_callback(lambda one: ended.put(one.key))
-
-        kept: dict[Any, Any] = {}
 
         def feed() -> None:
             while len(pending) < AHEAD * max(self.number, 1):
@@ -160,16 +147,15 @@ class ClusterWorkers(Generic[Item, Value]):
                 if self.client.status != "running":  # it is looking for its scheduler, in vain
                     raise self._lost() from None
                 continue
-            yield from self._outcomes(kept.pop(key), pending.pop(key), submit)
+            yield from self._outcomes(*pending.pop(key), submit)
             feed()
 
     def _lost(self, error: BaseException | None = None) -> JointplayError:
-        """What to say of a scheduler that was lost."""
         reason = f": {type(error).__name__}: {one_line(error)}" if error is not None else ""
         return JointplayError(f"the scheduler at {self.address!r} was lost{reason}")
 
     def _outcomes(
-        self, future: Any, batch: list[tuple[Any, Item]], submit: Any
+        self, future: Any, batch: Sequence[tuple[Any, Item]], submit: Any
     ) -> Iterator[tuple[Any, Value]]:
         """What a task gave; one that took its workers with it is taken apart."""
         if future.status == "finished":
@@ -196,15 +182,12 @@ class ClusterWorkers(Generic[Item, Value]):
         yield key, self.lost(item)
 
     def _error(self, future: Any) -> BaseException | None:
-        """What ended a task; None if nothing tells."""
-        if future.status != "error":
-            return None
-        with suppress(Exception):
-            return future.exception(timeout=CONNECT_S)
+        if future.status == "error":
+            with suppress(Exception):
+                return future.exception(timeout=CONNECT_S)
         return None
 
     def _batch(self) -> int:
-        """Items of the next task."""
         if not self._done:
             return 1
         mean = max(self._seconds / self._done, 1e-3)

@@ -25,22 +25,22 @@ from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.lines import Arrays, Lines
+from jointplay.study.journal import Arrays, Lines
 from jointplay.study.study import Measure, Memory, Study
 
 
 @dataclass(frozen=True)
 class Trace:
-    """The tool's course in one run, world axes."""
+    """The tool's course in one run, world axes: times of the records [s], and there
+
+    position (n, 3) [m], velocity (n, 3) [m/s], orientation (unit quaternions, scalar first,
+    (n, 4)), which is None if it is not known.
+    """
 
     time: np.ndarray
-    """Of the records, shape (n,) [s]."""
     position: np.ndarray
-    """Shape (n, 3) [m]."""
     velocity: np.ndarray
-    """Shape (n, 3) [m/s]."""
     orientation: np.ndarray | None = None
-    """Unit quaternions, scalar first, shape (n, 4); None if they are not known."""
 
 
 def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
@@ -51,9 +51,8 @@ def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
     """
     time = ideal.time
     for run in runs:
-        if len(run.time) != len(time) or not np.allclose(
-            run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]
-        ):
+        same = len(run.time) == len(time)
+        if not same or not np.allclose(run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]):
             raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
     return np.stack([run.position - ideal.position for run in runs])
 
@@ -83,7 +82,6 @@ def loaded(simulation: Simulation, mass: float) -> Simulation:
 
 RUNS = "runs"
 """Name of the file in which courses are kept."""
-
 MOST_RUNS = 1_000_000
 """Runs at a time, at most."""
 
@@ -127,7 +125,6 @@ def traces(
 
 
 def _course(result: Result) -> Arrays:
-    """The fields of a `Trace`."""
     names = ("position", "velocity", "orientation")
     courses = {name: result[f"tool_{name}"].values.copy() for name in names}
     return {"time": np.asarray(result.time), **courses}
@@ -169,7 +166,6 @@ class DynamicError:
     """Time step of the runs [s]."""
 
     def __str__(self) -> str:
-        """One line."""
         return (
             f"simulated: {len(self.peak)} perturbed run{'s' * (len(self.peak) > 1)}, step "
             f"{1e6 * self.step:.3g} us, from {self.since:g} s on: peak error "

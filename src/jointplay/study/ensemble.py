@@ -28,7 +28,6 @@ class EnsembleInterrupted(KeyboardInterrupt):
     """
 
     def __init__(self, finished: Mapping[int, Any]) -> None:
-        """Hold what was finished."""
         super().__init__(f"{len(finished)} simulations were finished; they are in .finished")
         self.finished = dict(finished)
 

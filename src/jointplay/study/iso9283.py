@@ -2,33 +2,13 @@
 
 Manipulating industrial robots: performance criteria and related test methods. Of the standard only
 its pages of contents were seen (numbers and titles of the clauses, public previews); formulas,
-conditions and numbers of cycles are from memory and from works about it. `TITLES` has the clauses.
+conditions and numbers of cycles are from memory and from works about it. docs/decisions.md defines
+each figure; `TITLES` has the clauses. Exchangeability (7.7), path accuracy on reorientation (8.4),
+path velocity (8.6) and what follows are not calculated.
 
-- AP_p: distance of the barycentre of the attained poses from the command pose; AP_x, AP_y, AP_z its
-  components. RP_l = mean(l) + 3 S_l, l being the distance of an attained pose from the barycentre
-  and S_l its standard deviation with n - 1. vAP_p: largest distance between the barycentres of one
-  command pose approached from different directions. AD_p = mean(D) - D_c, D being the distance of
-  two attained poses of one cycle and D_c that of the command poses; RD_p = +-3 S_D; the same of its
-  components.
-- AT_p, RT_p: the same as AP and RP in planes across the command path, the largest over the path.
-- AP_a = mean(a) - a_c, RP_a = +-3 S_a, likewise of b and c; AT_a, RT_a: the largest sizes of these
-  over the path. a, b, c are components in world axes of the rotation vector that turns the
-  commanded tool into the attained one: rotations by play are so small that the order in which the
-  standard would count angles does not matter.
-- 7.4 position stabilization time: from the first crossing into the limit band (the pose
-  repeatability, or what is given) to when the tool stays within it. 7.5 position overshoot OV:
-  largest distance from the attained pose after that crossing, zero if the tool stays in the band.
-- 7.6 drift: dAP_p = |AP_p at the start - AP_p after a time|, likewise the others: what wears
-  changes them; nothing else in a model changes with time.
-- 8.5 at each corner of the command path: round-off error CR, the least distance of the attained
-  path from the corner; overshoot CO, the largest distance from the path after the corner, on the
-  side to which the way before it leads on.
-
-Cycles (6.9): 30 for poses, distances and variation, 10 for the path, 3 for stabilization, overshoot
-and corners; drift over 8 h. Conditions: 100 % of the rated load (6.6), 100, 50 and 10 % of the
-rated speed (6.7), five poses in a diagonal plane of the largest cube in the working space (6.8,
-`cube_motion`). Exchangeability (7.7), path accuracy on reorientation (8.4), path velocity (8.6) and
-what follows are not calculated.
+Figures with a, b, c are of components in world axes of the rotation vector that turns the commanded
+tool into the attained one: rotations by play are so small that the order in which the standard
+would count angles does not matter.
 
 What differs from a test of a robot: each cycle is a run of its own, whose journals begin displaced
 at random; and the command pose is where the ideal mechanism under the same drives is, so that only
@@ -40,7 +20,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -58,8 +38,7 @@ from jointplay.simulation.motion.reference import GOES_ON, Motion
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.courses import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces
-from jointplay.study.study import run_to_the_end
-from jointplay.study.wear import all_wearing, first_profile, with_worn, worn_depths
+from jointplay.study.wear import all_wearing, wear_blocks, with_worn
 
 TITLES = {
     "AP": ("7.2.1", "pose accuracy"),
@@ -100,7 +79,6 @@ _SHORTEST_M = 1e-3
 """Way before and after a corner below which it is none [m]."""
 _NEAR = 0.05
 """Part of the way before and after a corner that tells the direction."""
-
 Figures = Mapping[str, IntervalEstimate]
 """Figures by symbol [m]; those with the suffix a, b or c are rotations about x, y and z [rad]."""
 Statistic = Callable[[np.ndarray], np.ndarray]
@@ -203,37 +181,46 @@ def turns_of(runs: Sequence[Trace], ideal: Trace) -> np.ndarray | None:
 
 
 def _single(value: float, runs: int) -> IntervalEstimate:
-    """A figure whose interval is not known."""
     return IntervalEstimate(float(value), math.nan, math.nan, runs)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Figures of one thing: a pose, two of them, a corner, the path."""
+
+    head: str
+    """What of, in words."""
+    figures: Figures
+    times: tuple[float, ...] = ()
+    """When the tool is looked at: ends of stops, a corner [s]."""
+    note: str = ""
+
+    def __str__(self) -> str:
+        """Figures as text [mm, mrad, ms]."""
+        lines = [f"{self.head}:"]
+        for symbol, one in self.figures.items():
+            kind, _, suffix = symbol.partition("_")
+            title, unit = "" if suffix in tuple("xyzabc") else TITLES[kind][1], _unit(symbol)
+            sign = "+-" if kind == "RD" or (unit == "rad" and kind.startswith("R")) else ""
+            known = math.isfinite(one.low)
+            words = one.words(1e3, f"m{unit}") if known else f"{1e3 * one.value:.4g} m{unit}"
+            lines.append(f"  {symbol:<5} {title:<27}  {sign}{words}")
+        return "\n".join([*lines, *([f"  {self.note}"] if self.note else [])])
+
+    @property
+    def rows(self) -> list[tuple]:
+        """Figures as rows of the table: symbol, clause, time, value, interval, unit."""
+        at = " ".join(f"{time:.6g}" for time in self.times)
+        return [
+            (symbol, TITLES[symbol.partition("_")[0]][0], at, one.value,
+             *((one.low, one.high) if math.isfinite(one.low) else ("", "")), _unit(symbol))
+            for symbol, one in self.figures.items()
+        ]  # fmt: skip
 
 
 def _unit(symbol: str) -> str:
     kind, _, suffix = symbol.partition("_")
     return "s" if kind == "t" else "rad" if suffix in ("a", "b", "c") else "m"
-
-
-def _lines(figures: Figures) -> list[str]:
-    """Figures as text [mm, mrad, ms]."""
-    lines = []
-    for symbol, one in figures.items():
-        kind, _, suffix = symbol.partition("_")
-        title = "" if suffix in tuple("xyzabc") else TITLES[kind][1]
-        unit = _unit(symbol)
-        sign = "+-" if kind == "RD" or (unit == "rad" and kind.startswith("R")) else ""
-        known = math.isfinite(one.low)
-        words = one.words(1e3, f"m{unit}") if known else f"{1e3 * one.value:.4g} m{unit}"
-        lines.append(f"  {symbol:<5} {title:<27}  {sign}{words}")
-    return lines
-
-
-def _rows(figures: Figures, times: Sequence[float]) -> list[tuple]:
-    """Figures as rows of the table."""
-    at = " ".join(f"{time:.6g}" for time in times)
-    rows = []
-    for symbol, one in figures.items():
-        values = (one.value, *((one.low, one.high) if math.isfinite(one.low) else ("", "")))
-        rows.append((symbol, TITLES[symbol.partition("_")[0]][0], at, *values, _unit(symbol)))
-    return rows
 
 
 @dataclass(frozen=True)
@@ -250,17 +237,15 @@ class Cycles:
     """CR, CO."""
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         for one in fields(self):
             value = getattr(self, one.name)
             least = LEAST_CYCLES if one.name in ("pose", "path") else 1
             if isinstance(value, int) and value > MOST_RUNS:
                 raise JointplayError(f"at most {MOST_RUNS} cycles, got {one.name} = {value}")
             if not isinstance(value, int) or value < least:
-                why = " to tell scatter" if least > 1 else ""
                 raise JointplayError(
-                    f"at least {least} cycles are needed{why}, got {one.name} = {value!r} "
-                    f"(ISO 9283: {one.default})"
+                    f"at least {least} cycles are needed{' to tell scatter' * (least > 1)}, got "
+                    f"{one.name} = {value!r} (ISO 9283: {one.default})"
                 )
 
     @classmethod
@@ -270,7 +255,6 @@ class Cycles:
 
     @property
     def most(self) -> int:
-        """Runs that are needed."""
         return max(self.pose, self.path, self.settling, self.cornering)
 
     @property
@@ -280,7 +264,6 @@ class Cycles:
         return [f"{one.default} for {one.name}" for one in low]
 
     def __str__(self) -> str:
-        """In one line."""
         return (
             f"{self.pose} for poses and distances, {self.path} for the path, {self.settling} for "
             f"stabilization and overshoot, {self.cornering} for corners"
@@ -288,125 +271,28 @@ class Cycles:
 
 
 @dataclass(frozen=True)
-class Conditions:
-    """What the cycles were run with (clauses 6.6 to 6.8)."""
+class Pose(Group):
+    """Figures of one stop: AP_p; AP_x to AP_z with sign; RP_l; AP_a to RP_c; of its settling.
 
-    load: str
-    """Mass at the tool, in words."""
-    speed: float
-    """Part of the speed that counts as rated."""
-    poses: str
-    """Where the tool stops, in words."""
+    Attributes:
+        command: where the ideal mechanism's tool is, world axes, shape (3,) [m].
+        attained: where the tool is in each cycle, less `command`, shape (cycles, 3) [m].
+    """
 
-    def __str__(self) -> str:
-        """In one line."""
-        return f"load: {self.load}; speed: {100 * self.speed:g} % of the motion's; {self.poses}"
+    command: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    attained: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
 
-@dataclass(frozen=True)
-class Settling:
-    """How the tool comes to rest at a stop (clauses 7.4, 7.5), over the cycles."""
-
-    band: float
-    """Limit band [m]."""
-    time: float
-    """Position stabilization time, mean [s]."""
-    longest: float
-    """The longest [s]."""
-    overshoot: float
-    """Position overshoot OV, the largest [m]."""
-    settled: int
-    """Cycles in which the tool had settled before half of the dwell was over."""
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Figures of one stop."""
-
-    time: float
-    """When the tool is looked at: the end of the stop [s]."""
-    command: np.ndarray
-    """Where the ideal mechanism's tool is, world axes, shape (3,) [m]."""
-    attained: np.ndarray
-    """Where the tool is in each cycle, less `command`, shape (cycles, 3) [m]."""
-    figures: Figures
-    """AP_p; AP_x, AP_y, AP_z with sign; RP_l; AP_a to RP_c if the orientation is known."""
-    settling: Settling | None
-    """None where the motion goes on at once: there is nothing to settle in."""
-
-
-@dataclass(frozen=True)
-class Variation:
-    """One command pose that is approached from different directions."""
-
-    times: tuple[float, ...]
-    """When it is attained [s]."""
-    figures: Figures
-    """vAP_p."""
-
-
-@dataclass(frozen=True)
-class Distance:
-    """Figures of the distance between two stops."""
-
-    times: tuple[float, float]
-    """Ends of the stops [s]."""
-    command: float
-    """D_c, the distance of the command poses [m]."""
-    figures: Figures
-    """AD_p with sign, RD_p, and the same along x, y, z."""
-
-
-@dataclass(frozen=True)
-class Corner:
-    """Cornering deviations at one corner of the command path."""
-
-    time: float
-    """When the command is at the corner [s]."""
-    angle: float
-    """By which the path turns there [rad]."""
-    stop: bool
-    """Whether the command rests there; else it passes."""
-    rounding: np.ndarray
-    """CR of each cycle, shape (cycles,) [m]."""
-    overshoot: np.ndarray
-    """CO of each cycle, shape (cycles,) [m]."""
-
-    @property
-    def figures(self) -> Figures:
-        """CR and CO, the largest of the cycles."""
-        both = {"CR": self.rounding, "CO": self.overshoot}
-        return {symbol: _single(sizes.max(), len(sizes)) for symbol, sizes in both.items()}
-
-
-@dataclass(frozen=True)
-class Drift:
-    """How the pose characteristics of one stop change with time."""
-
-    times: np.ndarray
-    """Since the start, the first 0, shape (k,) [s]."""
-    ap: np.ndarray
-    """AP_p at these times, shape (k,) [m]."""
-    rp: np.ndarray
-    """RP_l, shape (k,) [m]."""
-    axes: np.ndarray
-    """AP_x, AP_y, AP_z, with sign, shape (k, 3) [m]."""
-
-    @property
-    def figures(self) -> Figures:
-        """dAP_p, dRP_l, dAP_x, dAP_y, dAP_z over the whole time."""
-        courses = np.column_stack([self.ap, self.rp, self.axes])
-        names = ("dAP_p", "dRP_l", "dAP_x", "dAP_y", "dAP_z")
-        changes = np.abs(courses[-1] - courses[0])
-        return {name: _single(x, len(courses)) for name, x in zip(names, changes, strict=True)}
-
-
-def drift(times: Sequence[float] | np.ndarray, attained: np.ndarray) -> Drift:
+def drift(times: Sequence[float] | np.ndarray, attained: np.ndarray) -> tuple[Figures, np.ndarray]:
     """Drift of the pose characteristics of one command pose (7.6), measured or simulated.
 
     Args:
         times: of the groups of cycles, increasing, shape (k,), k >= 2 [s].
         attained: attained less commanded position, shape (k, cycles, 3) [m].
+
+    Returns:
+        dAP_p, dRP_l, dAP_x, dAP_y, dAP_z over the whole time; and AP_p, RP_l, AP_x, AP_y, AP_z at
+        each time, shape (k, 5) [m].
 
     Raises:
         JointplayError: shapes that do not fit, too few cycles, times that do not increase.
@@ -420,8 +306,11 @@ def drift(times: Sequence[float] | np.ndarray, attained: np.ndarray) -> Drift:
         )
     if points.shape[1] < LEAST_CYCLES:
         raise JointplayError(f"at least {LEAST_CYCLES} cycles are needed, got {points.shape[1]}")
-    ap, rp = (statistic(points[:, :, None])[:, 0] for statistic in (accuracy, repeatability))
-    return Drift(moments - moments[0], ap, rp, points.mean(axis=1))
+    both = [statistic(points[:, :, None]) for statistic in (accuracy, repeatability)]
+    courses = np.hstack([*both, points.mean(axis=1)])
+    names = ("dAP_p", "dRP_l", "dAP_x", "dAP_y", "dAP_z")
+    changes = zip(names, np.abs(courses[-1] - courses[0]), strict=True)
+    return {name: _single(change, len(moments)) for name, change in changes}, courses
 
 
 @dataclass(frozen=True)
@@ -430,11 +319,10 @@ class Iso9283:
 
     cycles: Cycles
     poses: tuple[Pose, ...]
-    variations: tuple[Variation, ...]
-    """None if no pose is approached from two directions."""
-    path: Figures
-    """AT_p, RT_p, and AT_a to RT_c if the orientation is known; none if the tool describes no path
-    after `since`."""
+    groups: tuple[Group, ...]
+    """Of poses approached from different directions (vAP_p); the path (AT, RT); distances between
+    each stop and the next, and the two that are farthest apart (AD with sign, RD); corners (CR and
+    CO, the largest of the cycles); drifts of the poses if asked for."""
     path_times: np.ndarray
     """Points of the path, shape (m,) [s]."""
     path_accuracy: np.ndarray
@@ -445,18 +333,23 @@ class Iso9283:
     """Nothing before is judged [s]."""
     interval: float
     """Between two records, by which times are known [s]."""
-    distances: tuple[Distance, ...] = ()
-    """Between each stop and the next, and between the two that are farthest apart."""
-    corners: tuple[Corner, ...] = ()
-    drifts: Sequence[Drift] = ()
-    """Of each pose, if it was asked for; in the order of `poses`."""
     drifting: str = "not looked at"
     """What drifts, or why nothing does, in words."""
-    conditions: Conditions | None = None
+    conditions: str = ""
+    """Load, speed and poses that the cycles were run with (clauses 6.6 to 6.8)."""
+    speed: float | None = None
+    """Part of the speed that counts as rated."""
+
+    def having(self, symbol: str) -> list[Group]:
+        return [one for one in (*self.poses, *self.groups) if symbol in one.figures]
+
+    @property
+    def path(self) -> Figures:
+        """Figures of the path; none if the tool describes none after `since`."""
+        return next((one.figures for one in self.having("AT_p")), {})
 
     @property
     def accuracy(self) -> str:
-        """What the figures are, and how well they are known, one line."""
         few = self.cycles.fewer
         asks = f"; the standard asks for {', '.join(few)}" if few else ""
         return (
@@ -469,70 +362,26 @@ class Iso9283:
 
     def __str__(self) -> str:
         """All figures as text [mm, mrad]."""
-        lines = [] if self.conditions is None else [f"conditions: {self.conditions}"]
-        for head, _, found, note in self._groups():
-            lines += [f"{head}:", *_lines(found), *([f"  {note}"] if note else [])]
+        lines = [f"conditions: {self.conditions}"] if self.conditions else []
+        lines += map(str, (*self.poses, *self.groups))
         if not self.poses:
             lines.append(f"no stop from {self.since:g} s on: no pose figures")
-        elif not self.variations:
+        elif not self.having("vAP_p"):
             lines.append("vAP_p: no pose is approached from two directions")
-        if not self.corners:
+        if not self.having("CR"):
             lines.append("CR, CO: the command path has no corner")
         return "\n".join([*lines, f"drift: {self.drifting}", self.accuracy])
 
     @property
     def table(self) -> Table:
         """A row for each figure, lengths in m, angles in rad, times in s."""
-        rows: list[tuple] = []
-        for _, times, found, _ in self._groups():
-            rows += _rows(found, times)
+        rows = [row for one in (*self.poses, *self.groups) for row in one.rows]
         for kind, number in vars(self.cycles).items():
             rows.append((f"cycles_{kind}", "6.9", "", number, "", "", ""))
-        if self.conditions is not None:
-            rows.append(("speed", "6.7", "", self.conditions.speed, "", "", ""))
+        if self.speed is not None:
+            rows.append(("speed", "6.7", "", self.speed, "", "", ""))
         words = ("figure", "clause", "time", "value", "low", "high", "unit")
         return Table.of([(word, "s" if word == "time" else "") for word in words], rows)
-
-    def _groups(self) -> Iterator[tuple[str, Sequence[float], Figures, str]]:
-        """What figures are of, in words; when; the figures; and what else there is to say."""
-        for number, pose in enumerate(self.poses, 1):
-            head = f"pose {number} (t = {pose.time:.4g} s), {self.cycles.pose} cycles"
-            settled, note = self._settled(pose.settling)
-            yield head, (pose.time,), {**pose.figures, **settled}, note
-        for same in self.variations:
-            at = ", ".join(f"{time:.4g}" for time in same.times)
-            yield f"one pose from different directions (t = {at} s)", same.times, same.figures, ""
-        if self.path:
-            yield f"path, {self.cycles.path} cycles", (), self.path, ""
-        for gap in self.distances:
-            first, second = gap.times
-            distance = f"{1e3 * gap.command:.6g} mm"
-            head = f"distance from t = {first:.4g} s to {second:.4g} s, {distance}"
-            yield head, gap.times, gap.figures, ""
-        for corner in self.corners:
-            how = "the command rests" if corner.stop else "the command passes"
-            turn = f"{math.degrees(corner.angle):.3g} deg"
-            head = f"corner of {turn} (t = {corner.time:.4g} s, {how})"
-            yield head, (corner.time,), corner.figures, ""
-        for pose, course in zip(self.poses, self.drifts, strict=bool(self.drifts)):
-            hours = course.times[-1] / 3600
-            head = f"drift of the pose at t = {pose.time:.4g} s over {hours:.3g} h"
-            yield head, (pose.time,), course.figures, ""
-
-    def _settled(self, found: Settling | None) -> tuple[Figures, str]:
-        """Figures of how the tool comes to rest, and words on them."""
-        if found is None:
-            return {}, "stabilization, overshoot: the motion does not dwell here"
-        band, missed = f"limit band {1e3 * found.band:.4g} mm", self.cycles.settling - found.settled
-        if missed:
-            return {}, (
-                f"stabilization, overshoot: still outside the {band} at half of the dwell in "
-                f"{missed} of {self.cycles.settling} cycles: a longer dwell is needed"
-            )
-        longest = f"longest {1e3 * found.longest:.4g} ms"
-        note = f"stabilization time: mean ({longest}, {band}); overshoot: the largest"
-        both = {"t_stabilization": found.time, "OV": found.overshoot}
-        return {symbol: _single(x, self.cycles.settling) for symbol, x in both.items()}, note
 
 
 def iso9283(
@@ -568,15 +417,15 @@ def iso9283(
     require_a("simulation", simulation, "Simulation")
     counts = cycles if isinstance(cycles, Cycles) else Cycles.up_to(cycles)
     check(simulation, speed, load)
-    conditions = Conditions(_load_words(simulation, load), speed, poses)
+    words = (
+        f"load: {_load_words(simulation, load)}; speed: {100 * speed:g} % of the motion's; {poses}"
+    )
     simulation = loaded(at_speed(simulation, speed), load)
     wears = what_drifts(simulation)
     if drift_time is not None:
         if require_positive("time of the drift", drift_time, "s") > LONGEST_DRIFT_S:
-            raise JointplayError(
-                f"time of the drift must be at most {LONGEST_DRIFT_S:g} s (100 years), got "
-                f"{drift_time:g} s"
-            )
+            most = f"{LONGEST_DRIFT_S:g} s (100 years)"
+            raise JointplayError(f"time of the drift must be at most {most}, got {drift_time:g} s")
         if not all_wearing(simulation):
             raise JointplayError(f"drift: {wears}")
 
@@ -587,7 +436,7 @@ def iso9283(
     ideal, *courses = run([ideal_simulation(simulation), *seeded(simulation, counts.most)])
     since = simulation.judged_from
     found = figures(courses, ideal, simulation.motion, since, band=band, cycles=counts)
-    found = replace(found, drifting=wears, conditions=conditions)
+    found = replace(found, drifting=wears, conditions=words, speed=speed)
     if drift_time is None:
         return found
     parts = []
@@ -596,10 +445,15 @@ def iso9283(
         again += run(seeded(worn, DRIFT_CYCLES)[len(again) :])
         parts.append(errors(again, ideal))
     times = np.linspace(0.0, drift_time, DRIFT_TIMES + 1)
-    at = [int(np.abs(ideal.time - pose.time).argmin()) for pose in found.poses]
+    drifts = []
+    for pose in found.poses:
+        at = int(np.abs(ideal.time - pose.times[0]).argmin())
+        head = f"drift of the pose at t = {pose.times[0]:.4g} s over {drift_time / 3600:.3g} h"
+        changes, _ = drift(times, np.stack([part[:, at] for part in parts]))
+        drifts.append(Group(head, changes, pose.times))
     return replace(
         found,
-        drifts=[drift(times, np.stack([part[:, k] for part in parts])) for k in at],
+        groups=(*found.groups, *drifts),
         drifting=f"{wears}, extrapolated from {DRIFT_TIMES} blocks of equal cycles",
     )
 
@@ -617,16 +471,12 @@ def _worn(simulation: Simulation, time: float) -> list[Simulation]:
 
     Each block's wear is that of one run with the bores as the block finds them.
     """
-    worn = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
     assert simulation.motion is not None
     cycle = simulation.motion.duration if simulation.duration is None else simulation.duration
-    count = time / DRIFT_TIMES / cycle
-    found = [simulation]
-    for _ in range(DRIFT_TIMES):
-        depths = worn_depths(run_to_the_end(found[-1], "a cycle that wears"))
-        worn = {name: worn[name] + count * depths[name] for name in worn}
-        found.append(with_worn(simulation, worn))
-    return found
+    blocks, whole = wear_blocks(simulation, lambda *_: time / DRIFT_TIMES / cycle, DRIFT_TIMES)
+    if not whole:
+        raise KeyboardInterrupt
+    return [simulation, *(with_worn(simulation, block.worn) for block in blocks)]
 
 
 def _load_words(simulation: Simulation, load: float) -> str:
@@ -760,8 +610,8 @@ def figures(
     stopping = motion.interpolation not in GOES_ON
     waypoints = stops(motion, float(time[-1])) if stopping else []
     halts = [one for one in waypoints if one.at_rest and one.end >= since and one.end > 0.0]
-    poses = []
-    for stop in halts:
+    poses: list[Pose] = []
+    for number, stop in enumerate(halts, 1):
         at = int(np.abs(time - stop.end).argmin())
         attained = error[: counts.pose, at : at + 1]
         found = {
@@ -772,56 +622,62 @@ def figures(
         }
         leave = max([0.0, *(other.end for other in halts if other.end < stop.start)])
         limit = found["RP_l"].value if band is None else band
-        settling = _settling(runs[: counts.settling], time, leave, stop, limit)
-        poses.append(Pose(float(time[at]), ideal.position[at], attained[:, 0], found, settling))
+        settled, note = _settling(runs[: counts.settling], time, leave, stop, limit)
+        head = f"pose {number} (t = {time[at]:.4g} s), {counts.pose} cycles"
+        moment = (float(time[at]),)
+        poses.append(Pose(head, found | settled, moment, note, ideal.position[at], attained[:, 0]))
     points = _path(ideal, since)
-    path: dict[str, IntervalEstimate] = {}
     across = _across(error[: counts.path, points], ideal.velocity[points])
+    path = []
     if len(points):
-        path["AT_p"] = bootstrap(across, largest(accuracy))
-        path["RT_p"] = bootstrap(across, largest(repeatability))
-        path |= _orientation("T", None if turns is None else turns[: counts.path, points])
+        found = {"AT_p": bootstrap(across, largest(accuracy))}
+        found["RT_p"] = bootstrap(across, largest(repeatability))
+        found |= _orientation("T", None if turns is None else turns[: counts.path, points])
+        path.append(Group(f"path, {counts.path} cycles", found))
+    corners = _corners(runs[: counts.cornering], ideal, waypoints, since)
     return Iso9283(
         counts,
         tuple(poses),
-        tuple(_variations(poses, motion)),
-        path,
+        (*_variations(poses, motion), *path, *_distances(poses), *corners),
         time[points],
         accuracy(across),
         repeatability(across),
         since,
         float(np.median(np.diff(time))),
-        _distances(poses),
-        _corners(runs[: counts.cornering], ideal, waypoints, since),
     )
 
 
 def _settling(
     runs: Sequence[Trace], time: np.ndarray, leave: float, stop: Stop, band: float
-) -> Settling | None:
-    """How the tool, which left the stop before at `leave` [s], comes to rest at this one."""
+) -> tuple[Figures, str]:
     dwell = time[(time >= stop.start) & (time <= stop.end)]
     if len(dwell) < 3:
-        return None
+        return {}, "stabilization, overshoot: the motion does not dwell here"
     inside = (time >= leave) & (time <= stop.end)
     moments, half = time[inside], 0.5 * (dwell[0] + dwell[-1])
-    took, beyond, settled = [], [], 0
-    for run in runs:
+    took, beyond, missed = [0.0] * len(runs), [0.0] * len(runs), 0
+    for number, run in enumerate(runs):
         course = run.position[inside]
         distance = np.linalg.norm(course - course[-1], axis=1)
         outside = np.flatnonzero(distance > band)
         if not len(outside):  # never left: nothing to settle
-            took.append(0.0)
-            beyond.append(0.0)
-            settled += 1
             continue
         first = outside[0] + int((distance[outside[0] :] <= band).argmax())
         last = max(outside[-1] + 1, first)
-        took.append(float(moments[last] - moments[first]))
+        took[number] = float(moments[last] - moments[first])
         farthest = float(distance[first:].max())
-        beyond.append(farthest if farthest > band else 0.0)
-        settled += int(moments[last] <= half)
-    return Settling(band, float(np.mean(took)), max(took), max(beyond), settled)
+        beyond[number] = farthest if farthest > band else 0.0
+        missed += int(moments[last] > half)
+    words = f"limit band {1e3 * band:.4g} mm"
+    if missed:
+        return {}, (
+            f"stabilization, overshoot: still outside the {words} at half of the dwell in {missed} "
+            f"of {len(runs)} cycles: a longer dwell is needed"
+        )
+    longest = f"longest {1e3 * max(took):.4g} ms"
+    note = f"stabilization time: mean ({longest}, {words}); overshoot: the largest"
+    both = {"t_stabilization": float(np.mean(took)), "OV": max(beyond)}
+    return {symbol: _single(x, len(runs)) for symbol, x in both.items()}, note
 
 
 def _path(ideal: Trace, since: float) -> np.ndarray:
@@ -843,60 +699,60 @@ def _across(error: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     return np.asarray(error - part[..., None] * way)
 
 
-def _variations(poses: Sequence[Pose], motion: Motion) -> list[Variation]:
+def _variations(poses: Sequence[Pose], motion: Motion) -> Iterator[Group]:
     """Stops at one place that are approached from different directions, judged together."""
     places: dict[tuple[float, ...], list[tuple[Pose, np.ndarray]]] = {}
     for pose in poses:
-        here = motion(np.array([pose.time]))[0][0]
+        here = motion(np.array(pose.times))[0][0]
         earlier = [
             row
             for time, row in zip(motion.times, motion.positions, strict=True)
-            if time < pose.time and not np.allclose(row, here, 0.0, 1e-9)
+            if time < pose.times[0] and not np.allclose(row, here, 0.0, 1e-9)
         ]
         if earlier:
             way = here - earlier[-1]
             key = tuple(np.round(here, 8))
             places.setdefault(key, []).append((pose, way / np.linalg.norm(way)))
-    variations = []
     for group in places.values():
         first = group[0][1]
         if any(float(first @ way) < math.cos(_OTHER_WAY) for _, way in group[1:]):
             together = np.stack([pose.attained for pose, _ in group], axis=1)
-            times = tuple(pose.time for pose, _ in group)
-            variations.append(Variation(times, {"vAP_p": bootstrap(together, variation)}))
-    return variations
+            times = tuple(pose.times[0] for pose, _ in group)
+            head = (
+                f"one pose from different directions (t = {', '.join(f'{t:.4g}' for t in times)} s)"
+            )
+            yield Group(head, {"vAP_p": bootstrap(together, variation)}, times)
 
 
-def _distances(poses: Sequence[Pose]) -> tuple[Distance, ...]:
+def _distances(poses: Sequence[Pose]) -> Iterator[Group]:
     """Of each stop and the next, and of the two that are farthest apart."""
     if len(poses) < 2:
-        return ()
+        return
     places = np.array([pose.command for pose in poses])
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     first, second = sorted(map(int, np.unravel_index(apart.argmax(), apart.shape)))
-    pairs = dict.fromkeys([*pairwise(range(len(poses))), (first, second)])
-    return tuple(_distance(poses[a], poses[b]) for a, b in pairs if apart[a, b] > _SHORTEST_M)
-
-
-def _distance(one: Pose, other: Pose) -> Distance:
-    command = other.command - one.command
-    far = float(np.linalg.norm(command))
-    between = command + other.attained - one.attained  # (cycles, 3)
-    excess = {"p": np.linalg.norm(between, axis=1) - far}
-    excess |= {axis: between[:, k] - command[k] for k, axis in enumerate("xyz")}
-    found = {
-        f"{letter}D_{suffix}": bootstrap(values, statistic)
-        for suffix, values in excess.items()
-        for letter, statistic in (("A", _mean), ("R", _scatter))
-    }
-    return Distance((one.time, other.time), far, found)
+    for a, b in dict.fromkeys([*pairwise(range(len(poses))), (first, second)]):
+        if apart[a, b] <= _SHORTEST_M:
+            continue
+        one, other = poses[a], poses[b]
+        command = other.command - one.command
+        between = command + other.attained - one.attained  # (cycles, 3)
+        excess = {"p": np.linalg.norm(between, axis=1) - apart[a, b]}
+        excess |= {axis: between[:, k] - command[k] for k, axis in enumerate("xyz")}
+        found = {
+            f"{letter}D_{suffix}": bootstrap(values, statistic)
+            for suffix, values in excess.items()
+            for letter, statistic in (("A", _mean), ("R", _scatter))
+        }
+        start, end = *one.times, *other.times
+        head = f"distance from t = {start:.4g} s to {end:.4g} s, {1e3 * apart[a, b]:.6g} mm"
+        yield Group(head, found, (start, end))
 
 
 def _corners(
     runs: Sequence[Trace], ideal: Trace, waypoints: Sequence[Stop], since: float
-) -> tuple[Corner, ...]:
+) -> Iterator[Group]:
     """Waypoints at which the commanded tool changes its direction, and how the cycles take them."""
-    found = []
     for before, here, after in zip(waypoints, waypoints[1:], waypoints[2:], strict=False):
         if here.start < since:
             continue
@@ -905,26 +761,23 @@ def _corners(
         way_in, way_out = _thinned(ideal.position[first]), _thinned(ideal.position[second])
         if way_in is None or way_out is None:
             continue
-        corner, come = way_in[-1], _heading(way_in[::-1])
-        go = _heading(way_out)
+        corner, come, go = way_in[-1], _heading(way_in[::-1]), _heading(way_out)
         angle = math.acos(min(max(float(-come @ go), -1.0), 1.0))
         if not _CORNER <= angle <= math.pi - _CORNER:
             continue
         on = -come + float(come @ go) * go  # whither the way in leads on, across the way out
         on /= np.linalg.norm(on)
-        near = (ideal.time >= 0.5 * (before.end + here.start)) & (
-            ideal.time <= 0.5 * (here.end + after.start)
-        )
-        rounding = [np.linalg.norm(run.position[near] - corner, axis=1).min() for run in runs]
-        overshoot = []
+        begin, end = 0.5 * (before.end + here.start), 0.5 * (here.end + after.start)
+        near = (ideal.time >= begin) & (ideal.time <= end)
+        sizes: dict[str, list[float]] = {"CR": [], "CO": []}
         for run in runs:
+            sizes["CR"].append(np.linalg.norm(run.position[near] - corner, axis=1).min())
             off = _off(run.position[second], way_out)
-            outside = off[off @ on > 0.0]
-            overshoot.append(float(np.linalg.norm(outside, axis=1).max(initial=0.0)))
-        found.append(
-            Corner(here.start, angle, here.at_rest, np.array(rounding), np.array(overshoot))
-        )
-    return tuple(found)
+            sizes["CO"].append(np.linalg.norm(off[off @ on > 0.0], axis=1).max(initial=0.0))
+        how = "the command rests" if here.at_rest else "the command passes"
+        head = f"corner of {math.degrees(angle):.3g} deg (t = {here.start:.4g} s, {how})"
+        found = {symbol: _single(max(several), len(runs)) for symbol, several in sizes.items()}
+        yield Group(head, found, (here.start,))
 
 
 def _thinned(way: np.ndarray) -> np.ndarray | None:

@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 from base64 import b64decode, b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,25 +21,23 @@ import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.study.study import Memory
 
 JOURNAL = "journal"
 """Name of the journal within the store."""
-
 DONE, FAILED = 1, 2
 """States of a case that has been run; 0: not yet."""
 
 Index = tuple[int, ...]
+Arrays = dict[str, np.ndarray]
+"""What is kept of a case: numbers of any shape, by name."""
 
 
 def is_there(store: Path, go_on: bool) -> bool:
-    """Whether the store is there already.
-
-    Args:
-        store: its folder.
-        go_on: whether it may be.
+    """Whether the store in a folder is there already.
 
     Raises:
-        JointplayError: it is and may not be, or the folder has other things in it.
+        JointplayError: it is and may not be (`go_on`), or the folder has other things in it.
     """
     there = files.is_file(store / "zarr.json")
     if there and not go_on:
@@ -53,16 +51,6 @@ def is_there(store: Path, go_on: bool) -> bool:
                     f"{str(store)!r} is a folder that holds other files; choose another name"
                 )
     return there
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """Values along a dimension of the cases: numbers in SI or texts, their unit and meaning."""
-
-    dimension: str
-    values: np.ndarray
-    unit: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -82,18 +70,14 @@ class History:
 
     @classmethod
     def of(cls, variable: Any) -> History:
-        """The same of a variable of `xarray`."""
         labels = {str(name): np.asarray(variable[name].values) for name in variable.dims}
+        labels |= {name: one.astype(str) for name, one in labels.items() if one.dtype.kind in "OT"}
         unit, text = (str(variable.attrs.get(word, "")) for word in ("units", "long_name"))
         return cls(labels, np.asarray(variable.values, float), unit, text)
 
     @property
     def plain(self) -> list[Any]:
-        """It as JSON has it."""
-        labels = {
-            name: _packed(given) if given.dtype.kind == "f" else given.tolist()
-            for name, given in self.labels.items()
-        }
+        labels = {name: _packed(given) for name, given in self.labels.items()}
         return [labels, _packed(self.values), self.unit, self.text]
 
     @classmethod
@@ -105,32 +89,27 @@ class History:
         """
         try:
             given, values, unit, text = plain
-            labels = {
-                name: _unpacked(one) if isinstance(one, str) else np.array(one)
-                for name, one in given.items()
-            }
-            found = _unpacked(values).reshape([len(one) for one in labels.values()])
+            labels = {name: _unpacked(one) for name, one in given.items()}
+            found = _unpacked(values).astype(float, casting="safe")
         except (TypeError, AttributeError) as error:
             raise ValueError(str(error)) from None
-        if not all(one.ndim == 1 and one.dtype.kind in "fiU" for one in labels.values()):
+        good = all(one.ndim == 1 and one.dtype.kind in "fiU" for one in labels.values())
+        if not good or found.shape != tuple(map(len, labels.values())):
             raise ValueError("labels")
         if not isinstance(unit, str) or not isinstance(text, str):
             raise ValueError("unit")
         return cls(labels, found, unit, text)
 
 
-def _packed(values: np.ndarray) -> str:
-    """Numbers as text."""
-    return b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode()
+def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:
+    """Numbers or text as JSON has them: type, shape, and bytes."""
+    array = np.ascontiguousarray(values)
+    return array.dtype.str, array.shape, b64encode(array.tobytes()).decode()
 
 
-def _unpacked(text: Any) -> np.ndarray:
-    """Numbers of a text.
-
-    Raises:
-        ValueError, TypeError: it is none of numbers.
-    """
-    return np.frombuffer(b64decode(text, validate=True), "<f8")
+def _unpacked(given: Any) -> np.ndarray:
+    kind, shape, text = given
+    return np.frombuffer(b64decode(text, validate=True), np.dtype(kind)).reshape(shape)
 
 
 @dataclass(frozen=True)
@@ -145,7 +124,6 @@ class Outcome:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """It as JSON has it."""
         entry = {"i": list(map(int, self.index)), "s": self.state, "v": self.values}
         if self.error:
             entry["e"] = self.error
@@ -156,26 +134,18 @@ class Outcome:
     @classmethod
     def read(cls, entry: Any, shape: Index) -> Outcome | None:
         """The outcome that JSON has of a case of a study of this shape; None if it has none."""
-        if not isinstance(entry, dict) or not entry.keys() <= {*"isveh"}:
-            return None
-        index, state, values, error, histories = (entry.get(key) for key in "isveh")
-        if not isinstance(index, list) or len(index) != len(shape):
-            return None
-        if not all(type(k) is int and 0 <= k < size for k, size in zip(index, shape, strict=True)):
-            return None
-        if type(state) is not int or state not in (DONE, FAILED):
-            return None
-        if not isinstance(values, dict) or not all(
-            n and type(v) is float for n, v in values.items()
-        ):
-            return None
-        if not isinstance(error, str | None) or not isinstance(histories, dict | None):
-            return None
         try:
-            kept = {name: History.read(one) for name, one in (histories or {}).items()}
-        except ValueError:
+            index, state, values = entry["i"], entry["s"], entry["v"]
+            error, histories = entry.get("e", ""), entry.get("h", {})
+            inside = [type(k) is int and 0 <= k < n for k, n in zip(index, shape, strict=True)]
+            numbers = [name and type(x) is float for name, x in values.items()]
+            good = all(inside) and all(numbers) and type(state) is int and state in (DONE, FAILED)
+            if not (good and isinstance(error, str) and entry.keys() <= {*"isveh"}):
+                return None
+            kept = {name: History.read(one) for name, one in histories.items()}
+        except (KeyError, TypeError, AttributeError, ValueError):
             return None
-        return cls(tuple(index), state, values, error or "", kept)
+        return cls(tuple(index), state, values, error, kept)
 
 
 def line(entry: Any, store: str) -> bytes:
@@ -203,7 +173,7 @@ def entries(content: bytes, store: str) -> Iterator[tuple[Any, int]]:
 
 
 class Journal:
-    """A file of entries that grows at its end.
+    """A file of entries that grows at its end; what is torn there is cut off.
 
     Args:
         path: the file; made if it is not there.
@@ -215,9 +185,7 @@ class Journal:
     """
 
     def __init__(self, path: Path, store: str) -> None:
-        """Read what is there, and cut off what is torn."""
-        self.path = path
-        self.store = store
+        self.path, self.store = path, store
         self.found: list[Any] = []
         self.size = 0
         try:
@@ -247,7 +215,6 @@ class Journal:
         self.size += len(data)
 
     def sync(self) -> None:
-        """Have all entries survive a power failure."""
         with suppress(OSError):
             os.fsync(self._file.fileno())
 
@@ -260,5 +227,59 @@ class Journal:
         self.found = []
 
     def close(self) -> None:
-        """Let go of the file."""
         self._file.close()
+
+
+class Lines(Memory[Arrays]):
+    """A store that is a journal alone, with which a later process goes on.
+
+    Args:
+        path: the file; it is made, its folder too.
+        about: all that what is found depends on, but for the keys of cases, as plain data.
+
+    Raises:
+        JointplayError: the file was made for something else, or is none of this kind; it cannot be
+            written.
+    """
+
+    _OURS = "jointplay study"
+
+    def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
+        super().__init__()
+        self.kept = f"the runs so far are in {str(path)!r}; the same command continues"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            there = path.read_bytes() if path.exists() else b""
+        except OSError as error:
+            raise files.cannot_write(path, error) from None
+        asked = json.loads(json.dumps(dict(about)))
+        first, _ = next(entries(there, self._OURS), (None, 0))
+        was = first.get("about") if isinstance(first, dict) else None
+        was = was if there else asked
+        if not isinstance(was, dict):
+            raise JointplayError(f"{str(path)!r} is damaged, or no runs of jointplay; delete it")
+        other = [name for name in {**was, **asked} if was.get(name) != asked.get(name)]
+        if other:
+            raise JointplayError(
+                f"{str(path)!r} was made for something else (another {', '.join(other)}); choose "
+                "another folder"
+            )
+        self._journal = Journal(path, self._OURS)
+        if not self._journal.found:
+            self._journal.add({"about": asked})
+        for entry in self._journal.found[1:]:
+            with suppress(ValueError, TypeError, AttributeError):  # none of ours: it does not count
+                key, arrays = entry
+                self[_hashable(key)] = {name: _unpacked(one) for name, one in arrays.items()}
+
+    def keep(self, key: Any, value: Arrays) -> None:
+        self._journal.add([key, {name: _packed(one) for name, one in value.items()}])
+        super().keep(key, value)
+
+    def close(self) -> None:
+        self._journal.close()
+
+
+def _hashable(key: Any) -> Hashable:
+    """A key as it was: JSON has lists for tuples."""
+    return tuple(map(_hashable, key)) if isinstance(key, list) else key

@@ -20,7 +20,6 @@ _PART = re.compile(
     r"""(?P<quoted>"(?:[^"\\]|\\.)*"|'[^']*')|\[(?P<number>\d+)\]|(?P<word>[^."'\[\]]+)"""
 )
 """A part of a key, quoted as in TOML where it has other signs than a word."""
-
 NOT_SWEPT = ("title", "errors", "output", "cases", "sweep")
 """Tables over which no sweep goes; runs have no errors."""
 
@@ -46,10 +45,8 @@ def path_of(name: str) -> Key:
         except tomllib.TOMLDecodeError:  # an escape that TOML has not
             break
         if number and int(number) == 0:
-            raise JointplayError(
-                f"{toml_text(text)}: elements of lists are counted from 1; the first is "
-                f"{text[:at]}[1]"
-            )
+            first = f"elements of lists are counted from 1; the first is {text[:at]}[1]"
+            raise JointplayError(f"{toml_text(text)}: {first}")
         parts.append(int(number) - 1 if number else name)
         at = part.end()
         if at < len(text) and text[at] == ".":
@@ -108,9 +105,8 @@ def kinds(path: Key) -> list[Kind]:
         if not there:
             where = f" in {dotted(path[:depth])}" if depth else ""
             if not known:
-                raise JointplayError(
-                    f"{dotted(path)}: {dotted(path[:depth])} has no keys of its own"
-                )
+                above = dotted(path[:depth])
+                raise JointplayError(f"{dotted(path)}: {above} has no keys of its own")
             raise JointplayError(unknown_key(str(part), known) + where)
         here = there
     if path[0] in NOT_SWEPT:

@@ -27,6 +27,7 @@ from jointplay.study.wear import (
     Depths,
     all_wearing,
     check_blocks,
+    cycles_after,
     first_profile,
     wear_blocks,
     with_worn,
@@ -64,14 +65,12 @@ class Maintenance:
 
     @property
     def life(self) -> float:
-        """Cycles until the tool misses its tolerance."""
         return float(self.cycles[-1])
 
     @property
     def standard_error(self) -> float:
         """Of `life`, from the scatter of the runs; NaN with one run a block."""
-        known = self.scatter[1:]
-        return float(np.linalg.norm(known)) if len(known) else math.nan
+        return float(np.linalg.norm(self.scatter[1:])) if len(self.scatter) > 1 else math.nan
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -81,16 +80,13 @@ class Maintenance:
 
     @property
     def table(self) -> Table:
-        """A row for each block, and the outcome: that it is an estimate."""
         shares = ", ".join(
             f"{name} {100 * part:.0f} %" for name, part in zip(self.joints, self.blame, strict=True)
         )
         what = "until" if self.reached else "interrupted, not until"
-        runs = (
-            f" +- {self.standard_error:.2g} (standard error of the runs)"
-            if np.isfinite(self.standard_error)
-            else " (scatter of the runs unknown: --runs 2 or more)"
-        )
+        runs = " (scatter of the runs unknown: --runs 2 or more)"
+        if np.isfinite(self.standard_error):
+            runs = f" +- {self.standard_error:.2g} (standard error of the runs)"
         low, high = self.spread
         known = f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
         growth = zip(self.joints, self.growth.T, strict=True)
@@ -115,7 +111,6 @@ class Maintenance:
         )
 
     def __str__(self) -> str:
-        """The table."""
         return str(self.table)
 
 
@@ -156,11 +151,12 @@ def maintenance(
         rolling = [name for name, one in joints.items() if isinstance(one, RollingBearing)]
         have = ", ".join(n for n, one in joints.items() if one.resultant is None) or "none"
         life = (
-            f"; rolling bearings ({', '.join(rolling)}) have a rating life instead of a wear rate"
+            f"; rolling bearings ({', '.join(rolling)}) have a rating life instead"
+            if rolling
+            else ""
         )
         raise JointplayError(
-            f"no joint wears: give a joint with clearance (there is: {have}) a wear_rate"
-            + (life if rolling else "")
+            f"no joint wears: give a joint with clearance (there is: {have}) a wear_rate{life}"
         )
     motion = simulation.motion
     if motion is None:
@@ -176,42 +172,33 @@ def maintenance(
     first = error_of(begun)
     if first >= target:
         raise JointplayError(
-            f"the tool's error can reach {1e3 * first:.4g} mm before anything wears: the target "
-            f"of {1e3 * target:.4g} mm is exceeded already (jointplay budget shows by which "
-            "joint)"
+            f"the tool's error can reach {1e3 * first:.4g} mm before anything wears: the target of "
+            f"{1e3 * target:.4g} mm is exceeded already (jointplay budget shows by which joint)"
         )
 
     def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
         return _cycles_until(first + (target - first) * part, worn, rates, error_of, deepest)
 
-    worn: Depths = begun
-    cycles, errors, scatter, growth = [0.0], [first], [0.0], [np.zeros(len(begun))]
-    reached = False
-    try:
-        for number, block in enumerate(
-            wear_blocks(simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress), 1
-        ):
-            worn = block.worn
-            cycles.append(cycles[-1] + block.cycles)
-            errors.append(error_of(worn))
-            several = block.rates if runs > 1 else []
-            each = [cycles_until(number / blocks, block.before, one) for one in several]
-            scatter.append(standard_error(each))
-            growth.append(np.array([(worn[name] - begun[name]).max() for name in begun]))
-        reached = True
-    except KeyboardInterrupt:
-        pass
-    alone = np.array([error_of({**begun, name: worn[name]}) - first for name in begun])
+    done, whole = wear_blocks(
+        simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
+    )
+    states = [begun, *(block.worn for block in done)]
+    scatter = [0.0]
+    for number, block in enumerate(done, 1):
+        several = block.rates if runs > 1 else []
+        each = [cycles_until(number / blocks, block.before, one) for one in several]
+        scatter.append(standard_error(each))
+    alone = np.array([error_of({**begun, name: states[-1][name]}) - first for name in begun])
     return Maintenance(
         tuple(begun),
-        np.array(cycles),
-        np.array(growth),
-        np.array(errors),
+        cycles_after(done),
+        np.array([[(worn[name] - begun[name]).max() for name in begun] for worn in states]),
+        np.array([first, *map(error_of, states[1:])]),
         np.array(scatter),
         alone / alone.sum() if alone.sum() > 0.0 else alone,
         target,
         factor,
-        reached,
+        whole,
     )
 
 
@@ -239,9 +226,8 @@ def _cycles_until(
     while missing(high) < 0.0:
         if high >= most:
             raise JointplayError(
-                f"the bore of one of {', '.join(wearing)} is worn by {100 * _DEEPEST:g} % of its "
-                f"radius before the tool is off by {1e3 * goal:.4g} mm: wear does not lead to the "
-                "target"
+                f"wear does not lead to the target: a bore of {', '.join(wearing)} is worn by "
+                f"{100 * _DEEPEST:g} % of its radius before the tool is off by {1e3 * goal:.4g} mm"
             )
         high = min(4.0 * high, most)
     return float(optimize.brentq(missing, 0.0, high, xtol=1e-4 * high, rtol=1e-4))

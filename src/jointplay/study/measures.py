@@ -20,13 +20,10 @@ from jointplay.simulation.result.variables import LOSSES
 
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""
-
 USER = "user"
 """Origin of the measures that a user's own functions return."""
-
 NUMERICAL_ERROR = "numerical_error_"
 """What the names begin with of measures that say how far off a certified figure may be."""
-
 BEARING = {
     "largest_element_load": ("N", "largest load of a rolling element"),
     "loaded_elements": ("1", "most rolling elements that bore load at a time"),
@@ -34,17 +31,17 @@ BEARING = {
     "bearing_life_hours": ("h", "L10 in hours of repeating the motion"),
 }
 """Measures of joints with a rolling bearing, with unit and meaning; `analysis.BearingLife`."""
-
 _JOINT_FORCE = {"peak": "joint_force_peak", "rms": "joint_force"}
 
 
 def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Unit and meaning of all that `measure` can return but `NUMERICAL_ERROR`, by name.
-
-    Args:
-        joints: see `measure`.
-    """
+    """Unit and meaning of all that `measure` can return but `NUMERICAL_ERROR`, by name."""
     found = {COST: ("s", "processor time of the case, its checks and its measures included")}
+
+    def add(name: str, unit: str, text: str, words: str) -> None:
+        found[name] = unit, text
+        found.update({f"{name}_{j}": (unit, f"{text}{words} {j}") for j in joints})
+
     for part in COMPONENTS:
         along = "all axes" if part == "total" else part
         off = f"distance from the ideal mechanism's tool along {along}"
@@ -52,17 +49,13 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
         found[f"tool_error_rms_{part}"] = "m", f"RMS {off}"
         rests = f"largest tool error along {along} where the reference stands still"
         found[f"tool_error_stops_{part}"] = "m", rests
-    for how, what in (("peak", "largest"), ("rms", "RMS")):
-        found[f"{how}_force"] = "N", f"{what} joint force"
-        found |= {f"{how}_force_{j}": ("N", f"{what} joint force at {j}") for j in joints}
+    add("peak_force", "N", "largest joint force", " at")
+    add("rms_force", "N", "RMS joint force", " at")
     for mode in (mode.name.lower() for mode in Mode):
-        text = f"share of the time in mode {mode.replace('_', ' ')}"
-        found[f"share_{mode}"] = "1", text
-        found |= {f"share_{mode}_{joint}": ("1", f"{text}, at {joint}") for joint in joints}
+        add(f"share_{mode}", "1", f"share of the time in mode {mode.replace('_', ' ')}", ", at")
     for name, (unit, text) in BEARING.items():
-        found[name] = unit, text
-        found |= {f"{name}_{joint}": (unit, f"{text}, at {joint}") for joint in joints}
-    found |= {
+        add(name, unit, text, ", at")
+    return found | {
         "impacts": ("1", "contacts that began"),
         "impulse": ("N s", "normal impulse of all contacts"),
         "dissipated_energy": ("J", "lost in contacts, films, joints, gears and loads"),
@@ -72,7 +65,6 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
         "under_resolved": ("1", "share of the normal impulse in contacts of too few steps"),
         "warnings": ("1", "warnings of the run's audit"),
     }
-    return found
 
 
 def about(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
@@ -90,10 +82,7 @@ def _of_figure(name: str) -> str:
 
 
 def measure(
-    result: Result,
-    ideal: Result | None,
-    joints: Sequence[str],
-    rests: Sequence[float] = (),
+    result: Result, ideal: Result | None, joints: Sequence[str], rests: Sequence[float] = ()
 ) -> dict[str, float]:
     """Measures of a run, by name; `shipped` has their units.
 
@@ -115,10 +104,11 @@ def measure(
     audit = result.audit
     measures["impacts"] = float(audit.judged_impacts or 0)
     measures["impulse"] = audit.judged_impulse or 0.0
-    losses = {n: _lost(result, n, kept) for n in LOSSES if n in result.dataset.variables}
+    there = result.dataset.variables
+    losses = {name: float(_since(result, name, kept)) for name in LOSSES if name in there}
     measures["dissipated_energy"] = sum(losses.values())
-    if "load_work" in result.dataset.variables:
-        taken = -_since(_values(result, "load_work"), kept)
+    if "load_work" in there:
+        taken = -_since(result, "load_work", kept)
         measures["dissipated_energy"] += float(np.maximum(taken, 0.0).sum())
     measures |= losses
     for k, joint in enumerate(result.joints):
@@ -152,15 +142,9 @@ def _bearings(
             yield f"{name}_{joint}" if len(joints) > 1 else name, float(value)
 
 
-def _since(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """What was added to a sum in the records that are kept, the last ones of the run."""
-    added: np.ndarray = values[-1] - values[int(kept.argmax())]
-    return added
-
-
-def _lost(result: Result, name: str, kept: np.ndarray) -> float:
-    """Energy that was lost in the records that are kept [J]."""
-    return float(_since(_values(result, name), kept))
+def _since(result: Result, name: str, kept: np.ndarray) -> np.ndarray:
+    values = _values(result, name)
+    return np.asarray(values[-1] - values[int(kept.argmax())])
 
 
 def _deepest(result: Result, kept: np.ndarray) -> float:
@@ -172,7 +156,6 @@ def _deepest(result: Result, kept: np.ndarray) -> float:
 
 
 def _values(result: Result, name: str) -> np.ndarray:
-    """A variable without its labels, which cost more than the reckoning."""
     values: np.ndarray = result.dataset.variables[name].values
     return values
 
@@ -222,17 +205,8 @@ def _forces(result: Result, joints: Sequence[str], kept: np.ndarray) -> Iterator
 
 
 def own_measures(name: str, returned: Any) -> dict[str, float]:
-    """Numbers that a user's measure returned, by name.
-
-    Args:
-        name: ``module:function``.
-        returned: a number, or several by name.
-
-    Raises:
-        TypeError: it is neither.
-    """
-    function = name.rpartition(":")[2]
-    several = returned if isinstance(returned, dict) else {function: returned}
+    """Numbers by name that the measure ``module:function`` returned: one, or several by name."""
+    several = returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
     return {str(key): float(value) for key, value in several.items()}
 
 
@@ -254,7 +228,7 @@ def measure_function(name: str, folder: Path, trust: Collection[str]) -> Any:
             return imported(name)
     except JointplayError as error:
         raise JointplayError(str(error).replace("the law", "the measure", 1)) from None
+    trusted = f"if you trust it: --trust {module}, or trust=[{module!r}] in Python"
     raise JointplayError(
-        f"the measure {name!r} is not a module in the scenario's folder; if you trust it: --trust "
-        f"{module}, or trust=[{module!r}] in Python"
+        f"the measure {name!r} is not a module in the scenario's folder; {trusted}"
     )

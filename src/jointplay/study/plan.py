@@ -5,74 +5,65 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
 from jointplay.base.files import is_file, read_text
-from jointplay.base.schema import one_of, unknown_key
-from jointplay.base.units import convert, toml_text
+from jointplay.base.schema import check, unknown_key
+from jointplay.base.units import toml_text
 from jointplay.model.robots import resolve
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
-from jointplay.study.journal import Coordinate, Index
+from jointplay.study.journal import Index
 from jointplay.study.keys import put
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Dimensions of samples of distributions, and of repeated runs."""
-
 WORDS = ("axes", "case", "samples", "sampling", "seed", "repeats", "measures", "histories",
          "start", "tool_error", "until")  # fmt: skip
 """Keys of the table [sweep]."""
-
 RESERVED = (SAMPLE, REPEAT, "time", "joint", "contact", "axis", "coordinate", "state", "error")
 """Names that no axis can have."""
-
 MOST_CASES = 100_000_000
-
-GROWS = ("samples", "repeats")
-"""Keys of a sweep that may grow."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The cases of a sweep, numbered along its dimensions.
-
-    Attributes:
-        scenario, case: what is changed.
-        axes: dimensions of the grid.
-        drawn: what is sampled from distributions, along one dimension.
-        sampling, samples, seed: how.
-        repeats: runs of each point with displaced journals, with `seed` and those that follow.
-        measures: functions of a result, ``module:function``.
-        histories: variables of results that are kept.
-        start: measures leave out what is before [s]; None: as the scenario's runs are judged.
-        tool_error: whether the tool is compared with the ideal mechanism's.
-        until: the precision that ends the sweep.
-    """
+    """The cases of a sweep, numbered along its dimensions."""
 
     scenario: Scenario
     case: str
+    """Of the scenario, which is changed."""
     axes: tuple[Axis, ...] = ()
+    """Dimensions of the grid."""
     drawn: tuple[Axis, ...] = ()
+    """What is sampled from distributions, along one dimension."""
     sampling: str = METHODS[0]
     samples: int = 0
     seed: int = 0
     repeats: int = 1
+    """Runs of each point with displaced journals, with `seed` and those that follow."""
     measures: tuple[str, ...] = ()
+    """Functions of a result, ``module:function``."""
     histories: tuple[str, ...] = ()
+    """Variables of results that are kept."""
     start: float | None = None
+    """Measures leave out what is before [s]; None: as the scenario's runs are judged."""
     tool_error: bool = True
+    """Whether the tool is compared with the ideal mechanism's."""
     until: Until | None = None
+    """The precision that ends the sweep."""
     given: Mapping[str, Any] = field(default_factory=dict)
+    """The table [sweep]."""
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -82,33 +73,26 @@ class Plan:
     @cached_property
     def drawn_values(self) -> np.ndarray:
         """Samples in SI, shape (rows, drawn axes)."""
-        columns = [
-            axis.quantile(self.points[:, k])
-            for k, axis in enumerate(self.drawn)
-            if axis.quantile is not None
-        ]
-        return np.column_stack(columns)
+        return np.column_stack(
+            [axis.quantile(self.points[:, k]) for k, axis in enumerate(self.drawn)]
+        )
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Size of each dimension, in order."""
         sizes = {axis.name: len(axis.values) for axis in self.axes}
         if self.drawn:
-            sizes[SAMPLE] = self.samples * (
-                len(self.drawn) + 2 if self.sampling == "saltelli" else 1
-            )
+            block = len(self.drawn) + 2 if self.sampling == "saltelli" else 1
+            sizes[SAMPLE] = self.samples * block
         if self.repeats > 1:
             sizes[REPEAT] = self.repeats
         return sizes
 
     @property
     def shape(self) -> Index:
-        """Sizes of the dimensions."""
         return tuple(self.sizes.values())
 
     @property
     def count(self) -> int:
-        """Number of cases."""
         return math.prod(self.shape)
 
     @property
@@ -123,7 +107,6 @@ class Plan:
         return self.scenario.data(self.case)
 
     def changes(self, index: Index) -> dict[str, Any]:
-        """What is different in a case, nested as in the file."""
         changes: dict[str, Any] = {}
         at = dict(zip(self.sizes, index, strict=True))
         for axis in self.axes:
@@ -146,7 +129,6 @@ class Plan:
         return taken
 
     def values(self, index: Index) -> dict[str, Any]:
-        """Coordinates of a case by name, for tables and messages."""
         at = dict(zip(self.sizes, index, strict=True))
         coordinates = {axis.name: axis.coordinate[at[axis.name]].item() for axis in self.axes}
         coordinates |= {
@@ -154,13 +136,8 @@ class Plan:
         }
         return coordinates | ({REPEAT: at[REPEAT]} if self.repeats > 1 else {})
 
-    def indices(self) -> Iterator[Index]:
-        """All cases in order."""
-        return iter(np.ndindex(*self.shape))
-
     @property
     def cases(self) -> Cases:
-        """All cases by index, in order: index and what is changed."""
         return Cases(self)
 
     def with_samples(self, samples: int) -> Plan:
@@ -169,7 +146,6 @@ class Plan:
 
     @cached_property
     def joints(self) -> list[str]:
-        """Joints that have clearance in some case."""
         names = dict.fromkeys(str(name) for name in self.base.get("joints", {}))
         for axis in (*self.axes, *self.drawn):
             names |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
@@ -178,19 +154,19 @@ class Plan:
         return list(names)
 
     @property
-    def coordinates(self) -> dict[str, Coordinate]:
-        """Values along the dimensions, by name."""
+    def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
+        """By name: the dimension, values along it, their unit and meaning."""
+        values = [(axis, axis.name, axis.coordinate) for axis in self.axes]
+        columns = self.drawn_values.T if self.drawn else ()
+        values += [(axis, SAMPLE, x) for axis, x in zip(self.drawn, columns, strict=True)]
         found = {}
-        for axis in self.axes:
-            text = ", ".join(dotted(key) for key in axis.keys)
-            found[axis.name] = Coordinate(axis.name, axis.coordinate, axis.unit, text)
-        for k, axis in enumerate(self.drawn):
-            text = ", ".join(dotted(key) for key in axis.keys)
-            found[axis.name] = Coordinate(SAMPLE, self.drawn_values[:, k], axis.unit, text)
+        for axis, along, x in values:
+            text = ", ".join(map(dotted, axis.keys))
+            found[axis.name] = along, x, {"units": axis.unit, "long_name": text}
         if self.repeats > 1:
             text = "seed of the displacement of the journals"
             seeds = self.seed + np.arange(self.repeats)
-            found[REPEAT] = Coordinate(REPEAT, seeds, "", text)
+            found[REPEAT] = REPEAT, seeds, {"units": "", "long_name": text}
         return found
 
     @property
@@ -208,34 +184,22 @@ class Plan:
         }
 
     def meaning(self, measure: str) -> tuple[str, str, str]:
-        """Unit, meaning and origin of a measure."""
         from jointplay.study.measures import USER, about
 
         known = about(measure, self.joints)
         return (*known, "") if known else ("", measure.replace("_", " "), USER)
 
     def grown(self, identity: Mapping[str, str], sizes: Sequence[str]) -> set[str]:
-        """Keys of `identity` in which this is the plan of another identity made larger.
-
-        Args:
-            identity: of the other.
-            sizes: names of its dimensions.
-        """
+        """Keys of `identity` in which this is the plan of another, with these dimensions, grown."""
         if list(sizes) != list(self.sizes):
             return set()
         keys = set()
-        for word in GROWS:
-            key = f"sweep.{word}"
-            grows = word != "samples" or self.sampling in GROWING
-            if grows and json.loads(self.identity.get(key, "0")) >= json.loads(
-                identity.get(key, "1")
-            ):
+        for key in (key for key in self.identity if key.startswith("sweep.")):
+            was, now = (json.loads(one.get(key, "null")) for one in (identity, self.identity))
+            longer = isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was
+            grows = key == "sweep.repeats" or (key == "sweep.samples" and self.sampling in GROWING)
+            if (key.startswith("sweep.axes.") and longer) or (grows and now >= (was or 1)):
                 keys.add(key)
-        for key in self.identity:
-            if key.startswith("sweep.axes.") and key in identity:
-                was, now = json.loads(identity[key]), json.loads(self.identity[key])
-                if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
-                    keys.add(key)
         return keys
 
     @cached_property
@@ -248,8 +212,7 @@ class Plan:
         table.setdefault("seed", self.seed)
         entries |= {f"sweep.{key}": text for key, text in _flat(table)}
         for name, text in self.inputs.items():
-            digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-            entries[f"file {name}"] = digest
+            entries[f"file {name}"] = hashlib.sha256(text.encode()).hexdigest()[:16]
         return entries
 
     @cached_property
@@ -260,39 +223,31 @@ class Plan:
         for axis in self.axes:
             for value in axis.values:
                 named |= set(_named(value))
-                for key in axis.keys:
-                    if isinstance(value, str):
-                        named |= set(_named({key[-1]: value}))
+                named |= {one for key in axis.keys for one in _named({key[-1]: value})}
         named |= {("function", name) for name in self.measures}
         texts = {}
         for word, name in sorted(named):
-            if word == "function":
-                module = name.partition(":")[0].partition(".")[0]
-                beside = folder / f"{module}.py"
-                if is_file(beside):
-                    texts[beside.name] = read_text(beside, "module")
-                continue
-            path = resolve(name, folder)
-            texts[name] = read_text(path, "file")
+            beside = folder / f"{name.partition(':')[0].partition('.')[0]}.py"
+            if word != "function":
+                texts[name] = read_text(resolve(name, folder), "file")
+            elif is_file(beside):
+                texts[beside.name] = read_text(beside, "module")
         return texts
 
 
 @dataclass(frozen=True)
 class Cases(Mapping[Index, tuple[Index, dict[str, Any]]]):
-    """The cases of a plan, each made when it is asked for."""
+    """The cases of a plan by index, in order, as `run_case` takes them."""
 
     plan: Plan
 
     def __len__(self) -> int:
-        """Their number."""
         return self.plan.count
 
     def __iter__(self) -> Iterator[Index]:
-        """All indices in order."""
-        return self.plan.indices()
+        return iter(np.ndindex(*self.plan.shape))
 
     def __getitem__(self, index: Index) -> tuple[Index, dict[str, Any]]:
-        """A case, as `run_case` takes it."""
         return index, self.plan.changes(index)
 
 
@@ -310,7 +265,6 @@ def _named(value: Any) -> Iterator[tuple[str, str]]:
 
 
 def _flat(value: Any, path: Key = ()) -> Iterator[tuple[str, str]]:
-    """Values of nested tables by dotted key, as JSON."""
     if isinstance(value, Mapping) and value:
         for key, inner in value.items():
             yield from _flat(inner, (*path, str(key)))
@@ -364,11 +318,9 @@ def plan_of(
 
 
 def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
-    """Axes by name, at a place of the file if they are its own."""
     if not isinstance(tables, Mapping):
-        raise scenario.error(
-            ("sweep", "axes"), f"{toml_text(tables)} is not a table of axes by name"
-        )
+        message = f"{toml_text(tables)} is not a table of axes by name"
+        raise scenario.error(("sweep", "axes"), message)
     axes: list[Axis] = []
     for name, table in tables.items():
         where = (*place, name) if place else ()
@@ -387,59 +339,54 @@ def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
 
 
 def _case(scenario: Scenario, case: Any) -> str:
-    """The case of the file that is swept."""
     if case is None and len(scenario.cases) > 1:
-        listed = ", ".join(scenario.cases)
-        raise scenario.error(
-            ("sweep",), f"case is missing: choose the case of the file to sweep ({listed})"
-        )
+        message = f"case is missing: choose the case to sweep ({', '.join(scenario.cases)})"
+        raise scenario.error(("sweep",), message)
     case = scenario.cases[0] if case is None else case
     if case not in scenario.cases:
         raise scenario.error(("sweep", "case"), str(MissingName("case", case, scenario.cases)))
     return str(case)
 
 
+def _whole(least: int) -> Callable[[Any], int]:
+    return lambda given: require_whole("it", given, least, 2**62 - 1)
+
+
+def _names(given: Any) -> tuple[str, ...]:
+    found: tuple[str, ...] = check(tuple[str, ...], [given] if isinstance(given, str) else given)
+    return found
+
+
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "samples": _whole(1),
+    "seed": _whole(0),
+    "repeats": _whole(1),
+    "sampling": lambda given: check(Literal[METHODS], given),  # type: ignore[valid-type]
+    "measures": _names,
+    "histories": _names,
+    "start": lambda given: require_non_negative("it", check(float, given, ("s",)), "s"),
+    "tool_error": lambda given: check(bool, given),
+    "until": read_until,
+}
+"""What the keys of the table take, but for the axes and the case."""
+
+
 def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything of the table but its axes and its case."""
-    word = ""
-    try:
-        fields: dict[str, Any] = {}
-        for word, default, least in (("samples", 0, 1), ("seed", 0, 0), ("repeats", 1, 1)):
-            fields[word] = default
+    fields = {}
+    for word, reader in _READERS.items():
+        try:
             if word in given:
-                fields[word] = require_whole(word, given[word], least, 2**62 - 1)
-        word = "sampling"
-        fields[word] = given.get(word, METHODS[0])
-        if fields[word] not in METHODS:
-            raise JointplayError(one_of("sampling", fields[word], METHODS))
-        for word in ("measures", "histories"):
-            names = given.get(word, ())
-            names = [names] if isinstance(names, str) else names
-            if not isinstance(names, Sequence) or not all(isinstance(n, str) for n in names):
-                raise JointplayError(f"{toml_text(names)} are not {word}; give a list of names")
-            fields[word] = tuple(names)
-        word = "start"
-        fields[word] = float(convert(given[word], "s")) if word in given else None
-        if fields[word] is not None and not fields[word] >= 0.0:
-            raise JointplayError(f"must not be negative, got {toml_text(given[word])}")
-        word = "tool_error"
-        fields[word] = given.get(word, True)
-        if not isinstance(fields[word], bool):
-            raise JointplayError(f"expected true or false, got {toml_text(given[word])}")
-        word = "until"
-        fields[word] = read_until(given[word]) if word in given else None
-    except (JointplayError, ValueError) as error:
-        raise scenario.error(("sweep", word), f"{word}: {error}") from None
+                fields[word] = reader(given[word])
+        except JointplayError as error:
+            raise scenario.error(("sweep", word), f"{word}: {error}") from None
     return fields
 
 
 def _check(made: Plan) -> None:
-    """Refuse what is empty or contradicts itself."""
     if not made.axes and not made.drawn and made.repeats == 1:
         raise JointplayError(
-            "the sweep is empty: give [sweep.axes], such as "
-            'clearance = { key = "joints.JOINT.radial_clearance", values = ["0.1 mm", "0.2 mm"] }, '
-            "or repeats"
+            "the sweep is empty: give repeats, or [sweep.axes], such as clearance = { key = "
+            '"joints.JOINT.radial_clearance", values = ["0.1 mm", "0.2 mm"] }'
         )
     if made.drawn and not made.samples:
         names = ", ".join(axis.name for axis in made.drawn)
@@ -451,13 +398,10 @@ def _check(made: Plan) -> None:
         if not made.drawn:
             raise JointplayError("until needs an axis with a distribution; there is none")
         if made.sampling not in GROWING:
-            raise JointplayError(
-                f"until adds samples, which {made.sampling} cannot; take {' or '.join(GROWING)}"
-            )
-        if made.until.most < made.samples:
-            raise JointplayError(
-                f"until stops at {made.until.most} samples, but samples is {made.samples}"
-            )
+            others = " or ".join(GROWING)
+            raise JointplayError(f"until adds samples, which {made.sampling} cannot; take {others}")
+        if (most := made.until.most) < made.samples:
+            raise JointplayError(f"until stops at {most} samples, but samples is {made.samples}")
     if made.count > MOST_CASES:
         raise JointplayError(f"{made.words}; at most {MOST_CASES} are possible")
     if made.drawn:
@@ -484,6 +428,5 @@ def _check_keys(made: Plan) -> None:
         places |= dict.fromkeys(keys if axis.keys else (), axis.name)
     seed: Key = ("integration", "seed")
     if made.repeats > 1 and seed in places:
-        raise JointplayError(
-            f"repeats sets integration.seed, and so does axis {toml_text(places[seed])}"
-        )
+        name = toml_text(places[seed])
+        raise JointplayError(f"repeats sets integration.seed, and so does axis {name}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -33,33 +33,21 @@ from jointplay.study.study import Study, Workers
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
-
 PATIENCE_S = 2.0
 """How long a case is tried [s]."""
-
 MOST_CHECKED = 1000
 """Values of an axis that are tried before anything runs."""
-
 MEASURES_BYTES = 300
 """What the measures of a case take in the store [bytes]."""
-
 _TIMES = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "seconds"))
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 
 def cost_of(made: Plan, bench: Bench, processes: int) -> str:
     """Time and size of a sweep in words, by the pace of the beginning of one of its cases."""
-    reason: JointplayError | None = None
-    for index in made.indices():
-        try:
-            started = time.perf_counter()
-            run = Run(bench.simulation(made.changes(index)))
-            ready = time.perf_counter() - started
-            break
-        except JointplayError as error:  # another case may be possible
-            reason = reason or error
-    else:
-        raise JointplayError(f"no case of the sweep can be run; the first: {reason}")
+    started = time.perf_counter()
+    run = _first_run(made, bench, made.cases)
+    ready = time.perf_counter() - started
     moments = run.steps(CHUNK * run.simulation.step)
     next(moments)
     started = time.perf_counter()
@@ -75,23 +63,26 @@ def cost_of(made: Plan, bench: Bench, processes: int) -> str:
     )
 
 
+def _first_run(made: Plan, bench: Bench, indices: Iterable[Index]) -> Run:
+    """The first of some cases that can be made ready."""
+    errors = []
+    for index in indices:
+        try:
+            return Run(bench.simulation(made.changes(index)))
+        except JointplayError as error:  # another case may be possible
+            errors.append(error)
+    raise errors[0]
+
+
 def _amount(value: float, units: Sequence[tuple[float, str]], least: float) -> str:
-    """A value in the largest unit of which it is at least so many."""
-    for size, name in units[:-1]:
-        if value >= least * size:
-            part = value / size
-            return f"{part:.2g} {name}" if part < 100.0 else f"{part:.0f} {name}"
-    size, name = units[-1]
-    return f"{value / size:.0f} {name}"
+    size, name = next((one for one in units[:-1] if value >= least * one[0]), units[-1])
+    part = value / size
+    return f"{part:.2g} {name}" if part < 100.0 and size > 1.0 else f"{part:.0f} {name}"
 
 
 def _lost(case: Case) -> Outcome:
-    """The outcome of a case that ends its processes."""
-    text = (
-        f"{MOST_DEATHS} worker processes ended while running this case "
-        "(killed, out of memory, or crashed)"
-    )
-    return Outcome(case[0], FAILED, {}, text)
+    ended = f"{MOST_DEATHS} worker processes ended while running this case"
+    return Outcome(case[0], FAILED, {}, f"{ended} (killed, out of memory, or crashed)")
 
 
 def sweep(
@@ -138,15 +129,9 @@ def sweep(
     require_a("source", source, "Scenario", "str", "Path")
     require_a("store", store, "str", "Path")
     run_plan(
-        plan_of(source, axes, trust=trust, **options),
-        store,
-        jobs=jobs,
-        scheduler=scheduler,
-        resume=resume,
-        extend=extend,
-        yes=yes,
-        progress=progress,
-    )
+        plan_of(source, axes, trust=trust, **options), store, jobs=jobs, scheduler=scheduler,
+        resume=resume, extend=extend, yes=yes, progress=progress,
+    )  # fmt: skip
     return open_sweep(store)
 
 
@@ -174,8 +159,8 @@ def run_plan(
     """
     if "://" in str(path):
         raise JointplayError(
-            f"a sweep is written to a folder of this machine, got {str(path)!r}; copy the finished "
-            "store to an object store (docs/scale.md)"
+            f"a sweep is written to a folder, got {str(path)!r}; copy the finished store to an "
+            "object store (docs/scale.md)"
         )
     number = number_of(jobs)
     first = probe(made, progress)
@@ -202,14 +187,19 @@ def _run_rounds(
     progress: bool,
     begin: Callable[[], None] | None,
 ) -> None:
-    """Run all cases, and more samples of them until there are enough."""
     workers: Workers[Case, Outcome] | None = None
-    try:
+    with ExitStack() as stack:
         while True:
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
                 processes = number if store.plan.until else min(number, left)
-                workers = _begun(store, processes, scheduler)
+                try:
+                    workers = workers_for(store.plan, processes, scheduler)
+                except JointplayError:  # a scheduler that does not answer: nothing was begun
+                    if store.new:
+                        store.remove()
+                    raise
+                stack.callback(workers.close)
             if begin is not None:
                 begin()
                 begin = None
@@ -218,23 +208,6 @@ def _run_rounds(
             if _enough(store):
                 return
             store.grow(store.plan.with_samples(2 * store.plan.samples))
-    finally:
-        if workers is not None:
-            workers.close()
-
-
-def _begun(store: Store, number: int, scheduler: str | None) -> Workers[Case, Outcome]:
-    """Workers of the sweep; if there are none to be had, a store made for them is removed.
-
-    Raises:
-        JointplayError: a scheduler that does not answer, workers that cannot do it.
-    """
-    try:
-        return workers_for(store.plan, number, scheduler)
-    except JointplayError:
-        if store.new:
-            store.remove()
-        raise
 
 
 def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Workers[Case, Outcome]:
@@ -248,7 +221,6 @@ def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Worker
 
 
 def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
-    """Run the cases that have not been run."""
     made = store.plan
     failed = int(np.count_nonzero(store.state == FAILED))
     bar = ProgressBar(
@@ -291,7 +263,6 @@ def _largest_so_far(made: Plan, path: Path) -> Plan:
 
 
 def _give_up(store: Store, error: BaseException) -> None:
-    """Keep what there is; say how to go on."""
     done = int(np.count_nonzero(store.state))
     with suppress(JointplayError):  # the disk is full: the journal has it all
         store.close(whole=False)
@@ -315,20 +286,10 @@ def probe(made: Plan, progress: bool = False) -> Bench:
     bench = Bench(job(made))
     _check_joints(made, bench)
     _check_values(made, bench, progress)
-    measured = shipped(made.joints)
-    for axis in (*made.axes, *made.drawn):
-        if axis.name in measured:
-            said = f"an axis cannot be called {axis.name!r}, as a measure is"
-            raise JointplayError(f"{made.scenario.path}, sweep: {said}")
-    errors = []
-    for index in _some(made):
-        try:
-            Run(bench.simulation(made.changes(index)))
-            break
-        except JointplayError as error:
-            errors.append(error)
-    else:
-        raise errors[0]
+    for name in {axis.name for axis in (*made.axes, *made.drawn)} & shipped(made.joints).keys():
+        said = f"an axis cannot be called {name!r}, as a measure is"
+        raise JointplayError(f"{made.scenario.path}, sweep: {said}")
+    _first_run(made, bench, _some(made))
     _check_histories(made, bench)
     return bench
 
@@ -338,30 +299,27 @@ def _check_values(made: Plan, bench: Bench, progress: bool) -> None:
 
     Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
     values as `MOST_CHECKED`, its ends among them.
-
-    Raises:
-        JointplayError: there is one; the message names axis and value, and why not.
     """
     tried = [
         (axis, number, axis.values[number], axis.coordinate[number])
         for axis in made.axes
         for number in _spread(len(axis.values), MOST_CHECKED)
     ]
-    for k, axis in enumerate(made.drawn):
-        column = made.drawn_values[:, k]
-        for number in dict.fromkeys((int(np.argmin(column)), int(np.argmax(column)))):
-            tried.append((axis, number, float(column[number]), column[number]))
+    for axis, column in zip(made.drawn, made.drawn_values.T if made.drawn else (), strict=True):
+        ends = dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))
+        tried += [(axis, number, float(column[number]), column[number]) for number in ends]
     bar = ProgressBar(tried, "checking values", disable=not progress, delay=PATIENCE_S, leave=False)
     for axis, number, value, coordinate in bar:
         reason = _refusal(made, bench, axis, number, value)
         if reason is None:
             continue
-        shown = f"{coordinate:g} {axis.unit}".rstrip() if axis.sampled else toml_text(value)
-        shown = str(coordinate) if not axis.keys else shown
-        words = f"{made.scenario.path}, sweep: axis {axis.name!r} cannot take {shown}: {reason}"
+        shown, more = toml_text(value) if axis.keys else str(coordinate), ""
         if axis.sampled:
-            words += f" (sample {number + 1} of {made.sizes[SAMPLE]}; from and to keep them inside)"
-        raise JointplayError(words)
+            shown = f"{coordinate:g} {axis.unit}".rstrip()
+            more = f" (sample {number + 1} of {made.sizes[SAMPLE]}; from and to keep them inside)"
+        raise JointplayError(
+            f"{made.scenario.path}, sweep: axis {axis.name!r} cannot take {shown}: {reason}{more}"
+        )
 
 
 def _refusal(made: Plan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
@@ -387,10 +345,11 @@ def _spread(size: int, most: int) -> list[int]:
 
 def _some(made: Plan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
     """A few cases from all of the sweep; `held` are indices by dimension that they have."""
-    shape = tuple(1 if k in (held or {}) else size for k, size in enumerate(made.shape))
+    held = held or {}
+    shape = tuple(1 if k in held else size for k, size in enumerate(made.shape))
     for number in _spread(math.prod(shape), 16):
-        index = (int(k) for k in np.unravel_index(number, shape))
-        yield tuple((held or {}).get(k, at) for k, at in enumerate(index))
+        index = map(int, np.unravel_index(number, shape))
+        yield tuple(held.get(k, at) for k, at in enumerate(index))
 
 
 def _check_histories(made: Plan, bench: Bench) -> None:
@@ -429,26 +388,23 @@ def _check_times(made: Plan) -> None:
     """Refuse axes over what sets the times of records."""
     for axis in (*made.axes, *made.drawn):
         changes = () if axis.keys else axis.values
-        if ("integration", "step") in axis.keys or any(
-            "step" in change.get("integration", {}) for change in changes
-        ):
+        varied = any("step" in change.get("integration", {}) for change in changes)
+        if ("integration", "step") in axis.keys or varied:
             raise made.scenario.error(
                 ("sweep", "histories"),
-                f"the axis {axis.name!r} varies integration.step, so that cases are recorded at "
-                "different times, and histories have one time axis; leave one of the two out",
+                f"the axis {axis.name!r} varies integration.step, and so the times of records, but "
+                "histories have one time axis: leave one of the two out",
             )
 
 
 def _check_joints(made: Plan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
     tables = made.base.get("joints", {})
-    names: list[str] | None = None
-    for name in made.joints:
-        if name in tables:
-            continue
-        if names is None:
-            plain = {table: {"ideal": True} for table in tables}
-            mechanism = bench.simulation({"joints": plain}).mechanism
-            names = [*mechanism.joints, *mechanism.loops]
+    unknown = [name for name in made.joints if name not in tables]
+    if unknown:
+        plain = {table: {"ideal": True} for table in tables}
+        mechanism = bench.simulation({"joints": plain}).mechanism
+        names = [*mechanism.joints, *mechanism.loops]
+    for name in unknown:
         if name not in names:
             raise JointplayError(f"{made.scenario.path}, sweep: {one_of('joint', name, names)}")

@@ -1,23 +1,19 @@
 """Dynamic budget: which joint's play brings about the tool's error in runs, and what it depends on.
 
 The tool's error e(t) is its distance from the ideal mechanism's tool under the same drives. Each
-source of play is simulated alone, all others ideal, giving e_j(t); and all together, giving e(t).
-Projected on e and averaged over time, the parts add up exactly:
+source of play is simulated alone, giving e_j(t), and all together, giving e(t); parts add up to
 
     1 = sum_j <e_j . e> / <e . e>  +  <(e - sum_j e_j) . e> / <e . e>
 
-The last term is the interaction: what no joint brings about alone. A part may be negative, where a
-joint works against the whole.
-
-Sobol indices tell how much of the variance of the RMS error comes from which input, if clearances,
-friction, payload and speed vary at random (Saltelli et al., Comput. Phys. Commun. 181 (2010)
-259-270; SALib).
+averaged over time. The last term is the interaction. A part may be negative, where a joint works
+against the whole. Sobol indices tell how much of the variance of the RMS error comes from which
+input (Saltelli et al., Comput. Phys. Commun. 181 (2010) 259-270; SALib).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -35,7 +31,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.tables import Column, Table
-from jointplay.physics.joints import RollingBearing
+from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.simulation.analysis.twins import ideal_simulation, state_without_play
 from jointplay.simulation.analysis.uncertainty import (
     SobolIndices,
@@ -85,7 +81,6 @@ class DynamicBudget:
 
     @property
     def accuracy(self) -> str:
-        """What the figures are, one line."""
         runs = len(self.rms)
         known = "+- standard error" if runs > 1 else "one run each: scatter unknown"
         return (
@@ -96,7 +91,6 @@ class DynamicBudget:
 
     @property
     def table(self) -> Table:
-        """A row for each source."""
         shares = [*self.parts.T, self.interaction]
         several = len(self.rms) > 1
         return Table(
@@ -118,7 +112,6 @@ class DynamicBudget:
 
     @property
     def runs(self) -> Table:
-        """A row for each run and source."""
         rows: list[tuple] = []
         for run in range(len(self.rms)):
             alone = (self.alone_rms[run], self.alone_peak[run], self.parts[run])
@@ -129,7 +122,6 @@ class DynamicBudget:
         return Table.of(heads, rows)
 
     def __str__(self) -> str:
-        """The table."""
         return str(self.table)
 
 
@@ -183,11 +175,7 @@ def shares(
 
 
 def _coarser(simulation: Simulation) -> Simulation:
-    """The simulation with no more records than shares need.
-
-    Raises:
-        JointplayError: it has no motion.
-    """
+    """The simulation with no more records than shares need."""
     if simulation.motion is None:
         raise JointplayError("nothing moves: the simulation has no motion")
     every = max(simulation.record_every, round(RECORD_S / simulation.step))
@@ -224,7 +212,6 @@ class Sensitivity(SobolIndices):
 
     @property
     def table(self) -> Table:
-        """A row for each input."""
         wide = max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE
         inputs, *indices = self.columns
         ranges = Column("range", [f"{low:g} to {high:g}" for low, high in self.ranges])
@@ -239,7 +226,6 @@ class Sensitivity(SobolIndices):
         )
 
     def __str__(self) -> str:
-        """The table."""
         return str(self.table)
 
 
@@ -274,25 +260,19 @@ def sensitivity(
     check(samples, spread, slowest, payload)
     base = _coarser(simulation)
     inputs = _inputs(base, spread, slowest, payload)
-    names = [name for name, _, _ in inputs]
     salib()  # before anything runs
     work = []
-    for point in points("saltelli", samples, len(names), seed=0):
+    for point in points("saltelli", samples, len(inputs), seed=0):
         one = base
-        for (_, (low, high), change), x in zip(inputs, point, strict=True):
+        for (low, high, change), x in zip(inputs.values(), point, strict=True):
             one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))
         work += [ideal_simulation(one), *seeded(one, 1)]
     courses = traces(work, jobs=jobs, keep=keep, progress=progress)
-    rms = np.array(
-        [
-            math.sqrt(
-                (errors([run], ideal)[:, ideal.time >= one.judged_from] ** 2).sum(axis=2).mean()
-            )
-            for ideal, run, one in zip(courses[::2], courses[1::2], work[1::2], strict=True)
-        ]
-    )
-    ranges = tuple(bounds for _, bounds, _ in inputs)
-    return Sensitivity(**vars(sobol_indices(rms, tuple(names))), ranges=ranges, rms=rms)
+    runs = zip(courses[::2], courses[1::2], work[1::2], strict=True)
+    judged = [errors([run], ideal)[:, ideal.time >= one.judged_from] for ideal, run, one in runs]
+    rms = np.array([math.sqrt((part**2).sum(axis=2).mean()) for part in judged])
+    ranges = tuple((low, high) for low, high, _ in inputs.values())
+    return Sensitivity(**vars(sobol_indices(rms, tuple(inputs))), ranges=ranges, rms=rms)
 
 
 def check(samples: int | None, spread: float, slowest: float, payload: float) -> None:
@@ -305,11 +285,13 @@ def check(samples: int | None, spread: float, slowest: float, payload: float) ->
     require_non_negative("the payload", payload, "kg")
 
 
-Input = tuple[str, tuple[float, float], Callable[[Simulation, float], Simulation]]
+Change = Callable[[Simulation, float], Simulation]
 
 
-def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> list[Input]:
-    """What varies: name, range, and how a simulation takes a value."""
+def _inputs(
+    base: Simulation, spread: float, slowest: float, payload: float
+) -> dict[str, tuple[float, float, Change]]:
+    """What varies, by name: its range, and how a simulation takes a value."""
     joints = {
         name: joint
         for name, joint in base.mechanism.clearance.items()
@@ -321,29 +303,27 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
         raise JointplayError(
             "no joint has clearance that could vary (preloaded bearings have none)"
         )
-    range_ = (1.0 / spread, spread)
-
-    inputs: list[Input] = [(f"clearance {name}", range_, partial(_wider, name)) for name in joints]
+    low = 1.0 / spread
+    inputs: dict[str, tuple[float, float, Change]] = {
+        f"clearance {name}": (low, spread, partial(_changed, lambda one, x: one.scaled(x), (name,)))
+        for name in joints
+    }
     if any(any(joint.friction.coefficients.values()) for joint in joints.values()):
-        inputs.append(("friction of the bearings", range_, _rougher))
+        inputs["friction of the bearings"] = low, spread, partial(_changed, _rougher, None)
     if slowest < 1.0:
-        inputs.append(("speed", (slowest, 1.0), at_speed))
+        inputs["speed"] = slowest, 1.0, at_speed
     if payload > 0.0:
-        inputs.append(("payload [kg]", (0.0, payload), loaded))
+        inputs["payload [kg]"] = 0.0, payload, loaded
     return inputs
 
 
-def _wider(name: str, one: Simulation, factor: float) -> Simulation:
-    """The clearance of a joint multiplied."""
-    own = one.mechanism.clearance
-    wider = {**own, name: own[name].scaled(factor)}
-    return replace(one, mechanism=one.mechanism.with_clearance(wider))
+def _rougher(joint: Clearance, factor: float) -> Clearance:
+    return joint.with_friction(joint.friction.scaled(factor))
 
 
-def _rougher(one: Simulation, factor: float) -> Simulation:
-    """All coefficients of friction in the bearings multiplied."""
-    joints = {
-        name: joint.with_friction(joint.friction.scaled(factor))
-        for name, joint in one.mechanism.clearance.items()
-    }
+def _changed(
+    change: Callable[[Any, float], Any], names: Sequence[str] | None, one: Simulation, factor: float
+) -> Simulation:
+    joints = dict(one.mechanism.clearance)
+    joints |= {name: change(joints[name], factor) for name in names or joints}
     return replace(one, mechanism=one.mechanism.with_clearance(joints))

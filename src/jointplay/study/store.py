@@ -1,12 +1,5 @@
 """The store of a study: labelled Zarr arrays over its dimensions, and a journal of what is done.
 
-    store = Store(path, plan)             # made; or gone on with: Store(path, plan, resume=True)
-    for index in np.argwhere(store.state == 0): ...
-    store.put(Outcome(index, DONE, {"peak_force": 3.0}))   # on return it survives this process
-    store.column("peak_force")            # of all cases so far
-    store.close()
-    open_sweep(path)                      # for those who read it
-
 Of a plan a store needs its `sizes`, `coordinates`, `histories`, `identity` and `about`, the
 `meaning` of measures, and in what it has `grown`.
 
@@ -22,8 +15,8 @@ What has changed since it was written is found by its seal, what is gone by the 
 
 from __future__ import annotations
 
-import asyncio
 import json
+import math
 import os
 import secrets
 import shutil
@@ -38,22 +31,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-import zarr
-from zarr.core.sync import sync
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError, damaged, require_a
 from jointplay.simulation.result.stored import versions
 from jointplay.study import sealed
-from jointplay.study.journal import (
-    FAILED,
-    JOURNAL,
-    History,
-    Index,
-    Journal,
-    Outcome,
-    is_there,
-)
+from jointplay.study.journal import FAILED, JOURNAL, History, Index, Journal, Outcome, is_there
 from jointplay.study.sealed import (
     CHUNKS,
     COPY,
@@ -73,28 +56,18 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9
 """Times that differ by less than this, relative to the last of them, are the same."""
-
 SUFFIX = "_history"
 """What the names of arrays of time histories end with."""
-
 CHUNK = 1 << 12
 """Cases in a chunk, at most."""
-
 HISTORY_CHUNK = 1 << 17
 """Numbers in a chunk of histories, at most: a megabyte."""
-
-REST_S = 10.0
-"""How long is waited for chunks that are being written where one could not be [s]."""
-
 SYNC_S = 1.0
 """What a power failure can take is no older than this [s]."""
-
 FLUSH_S = 60.0
 """Interval at which the arrays are brought up to date, for readers [s]."""
-
 FLUSH_BYTES = 1 << 26
 """Size of the journal at which that is done as well, and the journal emptied [bytes]."""
-
 MOST_DIFFERENCES = 4
 """Differences that a message names."""
 
@@ -121,7 +94,6 @@ class Store:
     def __init__(
         self, path: str | Path, plan: Plan, resume: bool = False, extend: bool = False
     ) -> None:
-        """Open or make it, and take up what its journal has."""
         self.path = Path(path)
         there = is_there(self.path, resume or extend)
         self._folder_was_there = files.is_folder(self.path)
@@ -132,11 +104,11 @@ class Store:
             self.state = np.zeros(self._shape, np.int8)
             self._pending: list[Outcome] = []
             self._labels: dict[str, list[Any]] = {}
+            self._written: dict[str, bytes] = {}  # metadata by file, as they are on disk
             self._synced = self._flushed = time.monotonic()
             with writing(self.path):
                 if there:
-                    with reading(self.path):
-                        self._reopen(extend)
+                    self._reopen(extend)
                 else:
                     self._make()
                 self._take_up()
@@ -147,7 +119,6 @@ class Store:
 
     @property
     def _shape(self) -> Index:
-        """Sizes of the dimensions of the cases."""
         return tuple(self.plan.sizes.values())
 
     @cached_property
@@ -157,11 +128,6 @@ class Store:
 
     # ---- Made, and gone on with -----------------------------------------------------------------
 
-    def _see(self, contents: Contents) -> None:
-        """Have the store be what its metadata say."""
-        self.contents = contents
-        self._view = SealedStore(self.path, contents)
-
     def _about(self, store: str) -> dict[str, Any]:
         """Attributes of the store: of which study it is."""
         mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
@@ -170,57 +136,49 @@ class Store:
 
     def _make(self) -> None:
         """Begin a new store; what there was in the folder was of an older one."""
-        self._see(Contents(self._about(secrets.token_hex(16))))
-        state = "0: not run, 1: done, 2: failed"
-        self._add("state", self._of_cases("int8", {"units": "1", "long_name": state}))
-        about = {"units": "", "long_name": "error message of the case"}
-        self._add("error", self._of_cases("string", about))
+        self.contents = Contents(self.path, self._about(secrets.token_hex(16)))
+        for name, kind, unit, text in (
+            ("state", "int8", "1", "0: not run, 1: done, 2: failed"),
+            ("error", "string", "", "error message of the case"),
+        ):
+            self._add(name, self._of_cases(kind, {"units": unit, "long_name": text}))
         self._commit()
         for one in self.path.iterdir():
             if one.is_dir() and not one.is_symlink():
                 shutil.rmtree(one)
             elif one.name not in (METADATA, COPY):
                 one.unlink()
+        self._written = {}
         self._labels = {}
-        self._write_coordinates()
-        self._commit()
+        self._commit(coordinates=True)
         self.journal = Journal(self.path / JOURNAL, self.contents.store)
 
     def _reopen(self, extend: bool) -> None:
-        """Go on with an old store.
-
-        Raises:
-            JointplayError: it is of another study.
-        """
+        """Go on with an old store."""
         contents = self._read()
         self._check_study(contents.attributes, extend)
         for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
             rest.unlink(missing_ok=True)
-        hurt = list(sealed.survey(self.path, contents))
+        hurt = list(contents.survey())
         if any(contents.kind(name) == "labels" for name, _ in hurt):
             self._make()
             return
-        self._see(contents)
+        self.contents = contents
         self._mend(hurt)
         self.journal = Journal(self.path / JOURNAL, contents.store)
-        self.state = np.asarray(self._array("state")[...], np.int8).copy()
+        self.state = contents.values("state")
         self._labels = {
-            plain_name(name): np.asarray(self._array(name)[...]).tolist()
+            plain_name(name): contents.values(name).tolist()
             for name in contents.arrays
             if contents.kind(name) == "labels"
         }
         if self.state.shape != self._shape:
             self.grow(self.plan)
         else:
-            self._write_coordinates()
-            self._commit()
+            self._commit(coordinates=True)
 
     def _read(self) -> Contents:
-        """What the store has, by its metadata or their copy.
-
-        Raises:
-            JointplayError: neither is whole, or they are none of ours.
-        """
+        """What the store has, by its metadata or their copy."""
         try:
             return Contents.read(self.path)
         except (OSError, ValueError) as error:
@@ -231,11 +189,7 @@ class Store:
             raise damaged_whole(self.path, error) from None
 
     def _check_study(self, attributes: Mapping[str, Any], extend: bool) -> None:
-        """Refuse a store of another study.
-
-        Raises:
-            JointplayError: it is; the message names the differences.
-        """
+        """Refuse a store of another study."""
         changes = differences(attributes["identity"], self.plan.identity)
         grown = self.plan.grown(attributes["identity"], list(attributes["sizes"]))
         beyond = changes.keys() - grown
@@ -245,10 +199,10 @@ class Store:
             beyond |= {"version"}
         if beyond or (changes and not extend):
             shown = list(changes.values())[:MOST_DIFFERENCES]
-            if len(changes) > len(shown):
-                shown.append(f"and {len(changes) - len(shown)} more")
+            more = len(changes) - len(shown)
+            shown += [f"and {more} more"] if more else []
             advice = (
-                "--extend adds the new cases" if not beyond else "choose another name for the store"
+                "choose another name for the store" if beyond else "--extend adds the new cases"
             )
             raise JointplayError(
                 f"{str(self.path)!r} belongs to another sweep: {'; '.join(shown)}; {advice}"
@@ -262,18 +216,20 @@ class Store:
         """
         again = np.zeros(self.contents.arrays["state"].shape, bool)
         for name, chunk in hurt:
-            if self.contents.kind(name) in ("measure", "cases"):
+            listed = chunk in self.contents.chunks.get(name, ())  # else the journal has its cases
+            if listed and self.contents.kind(name) in ("measure", "cases"):
                 sizes = self.contents.arrays[name].chunks[: again.ndim]
                 at = zip(map(int, chunk.split("/")), sizes, strict=False)
                 again[tuple(slice(k * size, (k + 1) * size) for k, size in at)] = True
             if name == "state":
-                sealed.delete_chunk(self.path, self.contents, name, chunk)
+                self.contents.delete(name, chunk)
         if again.any():
-            state = self._array("state")
-            state[...] = np.where(again, 0, state[...]).astype(np.int8)
+            state = self.contents.values("state")
+            state[again] = 0
+            self.contents.write("state", state)
             os.sync()
         for name, chunk in hurt:
-            sealed.delete_chunk(self.path, self.contents, name, chunk)
+            self.contents.delete(name, chunk)
 
     def _take_up(self) -> None:
         """Fill the arrays with what the journal has; entries that are none are as good as changed.
@@ -282,26 +238,26 @@ class Store:
         """
         for entry in self.journal.found:
             outcome = Outcome.read(entry, self._shape)
-            if outcome is None or not self._possible(outcome):
-                continue
-            self._pending.append(self._fitted(outcome))
-            self.state[outcome.index] = self._pending[-1].state
+            if outcome is not None and not self._taken(outcome):
+                self._pending.append(self._fitted(outcome))
+                self.state[outcome.index] = self._pending[-1].state
         self.flush()
 
-    def _possible(self, outcome: Outcome) -> bool:
-        """Whether arrays of the names that an outcome has are, or can be, what it needs."""
+    def _taken(self, outcome: Outcome) -> list[str]:
+        """What an outcome has for which there is no array, nor can be: its names are others'."""
         arrays = self.contents.arrays
-        for name in map(array_name, outcome.values):
-            if name in self._reserved or (name in arrays and self.contents.kind(name) != "measure"):
-                return False
+        taken = [
+            name
+            for name, folder in ((name, array_name(name)) for name in outcome.values)
+            if folder in self._reserved or self.contents.kind(folder, "measure") != "measure"
+        ]
         for name, history in outcome.histories.items():
-            dims = tuple(map(array_name, (*self.plan.sizes, *history.labels)))
+            own = tuple(map(array_name, history.labels))
             known = arrays.get(array_name(name + SUFFIX))
-            if name not in self.plan.histories or self._reserved & set(dims[len(self._shape) :]):
-                return False
-            if known is not None and known.dims != dims:
-                return False
-        return True
+            other = known is not None and known.dims[len(self._shape) :] != own
+            if other or name not in self.plan.histories or self._reserved & {*own}:
+                taken.append(name)
+        return taken
 
     def grow(self, plan: Plan) -> None:
         """Make room for the cases of a larger plan; those there are stay what they are.
@@ -319,15 +275,13 @@ class Store:
                     shape = (*self._shape, *arrays[name].shape[before.ndim :])
                     arrays[name] = replace(arrays[name], shape=shape)
             self.contents.attributes = self._about(self.contents.store)
-            self._write_coordinates()
-            self._commit()
+            self._commit(coordinates=True)
 
     # ---- Arrays ---------------------------------------------------------------------------------
 
     def _of_cases(
         self, dtype: str, attributes: Mapping[str, str], tail: Mapping[str, int] | None = None
     ) -> Array:
-        """An array over the dimensions of the cases and those of `tail`."""
         tail = tail or {}
         shape = (*self._shape, *tail.values())
         chunks = _chunks(shape, HISTORY_CHUNK if tail else CHUNK)
@@ -338,24 +292,13 @@ class Store:
         """Have an array, in place of what a killed process, or another kind, has left there."""
         if (self.path / name).is_dir():
             shutil.rmtree(self.path / name)
+        self._written.pop(f"{name}/{METADATA}", None)
         self.contents.arrays[name] = array
         self.contents.chunks.pop(name, None)
-
-    def _array(self, name: str) -> Any:
-        """An array as zarr has it."""
-        with quiet():
-            return zarr.open_array(self._view, path=name, mode="r+", zarr_format=3)
-
-    def _write_coordinates(self) -> None:
-        """Write the values of the dimensions, and of what is sampled."""
-        for name, given in self.plan.coordinates.items():
-            attributes = {"units": given.unit, "long_name": given.text}
-            self._write_labels(name, given.dimension, given.values, attributes)
 
     def _write_labels(
         self, name: str, dimension: str, values: np.ndarray, attributes: Mapping[str, str]
     ) -> None:
-        """Write values along a dimension; one that is there grows in place."""
         folder = array_name(name)
         text = values.dtype.kind in "UO"
         dtype = "string" if text else str(values.dtype)
@@ -365,7 +308,7 @@ class Store:
             self._add(folder, Array(dtype, (array_name(dimension),), values.shape, chunks))
         array = self.contents.arrays[folder]
         self.contents.arrays[folder] = replace(array, shape=values.shape, attributes=attributes)
-        self._array(folder)[...] = values.astype(object) if text else values
+        self.contents.write(folder, values.astype(object) if text else values)
 
     def _write(self, name: str, cells: Iterable[tuple[Index, Any, Sequence[np.ndarray]]]) -> None:
         """Write values of cases into an array, each chunk once.
@@ -375,71 +318,57 @@ class Store:
             cells: index of each case, its value, and the places of that along the array's other
                 dimensions, where all else becomes NaN.
         """
-        about, array = self.contents.arrays[name], self._array(name)
-        inside: dict[Index, list[tuple[Index, Any, Sequence[np.ndarray]]]] = {}
-        for cell in cells:
-            chunk = tuple(k // size for k, size in zip(cell[0], about.chunks, strict=False))
-            inside.setdefault(chunk, []).append(cell)
+        array, number = self.contents.arrays[name], len(self._shape)
+        sizes, tail = array.chunks[:number], array.shape[number:]
+        inside: dict[Index, list[tuple[Index, Any]]] = {}
+        for index, value, places in cells:
+            row = value
+            if tail:
+                row = array.empty(tail)
+                row[np.ix_(*places)] = value
+            chunk, at = zip(*map(divmod, index, sizes), strict=True)
+            inside.setdefault(chunk, []).append((at, row))
         for chunk, given in inside.items():
-            begin = [k * size for k, size in zip(chunk, about.chunks, strict=False)]
-            region = tuple(
-                slice(first, min(first + size, most))
-                for first, size, most in zip(begin, about.chunks, about.shape, strict=False)
-            )
-            block = np.asarray(array[region])
-            if about.dtype == "string":
-                block = block.astype(object)
-            for index, value, places in given:
-                at = tuple(k - first for k, first in zip(index, begin, strict=True))
-                if places:
-                    block[at] = np.nan
-                    block[at][np.ix_(*places)] = value
-                else:
-                    block[at] = value
-            array[region] = block
+            for more, place in sealed.pieces(tail, array.chunks[number:]):
+                block = self.contents.load(name, (*chunk, *more))
+                for at, row in given:
+                    part = row[place] if tail else row
+                    block[(*at, *map(slice, np.shape(part)))] = part
+                self.contents.save(name, (*chunk, *more), block)
 
-    def _commit(self) -> None:
-        """Have the metadata say what there is now."""
+    def _commit(self, coordinates: bool = False) -> None:
+        """Have the metadata say what there is now; values of the dimensions are written before."""
+        for name, about in self.plan.coordinates.items() if coordinates else ():
+            self._write_labels(name, *about)
         content = self.contents.file
         for name in (COPY, METADATA):  # the copy is never the older one
-            if self._differs(name, content):
+            if self._written.get(name) != content:
                 files.write(self.path / name, content, overwrite=True, announced=False)
+                self._written[name] = content
         for folder, array in self.contents.arrays.items():
-            name = f"{folder}/{METADATA}"
-            if self._differs(name, content := sealed.encoded(array.metadata)):
+            name, content = f"{folder}/{METADATA}", sealed.encoded(array.metadata)
+            if self._written.get(name) != content:
                 sealed.put(self.path / name, content)
-
-    def _differs(self, name: str, content: bytes) -> bool:
-        """Whether a file of the store does not hold this."""
-        try:
-            return sealed.read_file(self.path, name, sealed.MOST_BYTES) != content
-        except (OSError, ValueError):
-            return True
+                self._written[name] = content
 
     # ---- Cases ----------------------------------------------------------------------------------
 
     def _fitted(self, outcome: Outcome) -> Outcome:
-        """An outcome as it can be kept; one that cannot be has failed."""
-        taken = [name for name in outcome.values if array_name(name) in self._reserved]
-        if taken:
-            values = {n: v for n, v in outcome.values.items() if n not in taken}
+        values, said = outcome.values, ""
+        if taken := self._taken(outcome):
+            values = {name: value for name, value in values.items() if name not in taken}
             said = (
-                f"a measure cannot be called {min(taken)!r}: the sweep has a measure of that name"
+                f"a measure cannot be called {min(taken)!r}: the sweep has something of that name"
             )
-            return Outcome(outcome.index, FAILED, values, said)
         try:
-            for history in outcome.histories.values():
+            for history in () if taken else outcome.histories.values():
                 self._join(history)
         except JointplayError as error:  # it does not fit those of the cases before
-            return Outcome(outcome.index, FAILED, outcome.values, str(error))
-        return outcome
+            said = str(error)
+        return Outcome(outcome.index, FAILED, values, said) if said else outcome
 
     def _join(self, history: History) -> None:
-        """Have the labels of a history among those of all cases, which share one time axis.
-
-        Raises:
-            JointplayError: it was recorded at other times than those of the cases before.
-        """
+        """Have the labels of a history among those of all cases, which share one time axis."""
         for dimension, given in history.labels.items():
             known, own = self._labels.setdefault(dimension, []), given.tolist()
             if dimension != "time":
@@ -460,14 +389,9 @@ class Store:
     kept = "--resume continues"
 
     def __contains__(self, index: Any) -> bool:
-        """Whether a case has been run."""
         return bool(self.state[index])
 
     def keep(self, index: Any, outcome: Outcome) -> None:
-        """See `put`."""
-        self.put(outcome)
-
-    def put(self, outcome: Outcome) -> None:
         """Keep a finished case: on return it survives this process.
 
         Raises:
@@ -500,7 +424,6 @@ class Store:
         self._flushed = time.monotonic()
 
     def _fill(self, outcomes: Sequence[Outcome]) -> None:
-        """Write finished cases into the arrays."""
         arrays = self.contents.arrays
         for name in dict.fromkeys(name for outcome in outcomes for name in outcome.values):
             if array_name(name) not in arrays:
@@ -540,22 +463,16 @@ class Store:
                 self._add(folder, self._of_cases("float64", about, tail))
             array = self.contents.arrays[folder]
             self.contents.arrays[folder] = replace(array, shape=(*self._shape, *tail.values()))
-            self._write(
-                folder,
-                [
-                    (
-                        index,
-                        history.values,
-                        [
-                            np.arange(len(given))
-                            if dimension == "time"
-                            else np.array([places[dimension][one] for one in given.tolist()], int)
-                            for dimension, given in history.labels.items()
-                        ],
-                    )
-                    for index, history in cases
-                ],
-            )
+            cells = []
+            for index, history in cases:
+                own = [
+                    np.arange(len(given))
+                    if dimension == "time"
+                    else np.array([places[dimension][one] for one in given.tolist()], int)
+                    for dimension, given in history.labels.items()
+                ]
+                cells.append((index, history.values, own))
+            self._write(folder, cells)
 
     def column(self, name: str) -> np.ndarray:
         """A measure of all cases so far, NaN where there is none.
@@ -568,7 +485,7 @@ class Store:
         if array_name(name) not in listed:
             known = ", ".join(map(plain_name, listed))
             raise JointplayError(f"no case has the measure {name!r}; there are: {known}")
-        return np.asarray(self._array(array_name(name))[...], float)
+        return self.contents.values(array_name(name))
 
     def close(self, whole: bool = True) -> None:
         """Bring the arrays up to date and let go of the store.
@@ -615,7 +532,6 @@ def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str
 
 
 def _short(text: str) -> str:
-    """A text without its middle, if it is long."""
     return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
 
 
@@ -629,33 +545,19 @@ def sizes_of(path: Path) -> dict[str, int] | None:
 
 def _chunks(shape: Index, most: int) -> Index:
     """Chunks of at most so many values, whole along the last dimensions."""
-    left, chunks = most, []
+    chunks: list[int] = []
     for size in reversed(shape):
-        take = max(min(size, left), 1)
-        chunks.append(take)
-        left = max(left // take, 1)
-    return tuple(reversed(chunks))
+        chunks.insert(0, max(min(size, most // math.prod(chunks)), 1))
+    return tuple(chunks)
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say of errors of the file system in the block that the store cannot be written; once.
-
-    zarr writes chunks side by side: where one fails the others go on, and asyncio logs failures
-    that nobody waits for.
-    """
+    """Say of errors of the file system in the block that the store cannot be written."""
     try:
         yield
     except OSError as error:
-        with suppress(Exception):  # what comes of them is known
-            sync(_others(), timeout=REST_S)
         raise files.cannot_write(path, error) from None
-
-
-async def _others() -> None:
-    """Wait for all that zarr has begun beside."""
-    rest = asyncio.all_tasks() - {asyncio.current_task()}
-    await asyncio.gather(*rest, return_exceptions=True)
 
 
 # ---- Read ---------------------------------------------------------------------------------------
@@ -678,7 +580,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     try:
         with quiet():
             dataset = xr.open_zarr(
-                SealedStore(path, read_only=True), chunks=None, consolidated=True, zarr_format=3,
+                SealedStore(path), chunks=None, consolidated=True, zarr_format=3,
                 mask_and_scale=False,
             )  # fmt: skip
     except JointplayError:

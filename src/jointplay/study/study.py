@@ -46,7 +46,6 @@ class Memory(dict[Any, Value]):
     kept = "nothing was kept"
 
     def keep(self, key: Any, value: Value) -> None:
-        """Keep what was found of a case."""
         self[key] = value
 
 
@@ -80,7 +79,6 @@ class Study(Generic[Item, Value]):
         *,
         name: str = "",
     ) -> None:
-        """Plan; nothing runs."""
         self.plan, self._taken = plan, 0
         self.count = len(plan) if isinstance(plan, Sized) else None
         self.measure, self.name = measure, name
@@ -124,10 +122,7 @@ class Study(Generic[Item, Value]):
     def run(
         self, jobs: int | None = None, progress: bool | ProgressBar = False, **shown: Any
     ) -> list[Value]:
-        """Run what is left, and return what was found of all cases, in the order of the plan.
-
-        Args:
-            jobs, progress, shown: see `outcomes`, which says as well what is raised.
+        """Run what is left; gives what was found of all cases, in order. See `outcomes`.
 
         Raises:
             TypeError: the store is none that is in memory.
@@ -149,7 +144,6 @@ class Study(Generic[Item, Value]):
             yield place, item
 
     def _workers(self, number: int) -> Workers[Item, Value]:
-        """So many processes of this machine; one is this one."""
         if number == 1:
             return Serial(self.measure, name=self.name)
         from jointplay.physics import kernel
@@ -170,18 +164,12 @@ class Measure(Generic[Value]):
     """See `Run.finish`."""
 
     def __call__(self, simulation: Simulation) -> Value:
-        """Run it to the end, and measure."""
         seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
         return self.of(run_to_the_end(simulation, f"{self.words}{seed}", self.check_step))
 
 
 def run_to_the_end(simulation: Simulation, words: str, check_step: bool = False) -> Result:
-    """Simulate; what stops a run is said in the error, not in a warning before it.
-
-    Args:
-        simulation: what is run.
-        words: what it is called where it fails.
-        check_step: see `Run.finish`.
+    """Simulate; what stops a run, which is called `words`, is said in the error, not in a warning.
 
     Raises:
         KeyboardInterrupt: it was interrupted.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_share
 from jointplay.base.tables import Column, Table
+from jointplay.base.units import convert
 from jointplay.simulation.analysis.uncertainty import (
     SobolIndices,
     convergence,
@@ -18,7 +20,7 @@ from jointplay.simulation.analysis.uncertainty import (
     sobol_indices,
 )
 from jointplay.study.journal import FAILED
-from jointplay.study.measures import BEARING
+from jointplay.study.measures import BEARING, USER
 from jointplay.study.plan import REPEAT, SAMPLE
 
 SHOWN = (
@@ -30,7 +32,6 @@ SHOWN = (
     ("dissipated_energy", "J", 1.0),
 )
 """Measures of the table, with the units and factors of their columns."""
-
 PREFIXES = (("m", 1e-3, "mm"), ("m", 1e-6, "µm"), ("Pa", 1e9, "GPa"), ("s", 1e-3, "ms"))
 
 
@@ -41,7 +42,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     over = [d for d in dataset.attrs["sizes"] if d in (SAMPLE, REPEAT)]
     columns = columns_of(dataset)
     header = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
-    values = [mean(dataset[name], over) * factor for name, _, factor in columns]
+    values = [dataset[name].mean(over).values * factor for name, _, factor in columns]
     lines = []
     shape = tuple(dataset.sizes[d] for d in dims)
     count = int(np.prod(shape)) if shape else 1
@@ -64,8 +65,6 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
     """Measures of the table, the user's own last: name, unit, and factor to it."""
-    from jointplay.study.measures import USER
-
     own = [
         (name, str(dataset[name].attrs.get("units", "")), 1.0)
         for name in _measures(dataset)
@@ -75,7 +74,6 @@ def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
 
 
 def _measures(dataset: xr.Dataset) -> list[str]:
-    """Names of all measures."""
     dims = tuple(dataset.attrs["sizes"])
     return [str(n) for n, v in dataset.data_vars.items() if v.dims == dims and v.dtype.kind == "f"]
 
@@ -99,18 +97,6 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
     return dataset[name]
 
 
-def mean(values: xr.DataArray, over: Sequence[str]) -> np.ndarray:
-    """Mean over some dimensions, missing values left out."""
-    axes = tuple(values.dims.index(d) for d in over)
-    array = values.values
-    if not axes:
-        return array
-    known = np.isfinite(array)
-    count = known.sum(axis=axes)
-    total = np.where(known, array, 0.0).sum(axis=axes)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
 def scale(dataset: xr.Dataset, name: str) -> tuple[float, str]:
     """Factor and unit in which the values of a coordinate or measure are easy to read."""
     unit = str(dataset[name].attrs.get("units", "")).removesuffix("1") if name in dataset else ""
@@ -131,7 +117,6 @@ def label(dataset: xr.Dataset, name: str) -> str:
 
 
 def _head(name: str, unit: str) -> str:
-    """Title of a column."""
     plain = name.replace("_", " ")
     return f"{plain} [{unit}]" if unit and unit != "1" else plain
 
@@ -147,7 +132,6 @@ def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
 
 
 def _text(value: float) -> str:
-    """A number of the table."""
     return "-" if not np.isfinite(value) else f"{value:.4g}"
 
 
@@ -157,41 +141,25 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
     Raises:
         JointplayError: no such dimension or value.
     """
-    from jointplay.base.units import convert
-
     for name, text in only.items():
-        if name not in dataset.sizes or name not in dataset.attrs["sizes"]:
+        if name not in dataset.attrs["sizes"]:
             raise MissingName("dimension", name, dataset.attrs["sizes"])
-        if name not in dataset.coords or dataset[name].dtype.kind not in "fi":
-            known = [str(v) for v in dataset[name].values] if name in dataset.coords else []
-            if known and text not in known:
-                raise MissingName(f"value of {name}:", text, known)
-            index = known.index(text) if known else _index(text, dataset.sizes[name])
-        else:
+        there = dataset[name].values if name in dataset.coords else np.arange(dataset.sizes[name])
+        if name in dataset.coords and there.dtype.kind in "fi":
             unit = str(dataset[name].attrs.get("units", ""))
+            with suppress(ValueError):  # plain numbers are in SI
+                text, unit = float(text), ""
             try:
-                plain = float(text) if _is_number(text) else float(convert(text, unit))
+                index = int(np.abs(there - float(convert(text, unit))).argmin())
             except ValueError as error:
                 raise JointplayError(f"{name}: {error}") from None
-            index = int(np.abs(dataset[name].values - plain).argmin())
+        else:
+            known = [str(value) for value in there]
+            if text not in known:
+                raise MissingName(f"value of {name}:", text, known)
+            index = known.index(text)
         dataset = dataset.isel({name: [index]})
     return dataset
-
-
-def _is_number(text: str) -> bool:
-    """Whether a text is a plain number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _index(text: str, size: int) -> int:
-    """A position along a dimension without values."""
-    if not text.isdigit() or int(text) >= size:
-        raise JointplayError(f"expected a whole number below {size}, got {text!r}")
-    return int(text)
 
 
 # What the samples of a sweep say of a measure, in words.
@@ -210,11 +178,11 @@ def samples_of(dataset: xr.Dataset, measure: str) -> np.ndarray:
         JointplayError: no such measure, or nothing is sampled; a grid besides the samples.
     """
     values = measured(dataset, measure)
-    grid = [d for d in values.dims if d not in (SAMPLE, REPEAT)]
-    if any(values.sizes[d] > 1 for d in grid):
+    grid = [str(d) for d in values.dims if d not in (SAMPLE, REPEAT) and values.sizes[d] > 1]
+    if grid:
         raise JointplayError(
-            f"the sweep also has a grid ({', '.join(map(str, grid))}); select one point of it "
-            "with jointplay.open_sweep(...).isel(...)"
+            f"the sweep also has a grid ({', '.join(grid)}); select one point of it with "
+            "jointplay.open_sweep(...).isel(...)"
         )
     if SAMPLE not in values.dims and REPEAT not in values.dims:
         raise JointplayError("this sweep has neither samples nor repeats")
@@ -244,10 +212,7 @@ def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
 def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     """Mean, standard deviation, quantiles, how many runs are enough, Sobol indices: in lines.
 
-    Args:
-        dataset: of `open_sweep`.
-        measure: its name.
-        precision: relative half width of a confidence interval that is enough.
+    `precision` is the relative half width of a confidence interval that is enough.
 
     Raises:
         JointplayError: see `samples_of`.
@@ -259,13 +224,10 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     found = {name: estimate(values, name) for name in ("mean", "std")}
     found |= {f"{100 * p:g} %": estimate(values, "quantile", p) for p in QUANTILES}
     notes = []
-    for name, probability in (("mean", 0.5), ("quantile", 0.95)):
+    for what, name, probability in (("mean", "mean", 0.5), ("95 % quantile", "quantile", 0.95)):
         runs = enough(convergence(values, name, probability), precision)
-        what = "mean" if name == "mean" else f"{100 * probability:g} % quantile"
-        notes.append(
-            f"{what} within {100 * precision:g} %: "
-            + (f"{runs} runs were enough" if runs else f"{known} runs are not enough")
-        )
+        verdict = f"{runs} runs were enough" if runs else f"{known} runs are not enough"
+        notes.append(f"{what} within {100 * precision:g} %: {verdict}")
     missing = f", {len(values) - known} without a value" if known < len(values) else ""
     unit, several = str(dataset[measure].attrs.get("units", "")), found.values()
     fine = unit == "m"  # speeds and times are as they are

@@ -1,24 +1,18 @@
-"""Wear of bearings by Archard's law, and how long a clearance takes to grow.
+"""Wear of bearings by Archard's law, and how long a clearance takes to grow (docs/wear.md).
 
 Where the journal slides under load it takes material off the bore, in proportion to normal force
-and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981-988):
+and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981-988): dV = (K/H) F_n ds, K being the whole
+factor, without Archard's 1/3 of round asperities.
 
-    dV = (K/H) F_n ds
-
-K is the whole factor, without Archard's 1/3 of round asperities: of a K that belongs to
-V = K F_n s/(3 H), take a third. Which of both a table means has to be found out: Wikipedia's "Wear
-coefficient" prints Archard and Hirst's K, which is the whole factor, beside 3 H.
-
-A run counts F_n ds around the bore. Spread over the length that a contact stands for, it is a
-depth, and the worn bore is what the journal meets in the next run. Since a cycle wears nanometres,
-wear is extrapolated over blocks of many equal cycles, between which the bore's shape is brought up
-to date; the outcome is an estimate.
+A run counts F_n ds around the bore; over the length that a contact stands for it is a depth, and
+the worn bore is what the journal meets in the next run. Wear is extrapolated over blocks of many
+equal cycles, between which the bore's shape is brought up to date; the outcome is an estimate.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -85,9 +79,8 @@ def _bore(simulation: Simulation, joint: str) -> BoreWear:
         one = simulation.mechanism.clearance.get(joint)
         if isinstance(one, RollingBearing):
             raise JointplayError(
-                f"joint {joint!r} has a rolling bearing, whose clearance does not grow by "
-                "Archard's law: it has no wear rate; jointplay run and jointplay report say its "
-                "rating life L10 over the motion"
+                f"joint {joint!r} has a rolling bearing, which has no wear rate but a rating life "
+                "L10: see jointplay run or jointplay report"
             )
         raise MissingName("joint with a wear rate", joint, wearing)
     return wearing[joint]
@@ -125,11 +118,11 @@ def wear_blocks(
     simulation: Simulation,
     cycles_until: Callable[[float, Depths, Depths], float],
     blocks: int,
-    runs: int,
-    cycles_per_run: float,
-    jobs: int | None,
-    progress: bool,
-) -> Iterator[Block]:
+    runs: int = 1,
+    cycles_per_run: float = 1.0,
+    jobs: int | None = 1,
+    progress: bool = False,
+) -> tuple[list[Block], bool]:
     """Run each block with the bores as they are, and take its wear for that of all its cycles.
 
     Args:
@@ -142,25 +135,35 @@ def wear_blocks(
         jobs: processes; None takes one for each core.
         progress: show a bar on standard error.
 
+    Returns:
+        The blocks, and whether these are all: interrupted, those so far.
+
     Raises:
         JointplayError: a run that fails, what `cycles_until` raises.
-        KeyboardInterrupt: it is interrupted.
     """
     worn: Depths = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
     first = simulation.seed or 0
     seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
+    measure = Measure(worn_depths, "a run with worn bores", check_step=True)
+    done: list[Block] = []
     with ProgressBar(total=blocks * runs, disable=not progress, unit="run", desc="wear") as bar:
-        for block in range(blocks):
+        while len(done) < blocks:
             machine = with_worn(simulation, worn)
-            drawn = [replace(machine, seed=seed) for seed in seeds]
-            depths = Study(
-                drawn, Measure(worn_depths, "a run with worn bores", check_step=True)
-            ).run(jobs, bar)
-            rates = [{name: one[name] / cycles_per_run for name in worn} for one in depths]
-            mean = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
-            count = cycles_until((block + 1) / blocks, worn, mean)
+            try:
+                depths = Study([replace(machine, seed=s) for s in seeds], measure).run(jobs, bar)
+                rates = [{name: one[name] / cycles_per_run for name in worn} for one in depths]
+                mean = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
+                count = cycles_until((len(done) + 1) / blocks, worn, mean)
+            except KeyboardInterrupt:
+                return done, False
             before, worn = worn, {name: worn[name] + count * mean[name] for name in worn}
-            yield Block(count, before, worn, rates)
+            done.append(Block(count, before, worn, rates))
+    return done, True
+
+
+def cycles_after(blocks: Sequence[Block]) -> np.ndarray:
+    """Cycles done after each block, the first entry 0, shape (blocks + 1,)."""
+    return np.cumsum([0.0, *(block.cycles for block in blocks)])
 
 
 def check_blocks(blocks: int, runs: int, cycles_per_run: float, jobs: int | None) -> None:
@@ -188,28 +191,23 @@ class WearLife:
 
     @property
     def deepest(self) -> np.ndarray:
-        """Largest depth after each block [m]."""
         return self.profiles.max(axis=(1, 2))
 
     @property
     def mean(self) -> np.ndarray:
-        """Depth after each block, mean over the bore [m]."""
         return self.profiles.mean(axis=(1, 2))
 
     @property
     def table(self) -> Table:
-        """A row for each block, end and azimuth."""
         azimuths = self.profiles.shape[2]
         rows = [
-            (block, self.cycles[block], "AB"[end], 2 * math.pi * at / azimuths,
-             self.profiles[block, end, at])
-            for block, end, at in np.ndindex(self.profiles.shape)
-        ]  # fmt: skip
+            (block, self.cycles[block], "AB"[end], 2 * math.pi * at / azimuths, depth)
+            for (block, end, at), depth in np.ndenumerate(self.profiles)
+        ]
         heads = (("block", ""), ("cycles", ""), ("end", ""), ("azimuth", "rad"), ("depth", "m"))
         return Table.of(heads, rows)
 
     def __str__(self) -> str:
-        """Say the outcome in words, and that it is an estimate."""
         last, blocks = self.cycles[-1], len(self.cycles) - 1
         total = float(np.sqrt(np.nansum(self.scatter**2)))
         spread = f" +- {total:.2g}" if np.isfinite(self.scatter[1:]).any() else ""
@@ -263,17 +261,11 @@ def wear(
         wears = rate > 0.0
         return float((((growth * part) - (worn[joint] - begun))[wears] / rate[wears]).min())
 
-    cycles, profiles, scatter = [0.0], [np.zeros_like(begun)], [0.0]
-    reached = False
-    try:
-        for block in wear_blocks(
-            simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
-        ):
-            total = np.array([one[joint].sum() for one in block.rates])
-            cycles.append(cycles[-1] + block.cycles)
-            profiles.append(block.worn[joint] - begun)
-            scatter.append(standard_error(total) / total.mean() * block.cycles)
-        reached = True
-    except KeyboardInterrupt:
-        pass
-    return WearLife(joint, np.array(cycles), np.array(profiles), np.array(scatter), growth, reached)
+    done, whole = wear_blocks(
+        simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
+    )
+    totals = [np.array([one[joint].sum() for one in block.rates]) for block in done]
+    known = zip(totals, done, strict=True)
+    scatter = [standard_error(each) / each.mean() * block.cycles for each, block in known]
+    profiles = np.array([begun, *(block.worn[joint] for block in done)]) - begun
+    return WearLife(joint, cycles_after(done), profiles, np.array([0.0, *scatter]), growth, whole)

@@ -92,8 +92,8 @@ def _study(options: argparse.Namespace) -> Observation:
         raise JointplayError(f"{options.kind} takes no --vary: it analyses a single motion")
     varied = Varied.parse(options.vary) if options.vary else None
     study = Observation(
-        str(scenario.path), scenario.text, tuple(scenario.trust), scenario.settings, options.case,
-        0, 1, options.records, options.phase, (), varied, options.orders, options.joint or "",
+        scenario, options.case, 0, 1, options.records, options.phase, (), varied, options.orders,
+        options.joint or "",
     )  # fmt: skip
     simulation = study.simulation(None if varied is None else varied.values[0])
     mechanism = simulation.mechanism

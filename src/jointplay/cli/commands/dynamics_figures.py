@@ -13,7 +13,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.show.plots import nonlinear as plots
 from jointplay.study.nonlinear import lyapunov, poincare
 from jointplay.study.nonlinear.observables import label
-from jointplay.study.nonlinear.rows import Observation, Rows, Varied
+from jointplay.study.nonlinear.rows import Observation, Varied, rows
 from jointplay.study.nonlinear.steady_motion import room, turn
 
 SAME = 1e-2
@@ -32,19 +32,22 @@ class FigureJob:
 
     def rows(self, columns: list[str], work: Any, keys: list[tuple[float, ...]]) -> np.ndarray:
         """Numbers for each key, found or read; failures are said."""
-        kind = self.options.kind
-        table = Rows(self.out / f"{kind}.csv", {"kind": kind, **self.study.asked()}, columns)
-        rows, done = table.fill(work, keys, self.options.jobs, not self.options.quiet)
+        kind, options = self.options.kind, self.options
+        asked = {"kind": kind, **self.study.asked()}
+        table = self.out / f"{kind}.csv"
+        found, done, failures = rows(
+            table, asked, columns, work, keys, options.jobs, not options.quiet
+        )
         print(f"{done} of {len(keys)} runs computed now, {len(keys) - done} earlier")
-        failed = [key for key in keys if key in table.failures]
+        failed = [key for key in keys if key in failures]
         for key in failed[:3]:
             at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
-            print(f"failed{at}: {table.failures[key]}")
+            print(f"failed{at}: {failures[key]}")
         if len(failed) > 3:
-            print(f"... and {len(failed) - 3} more, see {table.path}")
+            print(f"... and {len(failed) - 3} more, see {table}")
         if len(failed) == len(keys):
-            raise JointplayError(f"no run was completed: {table.failures[keys[0]]}")
-        return rows
+            raise JointplayError(f"no run was completed: {failures[keys[0]]}")
+        return found
 
     @property
     def title(self) -> str:

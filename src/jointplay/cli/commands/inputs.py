@@ -360,11 +360,12 @@ def chosen_preset(options: argparse.Namespace) -> Preset | None:
     Raises:
         JointplayError: there is none of that name, or none is known for the robot.
     """
-    from jointplay.scenario.presets import preset_for
+    from jointplay.scenario.presets import preset, preset_of
 
     name = _value(options, "preset")
-    robot = "scara" if options.place is None else str(options.place)
-    return None if name is None else preset_for(robot, name)
+    if name is None:
+        return None
+    return preset(name) if name else preset_of(str(options.place or "scara"))
 
 
 def _value(options: argparse.Namespace, attribute: str) -> Any:

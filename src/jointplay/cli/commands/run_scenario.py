@@ -36,13 +36,10 @@ if TYPE_CHECKING:
 
 
 STOPPED = 1
-
 _LONGEST_NAME = 100
 """Bytes of a file's name that are taken of its case's."""
-
 IDLE, IDLE_S = 0.2, 1.0
 """More than this part of a run, and more than this [s], without motion is told of."""
-
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
@@ -61,12 +58,10 @@ class CaseRun:
 
     @property
     def certified(self) -> bool:
-        """Whether several further runs find them."""
         return self.errors == "certify"
 
     @property
     def records(self) -> Path:
-        """File of its records while it runs."""
         return working_paths(self.path)[0]
 
 
@@ -187,7 +182,6 @@ class _Summaries:
         only: Sequence[str] | None,
         progress: bool,
     ) -> None:
-        """Nothing has been run; `only` are the histories that are looked at, None for all."""
         self.scenario, self.items, self.simulations = scenario, items, simulations
         self.only, self.progress = only, progress
         self.results: dict[str, Result] = {}
@@ -203,7 +197,6 @@ class _Summaries:
             self._print()
 
     def finish(self) -> None:
-        """No more is run."""
         for case in self.items:
             self._load(case)
         self._print()
@@ -267,12 +260,10 @@ def _length_and_size(run: Run) -> list[str]:
 
 
 def _gives(simulation: Simulation) -> bool:
-    """Whether a mechanism has joints or gears that are not ideal."""
     return bool(simulation.mechanism.clearance or simulation.mechanism.gears)
 
 
 def _errors(scenario: Scenario, case: str, options: argparse.Namespace) -> str:
-    """How the numerical errors of a case are found."""
     integration = scenario.model(case).integration
     if options.certify or integration.certify:
         return "certify"

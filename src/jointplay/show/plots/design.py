@@ -376,7 +376,7 @@ MOST_POSES = 6
 def poses(performance: Iso9283) -> Figure:
     """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
     worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
-    shown = sorted(worst, key=lambda pose: pose.time)
+    shown = sorted(worst, key=lambda pose: pose.times)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     rows: list[list[Panel | None]] = [[], []]
     for pose in shown:
@@ -384,7 +384,7 @@ def poses(performance: Iso9283) -> Figure:
         centre = pose.attained.mean(axis=0)
         points = pose.attained - centre
         arrow = -0.8 * rp * centre / max(float(np.linalg.norm(centre)), 1e-300)
-        title = f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} µm"
+        title = f"t = {pose.times[0]:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} µm"
         way = "direction to the command pose (length not to scale)"
         for row, (i, j) in zip(rows, ((0, 1), (0, 2)), strict=True):
             dot: dict[str, Any] = {"line": "", "marker": "o", "size": 2.5}

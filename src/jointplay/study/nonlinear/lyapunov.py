@@ -45,13 +45,11 @@ class Exponent:
 
     @property
     def verdict(self) -> str:
-        """What the interval says, in a word."""
         if self.low > 0.0:
             return "chaotic"
         return "regular" if self.high < 0.0 else "undecided"
 
     def __str__(self) -> str:
-        """As a sentence."""
         return (
             f"largest Lyapunov exponent {self.value:.4g}, {100 * self.confidence:g} % interval "
             f"{self.low:.4g} to {self.high:.4g}: {self.verdict}"

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.result.result import AXES, Result
 
-
-@dataclass(frozen=True)
-class Observable:
-    """A quantity of a run."""
-
-    name: str
-    values: np.ndarray
-    """By record, shape (n,)."""
-    unit: str
+TOOL = "tool"
+_OF_TOOL = dict.fromkeys(AXES, "m") | {"speed": "m/s", "acceleration": "m/s²"}
+_OF_JOURNALS = dict.fromkeys(AXES, "m") | {"eccentricity": "m", "force": "N"}
+_OF_JOINTS = ("position", "speed", "acceleration", "moment")
+"""Quantities, with their units where these do not depend on the joint."""
 
 
 def names(mechanism: Mechanism) -> list[str]:
@@ -26,12 +20,6 @@ def names(mechanism: Mechanism) -> list[str]:
     observables = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
     observables += [f"{joint}.{what}" for joint in mechanism.joints for what in _OF_JOINTS]
     return [*observables, *(f"{TOOL}.{what}" for what in _OF_TOOL)]
-
-
-TOOL = "tool"
-_OF_TOOL = (*AXES, "speed", "acceleration")
-_OF_JOURNALS = (*AXES, "eccentricity", "force")
-_OF_JOINTS = ("position", "speed", "acceleration", "moment")
 
 
 def check(name: str, mechanism: Mechanism) -> None:
@@ -54,14 +42,13 @@ def unit(name: str, mechanism: Mechanism) -> str:
     """Unit of a quantity of `names`."""
     thing, _, what = name.rpartition(".")
     if thing == TOOL and what in _OF_TOOL:
-        return {"speed": "m/s", "acceleration": "m/s²"}.get(what, "m")
+        return _OF_TOOL[what]
     if what in _OF_JOURNALS and thing in mechanism.clearance:
-        return "N" if what == "force" else "m"
+        return _OF_JOURNALS[what]
     slides = mechanism.description.joints[thing].slides
-    if what == "moment":
-        return "N" if slides else "N m"
     base = "m" if slides else "rad"
-    return {"position": base, "speed": f"{base}/s", "acceleration": f"{base}/s²"}[what]
+    moment = "N" if slides else "N m"
+    return dict(zip(_OF_JOINTS, (base, f"{base}/s", f"{base}/s²", moment), strict=True))[what]
 
 
 def label(name: str, mechanism: Mechanism) -> str:
@@ -80,8 +67,8 @@ def usual(mechanism: Mechanism) -> str:
     return "tool.speed"
 
 
-def observe(result: Result, name: str) -> Observable:
-    """A quantity of a run, by record.
+def observe(result: Result, name: str) -> np.ndarray:
+    """A quantity of a run, by record, shape (n,); `unit` has its unit.
 
     ``JOINT.x``, ``y``, ``z`` and ``eccentricity`` are the journal's centre in its bearing [m],
     ``JOINT.force`` the size of the joint's force [N]; ``position``, ``speed``, ``acceleration`` and
@@ -95,10 +82,6 @@ def observe(result: Result, name: str) -> Observable:
     """
     mechanism = result.simulation.mechanism
     check(name, mechanism)
-    return Observable(name, _values(result, mechanism, name), unit(name, mechanism))
-
-
-def _values(result: Result, mechanism: Mechanism, name: str) -> np.ndarray:
     thing, _, what = name.rpartition(".")
     if thing == TOOL and what in _OF_TOOL:
         return _of_tool(result, what)

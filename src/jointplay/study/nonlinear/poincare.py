@@ -86,7 +86,6 @@ def attractors(
 
 
 def _same(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
-    """Whether two orbits have the same points, whichever comes first."""
     if len(one) != len(other):
         return False
     apart = np.linalg.norm(one[:, None] - other[None], axis=2)

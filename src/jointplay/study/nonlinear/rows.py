@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,7 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, divided, parse, tree
 from jointplay.simulation.analysis import ideal_simulation
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.lines import Lines
+from jointplay.study.journal import Lines
 from jointplay.study.nonlinear import lyapunov, steady_motion
 from jointplay.study.nonlinear.poincare import once_per_turn
 from jointplay.study.nonlinear.run_up import RunUp
@@ -29,7 +29,6 @@ from jointplay.study.study import Study
 
 Key = tuple[float, ...]
 """Values that a row is of: of the key that varies, or where a journal starts."""
-
 PIECES = 20
 """Intervals in a turn after which neighbours are put back to each other."""
 
@@ -51,11 +50,11 @@ class Varied:
         """
         key, _, rest = divided(text)
         span, _, unit = rest.strip().partition(" ")
-        parts = span.split(":")
         try:
-            low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-            good = len(parts) == 3 and count >= 1 and bool(key.strip()) and np.isfinite(high - low)
-        except (IndexError, ValueError):
+            first, last, number = span.split(":")
+            low, high, count = float(first), float(last), int(number)
+            good = count >= 1 and bool(key.strip()) and np.isfinite(high - low)
+        except ValueError:
             good = False
         if not good:
             raise JointplayError(
@@ -67,7 +66,6 @@ class Varied:
         return cls(key.strip(), tuple(float(f"{value:.12g}") for value in values), unit.strip())
 
     def setting(self, value: float) -> Setting:
-        """That gives the key this value."""
         text = f'"{value!r} {self.unit}"' if self.unit else repr(value)
         return parse(f"{self.key}={text}")
 
@@ -78,7 +76,6 @@ class Varied:
 
     @property
     def words(self) -> str:
-        """The key in words: ``radial clearance of piston_pin``."""
         *group, name = self.key.split(".")
         words, of = name.replace("_", " "), ".".join(group[1:])
         if group[:2] == ["motion", "speeds"]:  # the last part names a joint
@@ -90,10 +87,7 @@ class Varied:
 class Observation:
     """What is simulated, and for how long; makes the rows."""
 
-    path: str
-    text: str
-    trust: tuple[str, ...]
-    settings: tuple[Setting, ...]
+    scenario: Scenario
     case: str | None
     settle: int
     """Turns at the start that are not looked at."""
@@ -117,23 +111,17 @@ class Observation:
 
     @property
     def end(self) -> int:
-        """The last turn."""
         return self.settle + self.keep
 
     def simulation(self, value: float | None = None) -> Simulation:
-        """The scenario's, the key that varies at a value."""
-        scenario = Scenario(self.text, self.path, self.trust, self.settings)
-        changes: dict[str, Any] = {}
-        if value is not None and self.varied is not None:
-            changes = tree([self.varied.setting(value)])
-        return scenario.simulation(self.case, changes)
+        varied = self.varied if value is not None else None
+        changes = {} if varied is None else tree([varied.setting(value or 0.0)])
+        return self.scenario.simulation(self.case, changes)
 
     def turning(self, simulation: Simulation) -> steady_motion.Turning:
-        """Over the turns of this study."""
         return steady_motion.Turning.of(simulation, self.settle, self.keep, self.records)
 
     def _kept(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
-        """Quantities in the turns that are looked at, shape (keep records, names)."""
         turning = self.turning(simulation)
         return turning.kept(turning.run(place), self.names)[:-1]
 
@@ -188,72 +176,60 @@ class Observation:
     def asked(self) -> dict[str, Any]:
         """All that its rows depend on, but for their values, as plain data."""
         given = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        del given["path"]  # its text counts
-        given["version"] = version("jointplay")
-        given["settings"] = [[list(s.key), repr(s.value)] for s in self.settings]
+        scenario = given.pop("scenario")
+        given |= {"text": scenario.text, "trust": scenario.trust, "version": version("jointplay")}
+        given["settings"] = [[list(s.key), repr(s.value)] for s in scenario.settings]
         given["varied"] = None if self.varied is None else [self.varied.key, self.varied.unit]
         if self.window and self.varied is not None:  # one row holds all its values
             given["varied"] += list(self.varied.values)
         return {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}
 
 
-@dataclass(frozen=True)
-class Rows:
-    """Rows of numbers by value, found in processes and kept in a file beside their table.
+def rows(
+    path: Path,
+    asked: Mapping[str, Any],
+    columns: Sequence[str],
+    work: Callable[[Key], np.ndarray],
+    keys: Sequence[Key],
+    jobs: int | None = None,
+    progress: bool = False,
+) -> tuple[np.ndarray, int, dict[Key, str]]:
+    """Numbers by value, found in processes; and their table, a CSV file that is written at the end.
+
+    What has been found so far is in the file of the same name that ends in ``.runs``. A value that
+    fails with a `JointplayError` is kept with its message; the others go on.
 
     Args:
-        path: of the table, a CSV file that is written once all is found; what has been found so
-            far is in the file of the same name that ends in ``.runs``.
+        path: of the table.
         asked: all that rows depend on but for their values, as plain data.
         columns: names of the numbers of a row, units in them.
+        work, keys: what finds a row, and its values.
+        jobs, progress: see `Study.outcomes`.
 
-    Attributes:
-        failures: messages of failed values, which have no numbers.
+    Returns:
+        Numbers, not a number for values that failed, shape (keys, columns); how many rows were
+        missing; messages of the values that failed.
+
+    Raises:
+        JointplayError: the file is there and was made for something else, or cannot be read or
+            written.
     """
-
-    path: Path
-    asked: Mapping[str, Any]
-    columns: Sequence[str]
-    failures: dict[Key, str] = field(default_factory=dict)
-
-    def fill(
-        self,
-        work: Callable[[Key], np.ndarray],
-        keys: Sequence[Key],
-        jobs: int | None = None,
-        progress: bool = False,
-    ) -> tuple[np.ndarray, int]:
-        """Find the rows of `keys` that are missing, and write the table.
-
-        A value that fails with a `JointplayError` is kept with its message; the others go on.
-
-        Returns:
-            Numbers, not a number for values that failed, shape (keys, columns); and how many rows
-            were missing.
-
-        Raises:
-            JointplayError: the file is there and was made for something else, or cannot be read or
-                written.
-        """
-        kept = self.path.with_suffix(".runs")
-        if self.path.exists() and not kept.exists():
-            raise JointplayError(f"{str(self.path)!r} is no table of these; choose another folder")
-        with closing(Lines(kept, self.asked)) as store:
-            before = len(store)
-            Study({key: key for key in keys}, partial(_found, work), store).run(jobs, progress)
-            missing = len(store) - before
-        nothing = np.full(len(self.columns), np.nan)
-        rows = np.array([store[key].get("row", nothing) for key in keys])
-        rows = rows.reshape(len(keys), len(self.columns))
-        self.failures.update(
-            {key: str(store[key]["message"]) for key in keys if "message" in store[key]}
-        )
-        values = Column("value", [" ".join(map(repr, key)) for key in keys])
-        messages = Column("message", [self.failures.get(key, "") for key in keys])
-        numbers = [Column(name, x, key=name) for name, x in zip(self.columns, rows.T, strict=True)]
-        table = Table((values, messages, *numbers))
-        files.write(self.path, table.csv(17), overwrite=True, announced=False)
-        return rows, missing
+    kept = path.with_suffix(".runs")
+    if path.exists() and not kept.exists():
+        raise JointplayError(f"{str(path)!r} is no table of these; choose another folder")
+    with closing(Lines(kept, asked)) as store:
+        before = len(store)
+        Study({key: key for key in keys}, partial(_found, work), store).run(jobs, progress)
+    nothing = np.full(len(columns), np.nan)
+    numbers = np.array([store[key].get("row", nothing) for key in keys])
+    numbers = numbers.reshape(len(keys), len(columns))
+    failures = {key: str(store[key]["message"]) for key in keys if "message" in store[key]}
+    values = Column("value", [" ".join(map(repr, key)) for key in keys])
+    messages = Column("message", [failures.get(key, "") for key in keys])
+    own = [Column(name, x, key=name) for name, x in zip(columns, numbers.T, strict=True)]
+    table = Table((values, messages, *own)).csv(17)
+    files.write(path, table, overwrite=True, announced=False)
+    return numbers, len(store) - before, failures
 
 
 def _found(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:

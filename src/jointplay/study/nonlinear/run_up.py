@@ -87,7 +87,7 @@ class RunUp:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
         angle = self._angle(result.time)
         wanted = self.settle + np.arange(self.turns * self.records) / self.records
-        return np.asarray(np.interp(wanted, angle, observe(result, name).values))
+        return np.asarray(np.interp(wanted, angle, observe(result, name)))
 
     def windows(self, number: int, window: int) -> np.ndarray:
         """First turns of `number` windows of so many turns, evenly over the rise.
@@ -135,7 +135,6 @@ class RunUp:
         return motion
 
     def _angle(self, time: np.ndarray) -> np.ndarray:
-        """Turns since the start."""
         at = self._motion.joints.index(self.joint)
         start = self._motion(np.zeros(1))[0][0, at]
         return np.asarray(np.abs(self._motion(time)[0][:, at] - start) / (2.0 * math.pi))

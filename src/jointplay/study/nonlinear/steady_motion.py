@@ -27,7 +27,6 @@ Place = Callable[[Run], None]
 """Changes the state of a run before it begins."""
 RECORDS = 1000
 """Records in a turn."""
-
 _CLOSED = 1e-9
 """Largest distance between begin and end of a motion that is repeated [rad or m]."""
 
@@ -49,15 +48,13 @@ def turn(motion: Motion | None) -> float:
                 "it began; let its last waypoint be the first"
             )
         return motion.duration
-    _, speeds, _ = motion(np.zeros(1))
-    moving = np.abs(speeds[0])[speeds[0] != 0.0]
+    speeds = motion(np.zeros(1))[1][0]
+    moving = np.abs(speeds[speeds != 0.0])
     if not len(moving) or not np.allclose(moving, moving[0], rtol=1e-9):
-        words = ", ".join(
-            f"{name} {speed:g}" for name, speed in zip(motion.joints, speeds[0], strict=True)
-        )
+        named = zip(motion.joints, speeds, strict=True)
+        words = ", ".join(f"{name} {speed:g}" for name, speed in named)
         raise JointplayError(
-            "turns are defined only if all rotating joints have the same speed, "
-            f"got {words} [rad/s]"
+            f"turns need the same speed of all rotating joints, got {words} [rad/s]"
         )
     return float(2.0 * math.pi / moving[0])
 
@@ -134,7 +131,7 @@ class Turning:
 
     def kept(self, result: Result, names: Sequence[str]) -> np.ndarray:
         """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
-        columns = [observe(result, name).values for name in names]
+        columns = [observe(result, name) for name in names]
         return np.stack(columns, axis=1)[self.settle * self.records :]
 
 
@@ -145,9 +142,8 @@ def repeated(motion: Motion | None, turns: int) -> Motion | None:
         return motion
 
     def again(times: np.ndarray) -> np.ndarray:
-        return np.append(
-            [times[:-1] + k * motion.duration for k in range(turns)], turns * times[-1]
-        )
+        parts = [times[:-1] + k * motion.duration for k in range(turns)]
+        return np.append(parts, turns * times[-1])
 
     return Motion(
         motion.joints,
