@@ -1,7 +1,5 @@
 """Clearance, friction and play from measurements; what cannot be told; what to measure."""
 
-import csv
-import io
 import math
 from dataclasses import replace
 from itertools import pairwise
@@ -26,11 +24,12 @@ from jointplay import (
     loads,
 )
 from jointplay.cli import main
-from jointplay.estimate import Measurement, columns, plan_measurement
+from jointplay.estimate import Measurement, columns, plan_measurement, planning
 from jointplay.estimate.identification import reason
 from jointplay.estimate.measurement import resolution, scatter, turns
 from jointplay.estimate.unknowns import Unknown
 from jointplay.estimate.verification import verify
+from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
 from jointplay.simulation.loads import JointFriction
 
@@ -57,9 +56,7 @@ def about(one):
 def planar(play=CLEARANCE, friction=FRICTION):
     """A journal that does not lean; its friction is full at once, its contact stiff."""
     return RevoluteClearance.planar(
-        radial_clearance=play,
-        friction=Ambrosio(friction, v0=0.0, v1=1e-9),
-        stiffness=1e15,
+        radial_clearance=play, friction=Ambrosio(friction, v0=0.0, v1=1e-9), stiffness=1e15
     )
 
 
@@ -146,23 +143,16 @@ def test_passing_alone_tells_the_product_and_says_so(arm):
     assert abs(value - CLEARANCE) < 2.0 * half < 0.3 * CLEARANCE
 
 
-def test_a_calibrated_robot_needs_no_reversal(arm):
+def test_only_a_calibrated_robot_needs_no_reversal(arm):
     measured = seen(stops=False, turns_back=False, noise=1e-6)
     flat = 2e-3 * np.sin(3.0 * measured.signals["motor", "j"])
-    signals = {
-        key: values - flat if key[0] == "tool" else values
-        for key, values in measured.signals.items()
-    }
+    signals = {key: v - flat if key[0] == "tool" else v for key, v in measured.signals.items()}
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     found = identify(mechanism, Measurement(measured.time, signals), reference="ideal")
     assert found["j radial clearance"].value == pytest.approx(CLEARANCE, rel=0.01)
     assert found["j friction"].value == pytest.approx(FRICTION, rel=0.05)
-
-
-def test_a_motion_that_never_reverses_is_refused(arm):
-    mechanism = Mechanism(arm, {"j": planar()})
     with pytest.raises(JointplayError, match="never reverses"):
-        identify(mechanism, seen(stops=False, turns_back=False))
+        identify(mechanism, measured)
 
 
 def test_too_much_noise_cannot_tell(arm):
@@ -195,48 +185,42 @@ def geared(urdf):
     return Mechanism(path, gears={"j": Gear(play=1e-3, rotor_inertia=0.1, stiffness=1e3)})
 
 
-def lagging(play=2e-3, dry=0.5, stiffness=1e3, noise=2e-5, seed=0):
+def lagging(play=2e-3, dry=0.5, stiffness=1e3, noise=2e-5, without=""):
     """Motor and link: the link trails by half the play and what the teeth give."""
     time, angle, _, _ = course(stops=False)
-    random = np.random.default_rng(seed)
-    link, trail = np.zeros(len(angle)), play / 2.0 + dry / stiffness
-    link[0] = angle[0]
+    random = np.random.default_rng(0)
+    link, trail = angle.copy(), play / 2.0 + dry / stiffness
     for i in range(1, len(angle)):
         link[i] = min(max(link[i - 1], angle[i] - trail), angle[i] + trail)
     torque = np.clip((np.abs(angle - link) - play / 2.0) * stiffness, 0.0, None)
     torque *= np.sign(angle - link)
-    return Measurement(
-        time,
-        {
-            ("motor", "j"): angle,
-            ("link", "j"): link + noise * random.standard_normal(len(time)),
-            ("torque", "j"): torque + 0.3 + 0.02 * random.standard_normal(len(time)),
-        },
-    )
+    signals = {
+        ("motor", "j"): angle,
+        ("link", "j"): link + noise * random.standard_normal(len(time)),
+        ("torque", "j"): torque + 0.3 + 0.02 * random.standard_normal(len(time)),
+    }
+    return Measurement(time, {key: v for key, v in signals.items() if key[0] != without})
 
 
-def test_play_compliance_and_friction_of_a_gear_are_recovered(geared):
-    measured = lagging()
-    found = identify(geared, measured, known=["gear_compliance"])
+@pytest.mark.parametrize(
+    ("options", "more"),
+    [
+        ({}, {"known": ["gear_compliance"]}),
+        ({"play": 20e-3, "dry": 2.0, "without": "link"}, {"stiffness": {"j": 1e3}}),
+    ],
+)
+def test_play_and_friction_of_a_gear_are_recovered(geared, options, more):
+    """By an encoder on the link, or by the motor's torque alone."""
+    found = identify(geared, lagging(**options), **more)
+    wanted = {"play": 2e-3, "dry": 0.5} | options
     value, half = about(found["j gear play"])
-    assert abs(value - 2e-3) < 2.0 * half < 2e-4
+    assert abs(value - wanted["play"]) < 2.0 * half < 0.2 * wanted["play"]
     value, half = about(found["j dry friction"])
-    assert abs(value - 0.5) < 2.0 * half < 0.1
-
-
-def test_the_motors_torque_alone_tells_play_and_friction(geared):
-    measured = lagging(play=20e-3, dry=2.0)
-    signals = {key: v for key, v in measured.signals.items() if key[0] != "link"}
-    found = identify(geared, Measurement(measured.time, signals), stiffness={"j": 1e3})
-    value, half = about(found["j gear play"])
-    assert abs(value - 20e-3) < 2.0 * half < 4e-3
-    assert found["j dry friction"].value == pytest.approx(2.0, rel=0.05)
+    assert abs(value - wanted["dry"]) < 2.0 * half < 0.2 * wanted["dry"]
 
 
 def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
-    signals = {k: v for k, v in lagging().signals.items() if k[0] != "torque"}
-    measured = Measurement(lagging().time, signals)
-    friction = {"j": JointFriction(0.5)}
+    measured, friction = lagging(without="torque"), {"j": JointFriction(0.5)}
     found = identify(geared, measured, joint_friction=friction)
     assert not any(one.identified for one in found.sought)
     assert "acts only together with" in found.estimates[0].reason
@@ -245,15 +229,9 @@ def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
     assert found.estimates[0].identified
 
 
-def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(urdf):
-    path = urdf(
-        body("arm", mass=MASS, com=f"{REACH} 0 0"),
-        joint("j", "base", "arm", axis="0 1 0"),
-        tip("arm"),
-    )
+def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(arm):
     gear = Gear(play=1e-3, rotor_inertia=0.1, stiffness=1e5)
-    mechanism = Mechanism(path, {"j": planar()}, gears={"j": gear})
-    found = identify(mechanism, seen(stops=False))
+    found = identify(Mechanism(arm, {"j": planar()}, gears={"j": gear}), seen(stops=False))
     assert "j gear play: not observable: the load keeps the gear's teeth on one side" in str(found)
 
 
@@ -279,7 +257,7 @@ def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     value, half = about(found["j radial clearance"])
     assert abs(value - 8e-5) < max(half, 0.03 * 8e-5)
     assert half < 0.3 * 8e-5
-    checked = verify(replace(simulation, mechanism=found.mechanism), found)
+    checked = verify(replace(simulation, mechanism=found.mechanism), found, runs=3)
     assert checked.dynamic["tool"] < 0.3 * checked.measured["tool"]
 
 
@@ -298,10 +276,10 @@ def rows(header, count=30):
 
 
 @pytest.mark.parametrize("name", ["[j]", "a(b)", "(j", "j)", "é [x] 1"])
-@pytest.mark.parametrize("unit", ["[rad]", "(rad)", " [rad] "])
-def test_joints_may_have_brackets_in_their_names(name, unit):
-    found = columns.split_title(f"{name} motor {unit}", Path("m.csv"))
-    assert found == (f"{name} motor", "rad")
+def test_joints_may_have_brackets_in_their_names(name):
+    for unit in ("[rad]", "(rad)", " [rad] "):
+        found = columns.split_title(f"{name} motor {unit}", Path("m.csv"))
+        assert found == (f"{name} motor", "rad")
 
 
 def test_units_of_columns_are_read_in_brackets_and_behind_underscores(tmp_path):
@@ -338,13 +316,19 @@ def test_bad_data_are_refused_in_one_line(tmp_path, text, words):
     assert "\n" not in str(raised.value)
 
 
-def test_a_measurement_survives_its_file(tmp_path):
-    measured = seen()
+def test_a_measurement_survives_its_file_a_slider_in_metres_and_newtons(tmp_path):
+    time = np.arange(30.0)
+    names = [("motor", "z"), ("torque", "z"), ("motor", "j"), ("tool", "x"), ("force", "y")]
+    signals = {key: (k + 1.0) / 3.0 * time for k, key in enumerate(names)}
+    measured = Measurement(time, signals, sliding=frozenset({"z"}))
     path = written(tmp_path, measured.csv())
-    back = Measurement.from_csv(path, JOINTS)
-    assert list(back.signals) == list(measured.signals)
-    for key, values in measured.signals.items():
-        assert back.signals[key] == pytest.approx(values, abs=1e-8)
+    head = "time [s],z motor [m],z torque [N],j motor [rad],tool x [m],force y [N]"
+    assert path.read_text().splitlines()[0] == head
+    back = Measurement.from_csv(path, {"z": True, "j": False})
+    assert back.sliding == {"z"}
+    assert list(back.signals) == names
+    for key, values in signals.items():
+        assert back.signals[key] == pytest.approx(values)
 
 
 def test_what_shows_no_play_is_refused(arm):
@@ -397,39 +381,16 @@ def test_a_plan_pushes_where_passing_tells_the_product_only(arm):
     assert (np.diff(pushing.half_width, axis=0) <= 1e-15).all()
 
 
-def test_what_a_plan_expects_is_what_identification_states(arm):
-    mechanism = Mechanism(arm, {"j": planar()})
-    measured = seen(noise=2e-5)
-    found = identify(mechanism, measured, noise={"tool": 2e-5})
-    expected = plan_measurement(mechanism, noise={"tool": 2e-5}, push=PUSH, count=12)
-    ratio = found["j radial clearance"].half_width / expected.half_width[-1][0]
-    assert 0.05 < ratio < 20.0  # so many records, so many visits: the same order
-
-
 def test_a_plan_refuses_what_cannot_be(arm, geared):
     mechanism = Mechanism(arm, {"j": planar()})
-    with pytest.raises(JointplayError, match="at least one experiment"):
-        plan_measurement(mechanism, count=0)
-    with pytest.raises(JointplayError, match="no signal 'smell'"):
-        plan_measurement(mechanism, signals=["smell"])
-    with pytest.raises(JointplayError, match="link encoders"):
-        plan_measurement(mechanism, signals=["link"])
+    for options, words in (
+        ({"count": 0}, "at least one experiment"),
+        ({"signals": ["smell"]}, "no signal 'smell'"),
+        ({"signals": ["link"]}, "link encoders"),
+    ):
+        with pytest.raises(JointplayError, match=words):
+            plan_measurement(mechanism, **options)
     assert "j gear play" in str(plan_measurement(geared, signals=["link"]))
-
-
-def test_the_command_identifies_draws_and_writes(arm, tmp_path, capsys):
-    data = written(tmp_path, seen(rate=40.0).csv())
-    order = [
-        "identify", str(arm), str(data), "--joint", "j=0.1 mm", "--tool", "tool",
-        "--noise", "tool=5 um", "--out", str(tmp_path / "out"),
-    ]  # fmt: skip
-    assert main(order) == 0
-    said = capsys.readouterr().out
-    assert "j radial clearance" in said
-    assert "95 % interval" in said
-    table = list(csv.DictReader(io.StringIO((tmp_path / "out/identified.csv").read_text())))
-    assert table[0]["unknown"] == "radial_clearance"
-    assert (tmp_path / "out/identified.png").stat().st_size > 5000
 
 
 def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
@@ -462,28 +423,21 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
             Unknown("j", "friction", "", 0.1, 0.1, 2.0),
         )
     )
-    fit = SimpleNamespace(
-        theta=np.array([clearance, 0.1]), half_width=np.array([2e-7, friction_half_width])
-    )
+    half_width = np.array([2e-7, friction_half_width])
+    fit = SimpleNamespace(theta=np.array([clearance, 0.1]), half_width=half_width)
     said = reason(0, fit, problem, None)
     assert (said == "") is told
-    if not told:
-        assert "j friction, which cannot be determined, may hold the journal" in said
-        assert "slowly, in both directions" in said
+    assert told or "j friction, which cannot be determined, may hold the journal" in said
 
 
 @pytest.mark.parametrize(("robot", "name"), [("scara", "joint_b"), ("ur5", "elbow_joint")])
 def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
-    from jointplay.estimate import planning
-    from jointplay.model.collisions import SelfCollision
-
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     tool = "suction_cup" if robot == "scara" else "tool0"
     mechanism = Mechanism(robot, {name: bearing}, tool=tool)
-    plan = plan_measurement(mechanism, count=12)
-    assert len(plan.experiments) == 12
+    plan = plan_measurement(mechanism, count=8)
     apart = planning.distances(mechanism, plan.experiments)
-    assert apart[~np.eye(12, dtype=bool)].min() >= planning.APART
+    assert apart[~np.eye(8, dtype=bool)].min() >= planning.APART
     ideal, shapes = mechanism.ideal(), SelfCollision(mechanism)
     assert bool(shapes.notes) == (robot == "scara")
     assert all(note in str(plan) for note in shapes.notes)
@@ -493,13 +447,11 @@ def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
         for moved, place in at.items():
             entry = mechanism.description.joints[moved]
             assert entry.lower is None or entry.lower < place < entry.upper
-        q = ideal.configuration(at)
-        weight = pin.computeGeneralizedGravity(ideal.model, ideal.data, q)
+        weight = pin.computeGeneralizedGravity(ideal.model, ideal.data, ideal.configuration(at))
         most = [mechanism.description.joints[name].effort or np.inf for name in plan.joints]
         assert (np.abs(weight) <= most).all()
     assert (plan.gains >= 1.0).all()
-    for number in range(1, 12):
-        assert f"information x {plan.gains[number]:.3g} (its determinant)" in str(plan)
+    assert f"information x {plan.gains[7]:.3g} (its determinant)" in str(plan)
     assert f"most about {name}" in plan.reason(0)
     assert (np.diff(plan.half_width, axis=0) <= 1e-12).all()
 
@@ -513,24 +465,14 @@ def test_a_plan_says_when_no_more_experiments_differ(arm):
 
 
 def test_loads_beyond_the_limits_of_effort_are_not_proposed(arm):
-    mechanism = Mechanism(arm, {"j": planar()})
-    plan = plan_measurement(mechanism, push=1e5, count=2)
+    plan = plan_measurement(Mechanism(arm, {"j": planar()}), push=1e5, count=2)
     assert "their loads exceed a joint's limit of effort" in str(plan)
-    ideal = mechanism.ideal()
-    for one in plan.experiments:
-        q = ideal.configuration(dict(zip(plan.joints, one.positions, strict=True)))
-        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        arms = pin.computeFrameJacobian(ideal.model, ideal.data, q, ideal.tool_frame, frame)
-        torque = arms.reshape(6, -1)[:3].T @ np.array(one.force or (0.0, 0.0, 0.0))
-        assert np.abs(torque).max() <= 1000.0 + 1e-6
+    assert all(one.force is None or one.force[1] for one in plan.experiments)  # along the axis
 
 
 def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_out():
-    from jointplay.model.collisions import SelfCollision
-
     arm = SelfCollision(Mechanism("ur5"))
     assert not arm.hits({})
-    assert any(
-        arm.hits({"shoulder_lift_joint": -1.57, "elbow_joint": angle}) for angle in (2.9, 3.0, 3.14)
-    )
+    bent = {"shoulder_lift_joint": -1.57}
+    assert any(arm.hits(bent | {"elbow_joint": angle}) for angle in (2.9, 3.0, 3.14))
     assert "for they touch at zero" in SelfCollision(Mechanism("kinova")).notes[0]

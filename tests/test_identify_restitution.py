@@ -116,15 +116,12 @@ def test_impacts_at_random_are_no_bounces():
 
 
 def test_flights_under_a_load_that_changes_are_refused():
-    measured = bounces(0.7, noise=1.0)
-    (channel,) = channels(measured)
+    (channel,) = channels(bounces(0.7, noise=1.0))
     size = channel.size.copy()
-    hits = impacts(channel)
-    for t in hits.time:  # all impacts alike, though flights shrink
+    for t in impacts(channel)[0]:  # all impacts alike, though flights shrink
         i = round(t * RATE)
         size[i - 2 : i + 3] *= 1e3 / size[i - 2 : i + 3].sum()
-    found = flights(replace(channel, size=size))
-    assert "the load is not constant" in found.reason
+    assert "the load is not constant" in flights(replace(channel, size=size)).reason
 
 
 def test_the_noise_of_records_is_found_beside_impacts():
@@ -136,7 +133,7 @@ def test_the_noise_of_records_is_found_beside_impacts():
 def test_values_are_told_by_statistics_and_strange_measurements_are_seen():
     random = np.random.default_rng(0)
     low, high = np.array([0.0]), np.array([1.0])
-    values = design(60, low, high, seed=1)
+    values = design(40, low, high, seed=1)
 
     def seen(value):
         clean = np.array([2.0 * value, value**2, 0.0])
@@ -144,12 +141,12 @@ def test_values_are_told_by_statistics_and_strange_measurements_are_seen():
 
     table = np.array([seen(value) for (value,) in values])
     misses = 0
-    for truth in np.linspace(0.1, 0.9, 16):
+    for truth in np.linspace(0.1, 0.9, 8):
         found = by_likelihood(values, table, seen(truth), low, high)
         assert not found.strange
         assert 0.02 < found.half_width[0] < 0.25
         misses += abs(found.value[0] - truth) > found.half_width[0]
-    assert misses <= 3  # of 16 at 95 %: more happen once in 140 times
+    assert misses <= 2  # of 8 at 95 %: more happen once in 170 times
     assert by_likelihood(values, table, np.array([1.0, -3.0, 0.0]), low, high).strange
 
 
@@ -203,8 +200,6 @@ def test_a_simulated_hanging_arm_tells_its_restitution_by_flights(urdf, e):
         assert abs(one.value - e) <= one.half_width < 0.06
         assert found.mechanism.clearance["j"].restitution == pytest.approx(one.value, abs=1e-4)
         assert "clearance and friction: this measurement cannot tell" in str(found)
-        assert "j,restitution,,,0." in found.data.csv()
-        assert json.loads(json.dumps(found.describe()))["unknowns"][0]["found"] == one.value
 
 
 def test_an_arm_that_is_held_level_does_not_bounce_freely_and_simulations_tell(urdf):
@@ -219,22 +214,23 @@ def test_an_arm_that_is_held_level_does_not_bounce_freely_and_simulations_tell(u
     assert abs(one.value - 0.5) <= one.half_width < 0.15
 
 
-def test_noise_as_large_as_the_impacts_tells_nothing_by_simulations_either(urdf):
+def test_noise_as_large_as_the_impacts_or_another_load_tells_nothing_by_simulations(urdf):
     simulation = hanging(urdf, 0.5, angle=0.0, end=0.5)
-    measured = felt(simulation, noise=1e3)
-    (one,) = by_simulation(simulation, measured, runs=20)
-    assert "impacts exceed the noise" in one.reason
-    still = replace(measured, signals={k: 0.0 * v for k, v in measured.signals.items()})
-    (one,) = by_simulation(simulation, still, runs=20)
-    assert "0 impacts" in one.reason
-
-
-def test_a_machine_of_another_load_is_like_no_simulated_one(urdf):
-    measured = felt(hanging(urdf, 0.5, angle=0.0, end=0.5))
-    strange = replace(measured, signals={k: 5.0 * v for k, v in measured.signals.items()})
-    strange = replace(strange, noise={"acceleration": 1.0})
-    (one,) = by_simulation(hanging(urdf, 0.5, angle=0.0, end=0.5), strange, runs=20)
-    assert "do not match any simulated machine" in one.reason
+    measured = felt(simulation)
+    for factor, noise, words in (
+        (1.0, 1e3, "impacts exceed the noise"),
+        (0.0, 1.0, "0 impacts"),
+        (5.0, 1.0, "do not match any simulated machine"),
+    ):
+        random = np.random.default_rng(0)
+        more = np.hypot(noise, 1.0) - 1.0
+        signals = {
+            key: factor * values + more * random.standard_normal(len(values))
+            for key, values in measured.signals.items()
+        }
+        seen = replace(measured, signals=signals, noise={"acceleration": noise})
+        (one,) = by_simulation(simulation, seen, runs=20)
+        assert words in one.reason
 
 
 def test_what_was_found_agrees_with_the_measurement_and_something_else_does_not(urdf):
@@ -273,10 +269,6 @@ def test_without_a_signal_of_impacts_the_signal_and_its_rate_are_named(urdf):
     }
     text = str(identify(mechanism, Measurement(time, signals)))
     assert "an accelerometer on the tool or 'j reaction' would, with 3.8e+03 records" in text
-
-
-def test_records_too_few_for_any_impact_are_said_to_be_so(urdf):
-    mechanism = hanging(urdf, 0.7).mechanism
     few = Measurement(np.arange(24) * 0.02, {("acceleration", "z"): np.ones(24)})
     (one,) = identify(mechanism, few, runs=20).restitutions
     assert "24 records are too few" in one.reason

@@ -11,27 +11,16 @@ below it, joints without play that are told to have some.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, new_figure
 from scipy.spatial.transform import Rotation
+from truth.arms import serial
 
 import jointplay as jp
-from jointplay.base.files import temporary
 from jointplay.estimate import StaticPoses
-
-LINK = """
-  <link name="link{i}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>
-    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="joint{i}" type="revolute"><parent link="{parent}"/><child link="link{i}"/>
-    <origin xyz="{at}"/><axis xyz="{axis}"/>
-    <limit lower="-3" upper="3" effort="1e3" velocity="9"/></joint>"""
-TOOL = """
-  <link name="tool"/><joint name="tip" type="fixed"><parent link="link{i}"/><child link="tool"/>
-    <origin xyz="{at}"/></joint>"""
 
 
 @dataclass(frozen=True)
@@ -45,30 +34,16 @@ class Robot:
 
 def drawn(random: np.random.Generator) -> jp.Mechanism:
     """A robot whose joints turn about the axes of their frames, the first about the vertical."""
-
-    def text(vector: np.ndarray) -> str:
-        return " ".join(f"{x:.6f}" for x in vector)
-
-    count, parts, parent = int(random.integers(3, 7)), ['<link name="base"/>'], "base"
-    way = np.array([0.0, 0.0, 0.3])
-    before = ""
-    for i in range(count):
+    links, way, before = [], np.array([0.0, 0.0, 0.3]), ""
+    for i in range(int(random.integers(3, 7))):
         choices = [one for one in ("1 0 0", "0 1 0", "0 0 1") if i < 2 or one != before]
         axis = "0 0 1" if i == 0 else "0 1 0" if i == 1 else str(random.choice(choices))
         before = axis if i else ""
         at, way = way, random.uniform([0.1, -0.1, -0.1], [0.4, 0.1, 0.1])
-        mass = random.uniform(1.0, 5.0)
-        parts.append(
-            LINK.format(
-                i=i, centre=text(0.5 * way), mass=mass, parent=parent, at=text(at), axis=axis
-            )
+        links.append(
+            (f"joint{i}", axis, at.round(6), random.uniform(1.0, 5.0), (0.5 * way).round(6))
         )
-        parent = f"link{i}"
-    parts.append(TOOL.format(i=count - 1, at=text(way)))
-    with temporary("calibrate") as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
-        return jp.Mechanism(path, tool="tool")
+    return serial(links, way.round(6), about=0.01)
 
 
 def robot(seed: int) -> Robot:
@@ -124,28 +99,20 @@ def case(seed: int) -> list[dict]:
     one = robot(seed)
     begin = perf_counter()
     fit = jp.calibrate(one.drawn, one.poses)
-    seconds, rows = perf_counter() - begin, []
-    for c in fit.coefficients:
-        truth = one.truth.get(c.label, 0.0)
-        inside = c.low <= truth <= c.high
-        rows.append(
-            {
-                "case": seed, "kind": c.unknown.name.split()[0], "label": c.label, "truth": truth,
-                "found": c.value, "low": c.low, "high": c.high, "told": c.identified,
-                "wrong": not inside, "seconds": seconds,
-            }
-        )  # fmt: skip
-    for p in fit.play:
-        truth = one.truth[p.label]
-        low, high = (p.low, p.high) if p.found else (0.0, p.upper)
-        wrong = not low <= truth <= high
-        rows.append(
-            {
-                "case": seed, "kind": "joint's play" if p.found else "joint's bound",
-                "label": p.joint, "truth": truth, "found": p.value, "low": low, "high": high,
-                "told": not p.reason, "wrong": wrong, "seconds": seconds,
-            }
-        )  # fmt: skip
+    common, rows = {"case": seed, "seconds": perf_counter() - begin}, []
+    for told in (*fit.coefficients, *fit.play):
+        play = told in fit.play
+        low, high = (told.low, told.high) if told.found else (0.0, told.upper)
+        kind = told.unknown.name.split()[0]
+        if play:
+            kind = "joint's play" if told.found else "joint's bound"
+        truth = one.truth.get(told.label, 0.0)
+        row = {
+            "kind": kind, "label": told.joint if play else told.label, "truth": truth,
+            "found": told.value, "low": low, "high": high, "told": not told.reason,
+            "wrong": not low <= truth <= high,
+        }  # fmt: skip
+        rows.append(common | row)
     return rows
 
 

@@ -36,6 +36,7 @@ from common import COLOURS, DOCS, new_figure
 
 import jointplay as jp
 from jointplay.base.files import temporary
+from jointplay.base.tables import Table
 from jointplay.estimate import Calibration, StaticPoses, Term, calibrate, encoder_differences
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors
 from jointplay.model.payload import Payload
@@ -61,8 +62,12 @@ class Repository:
                 return path
         raise SystemExit(
             f"{self.data} has no clone of {self.name}; get it with: git clone "
-            f"https://github.com/{self.owner}/{self.name} {self.data / self.name}"
+            f"https://{self.address} {self.data / self.name}"
         )
+
+    @property
+    def address(self) -> str:
+        return f"github.com/{self.owner}/{self.name}"
 
     def _git(self, *words: str) -> str:
         order = ["git", "-C", str(self.folder), *words]
@@ -157,41 +162,29 @@ def vicon(repository: Repository, name: str, side: str, columns: list[str]) -> n
 
 def tiago_poses(repository: Repository, frame: str) -> StaticPoses:
     """The hand in the frame of the base's markers, or in that of the torso's."""
-    xyz = ["x1", "y1", "z1"]
     motor = vicon(repository, "gripper3_base1", "relative", list(JOINTS))
     link = vicon(repository, "gripper3_base1", "absolute", list(JOINTS))
     link[:, 0] = np.nan  # the files hold zeros: the lift has no such encoder
-    names = ("gripper1_base1", "gripper2_base1", "gripper3_base1")
-    markers = np.stack([vicon(repository, n, "relative", xyz) for n in names], axis=1)
+    markers = stacked(repository, [f"gripper{i}_base1" for i in range(1, 4)])
     if frame == "base":
         return StaticPoses.from_markers(JOINTS, motor, markers, link=link)
-    names = tuple(f"shoulder{i}_base1" for i in range(1, 5))
-    torso = np.stack([vicon(repository, n, "relative", xyz) for n in names], axis=1)
-    _, turned, at, _ = rigid_body(torso)
+    _, turned, at, _ = rigid_body(torso_markers(repository))
     inside = (markers - at[:, None]) @ turned
     return StaticPoses.from_markers(ARM, motor[:, 1:], inside, link=link[:, 1:])
+
+
+def stacked(repository: Repository, names: list[str]) -> np.ndarray:
+    """Positions of markers, shape (n, markers, 3) [m]."""
+    return np.stack([vicon(repository, n, "relative", ["x1", "y1", "z1"]) for n in names], axis=1)
+
+
+def torso_markers(repository: Repository) -> np.ndarray:
+    return stacked(repository, [f"shoulder{i}_base1" for i in range(1, 5)])
 
 
 def tiago_robot() -> jp.Mechanism:
     """Without its hand."""
     return jp.Mechanism("tiago_no_hand", tool="arm_7_link", allow_unphysical=IMPOSSIBLE)
-
-
-def torso_turns(repository: Repository, report: Report) -> float:
-    """How the torso turns with its lift, seen on its own markers [rad/m]."""
-    xyz = ["x1", "y1", "z1"]
-    names = [f"shoulder{i}_base1" for i in range(1, 5)]
-    torso = np.stack([vicon(repository, n, "relative", xyz) for n in names], axis=1)
-    lift = vicon(repository, "gripper3_base1", "relative", ["torso_lift_joint"])[:, 0]
-    _, turned, _, _ = rigid_body(torso)
-    angle = rotation_vectors(turned @ turned[0].T)
-    slopes = np.polyfit(lift, angle, 1)[0]
-    report.say(
-        "torso's markers: it turns with its lift by "
-        + ", ".join(f"{1e3 * s:.1f}" for s in slopes)
-        + " mrad/m about the axes of the base's markers"
-    )
-    return float(np.abs(slopes).max())
 
 
 def tiago(repository: Repository, report: Report) -> dict[str, Calibration]:
@@ -205,55 +198,43 @@ def tiago(repository: Repository, report: Report) -> dict[str, Calibration]:
         shown = ", ".join(f"{name} {1e3 * left:.2f}" for name, left in one.table.items())
         report.say(f"  left by leaving one out [mrad]: {shown}")
     fits: dict[str, Calibration] = {}
-    cases = [
-        ("base", "motor", [RAIL, COMPLIANCE, PLAY, PLAY_ELSE]),
-        ("base", "link of arm_6", [RAIL, COMPLIANCE, PLAY_ELSE]),
-        ("torso", "motor", [COMPLIANCE, PLAY, PLAY_ELSE]),
-        ("torso", "link of arm_6", [COMPLIANCE, PLAY_ELSE]),
-    ]
-    for frame, encoder, terms in cases:
-        poses = base if frame == "base" else tiago_poses(repository, "torso")
-        if encoder != "motor":
-            poses = poses.read_by_link("arm_6_joint")
+    common = {"payloads": [GRIPPER], "error": SCATTER}
+    torso, by_link = tiago_poses(repository, "torso"), base.read_by_link("arm_6_joint")
+    for frame, encoder, poses, terms in (
+        ("base", "motor", base, [RAIL, COMPLIANCE, PLAY, PLAY_ELSE]),
+        ("base", "link of arm_6", by_link, [RAIL, COMPLIANCE, PLAY_ELSE]),
+        ("torso", "motor", torso, [COMPLIANCE, PLAY, PLAY_ELSE]),
+        ("torso", "link of arm_6", torso.read_by_link("arm_6_joint"), [COMPLIANCE, PLAY_ELSE]),
+    ):
         report.say("", f"## Hand in the frame of the {frame}'s markers, encoder: {encoder}", "")
-        fit = calibrate(
-            robot, poses, [PLACEMENT, *terms], always=[OFFSET], payloads=[GRIPPER], error=SCATTER
-        )
+        fit = calibrate(robot, poses, [PLACEMENT, *terms], always=[OFFSET], **common)
         fits[f"{frame}, {encoder}"] = fit
         report.say(str(fit))
         report.count(f"TIAGo, {frame}, {encoder}", int(fit.within.sum()), len(fit.within))
     report.say("", "## Of the placements the forearm's length alone", "")
-    forearm = Term("placement", ("arm_5_joint",), 1e-2, axes="z")
-    for words, poses in (("motor", base), ("link of arm_6", base.read_by_link("arm_6_joint"))):
-        soft = Term("compliance", ("arm_6_joint",), 2e-2)
-        few = calibrate(
-            robot,
-            poses,
-            [soft, PLAY] if words == "motor" else [],
-            always=[OFFSET, RAIL, forearm],
-            payloads=[GRIPPER],
-            error=SCATTER,
-        )
+    always = [OFFSET, RAIL, Term("placement", ("arm_5_joint",), 1e-2, axes="z")]
+    soft = Term("compliance", ("arm_6_joint",), 2e-2)
+    for words, poses, terms in (("motor", base, [soft, PLAY]), ("link of arm_6", by_link, [])):
+        few = calibrate(robot, poses, terms, always=always, **common)
         report.say(f"encoder: {words}", *str(few).split("\n\n")[0].splitlines())
         report.say(str(few["arm_5_joint placement along z"]))
-    report.say(
-        "", "## Which encoder is right: share of the link's reading in what the poses show", ""
-    )
-    share = calibrate(
-        robot, base, (), always=[OFFSET, PLACEMENT, RAIL, Term("link-encoder", ARM)],
-        payloads=[GRIPPER], error=SCATTER,
-    )  # fmt: skip
+    report.say("", "## Which encoder is right: share of the link's reading in the poses", "")
+    always = [OFFSET, PLACEMENT, RAIL, Term("link-encoder", ARM)]
+    share = calibrate(robot, base, (), always=always, **common)
     report.say(*(str(one) for one in share.coefficients if one.unknown.name == "link-encoder"))
-    report.say(
-        "", "## Suspension, periodic errors of the motors' encoders: one after the other", ""
-    )
-    more = calibrate(
-        robot, base.read_by_link("arm_6_joint"),
-        [Term("suspension", ("arm_1_joint",)), Term("eccentricity", ARM, 2e-2)],
-        always=[OFFSET, PLACEMENT, RAIL, COMPLIANCE], payloads=[GRIPPER], error=SCATTER,
-    )  # fmt: skip
+    report.say("", "## Suspension, errors of the motors' encoders: one after the other", "")
+    terms = [Term("suspension", ("arm_1_joint",)), Term("eccentricity", ARM, 2e-2)]
+    always = [OFFSET, PLACEMENT, RAIL, COMPLIANCE]
+    more = calibrate(robot, by_link, terms, always=always, **common)
     report.say(*str(more).split("\n\n")[0].splitlines(), "")
-    torso_turns(repository, report)
+    lift = vicon(repository, "gripper3_base1", "relative", ["torso_lift_joint"])[:, 0]
+    _, turned, _, _ = rigid_body(torso_markers(repository))
+    slopes = np.polyfit(lift, rotation_vectors(turned @ turned[0].T), 1)[0]
+    report.say(
+        "torso's markers: it turns with its lift by "
+        + ", ".join(f"{1e3 * s:.1f}" for s in slopes)
+        + " mrad/m about the axes of the base's markers"
+    )
     report.sets += 1
     return fits
 
@@ -330,17 +311,16 @@ def mukca_robot(
         reach = 0.279 if "sensor" in robot.name else 0.241
         joints = tuple(f"panda_joint{i}" for i in range(1, 8))
         return jp.Mechanism("panda", tool="panda_link7"), joints, (0.0, 0.0, reach)
-    file, tool, joints, reach = "iiwa14_epfl.urdf", "iiwa_link_7", "joint_a{}", 0.08
-    count = 7
+    file, tool, joint, reach, count = "iiwa14_epfl.urdf", "iiwa_link_7", "joint_a{}", 0.08, 7
     if robot.kinova:
-        file, tool, joints, reach, count = "gen3lite.urdf", "", "joint_{}", 0.18, 6
+        file, tool, joint, reach, count = "gen3lite.urdf", "", "joint_{}", 0.18, 6
     path = folder / file
     path.write_text(repository.text(f"urdf/{file}"), encoding="utf-8")
+    allowed = _impossible(path)
     if not tool:  # the link behind the sixth joint, by whatever name
-        described = jp.Mechanism(path, allow_unphysical=_impossible(path))
-        tool = described.description.joints["joint_6"].child
-    mechanism = jp.Mechanism(path, tool=tool, allow_unphysical=_impossible(path))
-    return mechanism, tuple(joints.format(i) for i in range(1, count + 1)), (0.0, 0.0, reach)
+        tool = jp.Mechanism(path, allow_unphysical=allowed).description.joints["joint_6"].child
+    mechanism = jp.Mechanism(path, tool=tool, allow_unphysical=allowed)
+    return mechanism, tuple(joint.format(i) for i in range(1, count + 1)), (0.0, 0.0, reach)
 
 
 def _impossible(path: Path) -> list[str]:
@@ -372,15 +352,8 @@ def mukca(
     report.say(
         "", "# MUKCa: a ball in sockets, placements held back (single placements: sockets)", ""
     )
-    head = [
-        "robot",
-        "positions",
-        "placements",
-        "calibrated mm (held back)",
-        "+ compliance",
-        "+ play",
-    ]
-    head += ["kept", "held back", *(f"j{i}" for i in range(1, 8))]
+    head = ["robot", "positions", "placements", "calibrated mm (held back)", "+ compliance"]
+    head += ["+ play", "kept", "held back", *(f"j{i}" for i in range(1, 8))]
     rows, fits = [head], {}
     for robot in ROBOTS:
         if only and robot.name not in only:
@@ -389,47 +362,35 @@ def mukca(
         mechanism, joints, ball = mukca_robot(repository, robot, folder)
         poses = mukca_poses(repository, robot, joints)
         always, terms = mukca_terms(robot, joints)
-        fit = calibrate(mechanism, poses, terms, always=always, point=ball)
-        fits[robot.name] = fit
+        fits[robot.name] = fit = calibrate(mechanism, poses, terms, always=always, point=ball)
         first = fit.steps[0]
-
-        def with_one(kind: str, fit: Calibration = fit) -> str:
-            """Held-back RMS of the calibrated robot with one more term."""
-            size = len(fit.steps[0].terms) + 1
-            for one in fit.steps:
-                if len(one.terms) == size and one.terms[-1].kind == kind:
-                    return f"{1e3 * one.held_back[0]:.3f}"
-            return "-"
-
+        with_one = {
+            one.terms[-1].kind: f"{1e3 * one.held_back[0]:.3f}"
+            for one in fit.steps
+            if len(one.terms) == len(first.terms) + 1
+        }
         bounds = {one.joint: "-" if one.reason else f"{1e3 * one.upper:.2f}" for one in fit.play}
-        kept = [term.kind for term in fit.kept[2:]]
+        told = [bounds.get(joint, "-") for joint in joints]
         rows.append(
             [
                 robot.name,
                 str(len(poses)),
                 str(len(set(poses.group or ()))),
                 f"{1e3 * first.training[0]:.3f} ({1e3 * first.held_back[0]:.3f})",
-                with_one("compliance"),
-                with_one("play"),
-                " + ".join(kept) or "nothing",
+                *(with_one.get(kind, "-") for kind in ("compliance", "play")),
+                " + ".join(term.kind for term in fit.kept[2:]) or "nothing",
                 f"{1e3 * fit.step().held_back[0]:.3f}",
-                *(bounds.get(joint, "-") for joint in joints),
-                *[""] * (7 - len(joints)),
+                *(told + [""] * 7)[:7],
             ]
         )
-        left = (
-            f"; left out: {' '.join(robot.out) or robot.tail}: {robot.reason}"
-            if robot.reason
-            else ""
-        )
+        left = f"; left out: {' '.join(robot.out) or robot.tail}: {robot.reason}"
+        left = left if robot.reason else ""
         report.say(f"{robot.name}: {perf_counter() - began:.0f} s{left}", str(fit))
         report.count(robot.name, int(fit.within.sum()), len(fit.within))
         report.say("")
         report.sets += 1
     report.say("upper 95 % bounds of half-play [mrad]; -: this measurement cannot tell", "")
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    for row in rows:
-        report.say("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip())
+    report.say(str(Table.of_texts(rows)))
     return fits
 
 
@@ -514,70 +475,77 @@ def servos(repository: Repository, report: Report) -> None:
     report.sets += 1
 
 
+def bars(panel, names: list[str], groups: dict[str, list[float]]) -> None:
+    """Errors [mm] by name, a bar for each of two groups."""
+    place = np.arange(len(names))
+    for shift, (label, sizes) in zip((-0.2, 0.2), groups.items(), strict=True):
+        panel.barh(place + shift, sizes, 0.38, label=label, color=COLOURS[shift > 0])
+    panel.set_yticks(place, names, fontsize=6)
+    panel.invert_yaxis()
+    panel.legend(fontsize=7)
+
+
 def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> None:
     """Held-back errors by model: TIAGo's ladder, and all robots before and after."""
     PICTURES.mkdir(parents=True, exist_ok=True)
-    if fits:
-        figure, axes = new_figure(1, 2, 9.0, 3.4)
-        for panel, key in zip(axes[0], ("base, motor", "base, link of arm_6"), strict=True):
-            steps = fits[key].steps
-            place = np.arange(len(steps))
-            for shift, name in ((-0.2, "training"), (0.2, "held_back")):
-                sizes = [1e3 * getattr(one, name)[0] for one in steps]
-                panel.barh(place + shift, sizes, 0.38, label=name.replace("_", " "),
-                           color=COLOURS[shift > 0])  # fmt: skip
-            names = [one.added.replace("_joint", "") + (" *" if one.kept else "") for one in steps]
-            panel.set_yticks(place, names, fontsize=6)
-            panel.invert_yaxis()
-            panel.set_xlabel("position error [mm] (RMS), * kept")
-            panel.set_title(key, fontsize=8)
-        axes[0, 0].legend(fontsize=7)
-        figure.savefig(PICTURES / "tiago.png", dpi=120)
-    if fits_mukca:
-        figure, (axes,) = new_figure(1, 2, 9.0, 3.6)
-        place = np.arange(len(fits_mukca))
-        for shift, pick, label in (
-            (-0.2, lambda fit: fit.steps[0], "offsets and placements"),
-            (0.2, lambda fit: fit.step(), "with what was kept"),
-        ):
-            sizes = [1e3 * pick(fit).held_back[0] for fit in fits_mukca.values()]
-            axes[0].barh(place + shift, sizes, 0.38, label=label, color=COLOURS[shift > 0])
-        axes[0].set_yticks(place, list(fits_mukca), fontsize=7)
-        axes[0].invert_yaxis()
-        axes[0].set_xscale("log")
-        axes[0].set_xlim(0.1, 6.0)
-        axes[0].set_xticks([0.1, 0.2, 0.5, 1.0, 2.0, 5.0], ["0.1", "0.2", "0.5", "1", "2", "5"])
-        axes[0].minorticks_off()
-        axes[0].set_xlabel("held-back scatter of the ball [mm] (RMS)")
-        axes[0].legend(fontsize=7)
-        for row, fit in enumerate(fits_mukca.values()):
-            for j, one in enumerate(fit.play):
-                if not one.reason and math.isfinite(one.upper):
-                    axes[1].plot(1e3 * one.upper, row, "o", ms=4, color=COLOURS[j % len(COLOURS)],
-                                 label=f"joint {j + 1}")  # fmt: skip
-        handles = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
-        axes[1].legend(handles.values(), handles, fontsize=6)
-        axes[1].set_yticks(place, [])
-        axes[1].invert_yaxis()
-        axes[1].set_xscale("log")
-        axes[1].set_xlabel("half-play at most [mrad], 95 %")
-        figure.savefig(PICTURES / "mukca.png", dpi=120)
+    figure, axes = new_figure(1, 2, 9.0, 3.4)
+    for panel, key in zip(axes[0], ("base, motor", "base, link of arm_6"), strict=True):
+        steps = fits[key].steps
+        names = [one.added.replace("_joint", "") + (" *" if one.kept else "") for one in steps]
+        sizes = [[1e3 * x[0] for x in (one.training, one.held_back)] for one in steps]
+        bars(
+            panel,
+            names,
+            dict(zip(("training", "held back"), zip(*sizes, strict=True), strict=True)),
+        )
+        panel.set_xlabel("position error [mm] (RMS), * kept")
+        panel.set_title(key, fontsize=8)
+    figure.savefig(PICTURES / "tiago.png", dpi=120)
+    figure, (axes,) = new_figure(1, 2, 9.0, 3.6)
+    ends = {
+        "offsets and placements": [1e3 * fit.steps[0].held_back[0] for fit in fits_mukca.values()],
+        "with what was kept": [1e3 * fit.step().held_back[0] for fit in fits_mukca.values()],
+    }
+    bars(axes[0], list(fits_mukca), ends)
+    ticks = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0]
+    axes[0].set(xscale="log", xlim=(0.1, 6.0), xlabel="held-back scatter of the ball [mm] (RMS)")
+    axes[0].set_xticks(ticks, [f"{x:g}" for x in ticks])
+    axes[0].minorticks_off()
+    for row, fit in enumerate(fits_mukca.values()):
+        for j, one in enumerate(fit.play):
+            if not one.reason and math.isfinite(one.upper):
+                axes[1].plot(1e3 * one.upper, row, "o", ms=4, color=COLOURS[j % len(COLOURS)],
+                             label=f"joint {j + 1}")  # fmt: skip
+    handles = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
+    axes[1].legend(handles.values(), handles, fontsize=6)
+    axes[1].set_yticks(np.arange(len(fits_mukca)), [])
+    axes[1].invert_yaxis()
+    axes[1].set(xscale="log", xlabel="half-play at most [mrad], 95 %")
+    figure.savefig(PICTURES / "mukca.png", dpi=120)
 
 
-def main() -> None:
+def options(doc: str | None, quick: str, only: str = "") -> argparse.Namespace | None:
+    """What the command line says; None where there is no data, which quick forms can do without."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    add = parser.add_argument
-    add("--data", type=Path, metavar="DIR", help="folder with the clones")
-    add("--quick", action="store_true", help="the servos alone; nothing is written")
-    add("--only", action="append", default=[], metavar="NAME",
-        help="tiago, servos or a robot of MUKCa (repeatable); nothing is written")  # fmt: skip
+    parser.add_argument("--data", type=Path, metavar="DIR", help="folder with the clones")
+    parser.add_argument("--quick", action="store_true", help=quick)
+    if only:
+        parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     args = parser.parse_args()
     if args.data is None:
         if not args.quick:
             parser.error("--data is needed: the folder with the clones")
         print("skipped: no --data DIR with clones of the measurements; see --help")
+        return None
+    return args
+
+
+def main() -> None:
+    only = "tiago, servos or a robot of MUKCa (repeatable); nothing is written"
+    args = options(__doc__, "the servos alone; nothing is written", only)
+    if args is None:
         return
     if args.quick:
         args.only = ["servos"]
@@ -590,7 +558,7 @@ def main() -> None:
     wanted = {"servos"} if only == {"servos"} else set(SOURCES)
     sources = {key: source(key, args.data) for key in SOURCES if key in wanted}
     for one in sources.values():
-        report.say(f"github.com/{one.owner}/{one.name} at {one.commit}, {one.licence}")
+        report.say(f"{one.address} at {one.commit}, {one.licence}")
     fits = tiago(sources["tiago"], report) if not only or "tiago" in only else {}
     found: dict[str, Calibration] = {}
     if not only or only - {"tiago", "servos"}:

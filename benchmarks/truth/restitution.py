@@ -15,33 +15,25 @@ from pathlib import Path
 import numpy as np
 from common import COLOURS, ROOT, Benchmark, new_figure
 from tqdm import tqdm
+from truth.arms import serial
 
 import jointplay as jp
-from jointplay.base.files import temporary
 from jointplay.estimate import Measurement, identify
 
-ARM = """<robot name="arm"><link name="base"/>
-  <link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
-    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
-    <limit lower="-9" upper="9" effort="1e3" velocity="1e3"/></joint>
-  <link name="tool"/><joint name="tip" type="fixed"><parent link="arm"/><child link="tool"/>
-    <origin xyz="0.3 0 0"/></joint></robot>"""
 LAW = jp.contact.ZhangSharf()
 """Delivers the restitution asked for, whatever it is."""
 TRUE = (0.25, 0.5, 0.8)
 GUESS = 0.9
+UR5 = ROOT / "docs/gallery/ur5_elbow.toml"
 
 
 def arm(angle: float, restitution: float) -> jp.Simulation:
     """An arm held at an angle, whose load turns round ten times; one joint with clearance."""
-    with temporary("restitution") as folder:
-        path = Path(folder) / "arm.urdf"
-        path.write_text(ARM)
-        bearing = jp.RevoluteClearance(
-            radial_clearance=1e-4, axial_clearance=1e-4, restitution=restitution, normal=LAW
-        )
-        mechanism = jp.Mechanism(path, {"j": bearing}, tool="tool")
+    bearing = jp.RevoluteClearance(
+        radial_clearance=1e-4, axial_clearance=1e-4, restitution=restitution, normal=LAW
+    )
+    link = ("j", "0 1 0", (0, 0, 0), 3.0, (0.2, 0, 0))
+    mechanism = serial([link], (0.3, 0, 0), {"j": bearing}, about=0.01)
     times, forces, now = [0.0], [(0.0, 0.0, 0.0)], 0.0
     for time in np.arange(0.1, 1.6, 0.15):
         times += [float(time), float(time) + 1e-4]
@@ -76,23 +68,15 @@ class Machine:
     """Standard deviation of a record [m/s^2]."""
 
 
+_SCARA, _CRANK = jp.shipped("scara.toml"), jp.shipped("slider_crank.toml")
 MACHINES = (
     Machine("hanging arm, load turns round", lambda e: arm(np.pi / 2, e), 20e3, 1.0),
     Machine("level arm, load turns round", lambda e: arm(0.0, e), 20e3, 1.0),
-    Machine(
-        "UR5, elbow",
-        lambda e: shipped(ROOT / "docs/gallery/ur5_elbow.toml", "0.1 mm", e),
-        10e3,
-        0.1,
-    ),
-    Machine("SCARA, joint B", lambda e: shipped(jp.shipped("scara.toml"), "0.2 mm", e), 10e3, 0.1),
-    Machine(
-        "slider-crank, 5000 rpm, 40 turns",
-        lambda e: shipped(jp.shipped("slider_crank.toml"), "0.1 mm", e, duration=0.48),
-        50e3,
-        30.0,
-    ),
-)
+    Machine("UR5, elbow", lambda e: shipped(UR5, "0.1 mm", e), 10e3, 0.1),
+    Machine("SCARA, joint B", lambda e: shipped(_SCARA, "0.2 mm", e), 10e3, 0.1),
+    Machine("slider-crank, 5000 rpm, 40 turns",
+            lambda e: shipped(_CRANK, "0.1 mm", e, duration=0.48), 50e3, 30.0),
+)  # fmt: skip
 
 
 def look(one: Machine, restitution: float, seed: int) -> Measurement:
@@ -110,24 +94,17 @@ def hostile(one: Machine, measured: Measurement) -> dict[str, Measurement]:
     every = slice(None, None, max(round(one.rate / 50.0), 1))
     size = max(float(np.abs(values).max()) for values in measured.signals.values())
 
-    def noisy(values: np.ndarray) -> np.ndarray:
-        return np.asarray(values + size * random.standard_normal(len(values)))
+    def changed(how: Callable[[np.ndarray], np.ndarray], time=measured.time) -> Measurement:
+        signals = {key: how(values) for key, values in measured.signals.items()}
+        return replace(measured, time=time, signals=signals)
 
     return {
-        "noise as large as the impacts": replace(
-            measured, signals={key: noisy(v) for key, v in measured.signals.items()}
+        "noise as large as the impacts": changed(
+            lambda v: v + size * random.standard_normal(len(v))
         ),
-        "50 records a second": replace(
-            measured,
-            time=measured.time[every],
-            signals={key: v[every] for key, v in measured.signals.items()},
-        ),
-        "nothing hits": replace(
-            measured,
-            signals={k: one.noise * random.standard_normal(len(v)) for k, v in
-                     measured.signals.items()},
-        ),
-    }  # fmt: skip
+        "50 records a second": changed(lambda v: v[every], measured.time[every]),
+        "nothing hits": changed(lambda v: one.noise * random.standard_normal(len(v))),
+    }
 
 
 def row(one: Machine, measured: Measurement, kind: str, true: float, runs: int, seed: int) -> dict:

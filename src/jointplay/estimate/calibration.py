@@ -9,8 +9,9 @@ Research 15, 1996); play, priors and the rule for held-back poses are added here
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,25 +21,11 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
-from jointplay.estimate.kinematic_model import (
-    Column,
-    Fitted,
-    Poses,
-    Problem,
-    State,
-    Term,
-)
+from jointplay.estimate.kinematic_model import Column, Fitted, Poses, Problem, State, Term
 from jointplay.estimate.least_squares import sandwich
 from jointplay.estimate.selection import Gain, grown, improves, one_sided
 from jointplay.estimate.static_poses import StaticPoses
-from jointplay.estimate.unknowns import (
-    NORMAL,
-    Estimate,
-    Unknown,
-    by_label,
-    data,
-    listed,
-)
+from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -50,13 +37,10 @@ INFORMED = 0.5
 """Part of a prior's variance that the poses must take away, or they tell nothing."""
 LARGE = 1.2
 """Excess of held-back errors from which on it is said."""
-TOGETHER = 0.7
-"""Correlation from which two coefficients are said to act together."""
 FRICTIONS = tuple(step / 20.0 for step in range(15))
 TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
 """Of play, over the largest load of the joint, where they are sought."""
 _TURNS = ("rx", "ry", "rz")
-"""Components of rotation vectors."""
 _VAGUE = "base, tool or other causes do the same, or nothing shows it"
 DRAWS, TWO_UNKNOWNS = 1000, 5.99
 """Of coefficients for an effect's interval; 95 % quantile of chi-square with two degrees of
@@ -70,9 +54,7 @@ class Step:
     """One model that was tried: its causes, and its errors in training and on held-back poses."""
 
     terms: tuple[Term, ...]
-    problem: Problem = field(repr=False)
     fitted: Fitted = field(repr=False)
-    """To all poses."""
     chosen: Mapping[str, tuple[float, float]]
     """Friction and transition of play by joint, where they were sought [N m]."""
     errors: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(repr=False)
@@ -92,24 +74,26 @@ class Step:
 
     @property
     def unknowns(self) -> int:
-        """How many."""
-        return self.problem.first + len(self.problem.columns)
+        return len(self.fitted.problem.free)
 
     @property
     def loss(self) -> np.ndarray:
         """Squared weighted errors of the held-back rows, shape (n,)."""
-        parts = zip(self.errors["held_back"], self.problem.error, strict=True)
+        parts = zip(self.errors["held_back"], self.fitted.problem.error, strict=True)
         return np.asarray(sum(np.sum((part / size) ** 2, axis=1) for part, size in parts))
 
     @property
     def training(self) -> tuple[float, float]:
         """RMS of the position's [m] and the orientation's [rad] error, lengths of vectors."""
-        return rms(self.errors["training"][0]), rms(self.errors["training"][1])
+        return self._rms("training")
 
     @property
     def held_back(self) -> tuple[float, float]:
-        """The same on held-back poses."""
-        return rms(self.errors["held_back"][0]), rms(self.errors["held_back"][1])
+        return self._rms("held_back")
+
+    def _rms(self, which: str) -> tuple[float, float]:
+        sums = [np.sum(np.square(vectors), axis=-1) for vectors in self.errors[which]]
+        return float(np.sqrt(sums[0].mean())), float(np.sqrt(sums[1].mean()))
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
@@ -143,16 +127,14 @@ class Calibration:
 
     @property
     def kept(self) -> tuple[Term, ...]:
-        """Its causes."""
         return self.step().terms
 
     @property
     def within(self) -> np.ndarray:
-        """Whether each held-back position lay in its predicted 95 % region, shape (n,)."""
+        """Which held-back positions lay in their predicted 95 % regions, shape (n,)."""
         return self.step().within
 
     def __getitem__(self, label: str) -> Estimate:
-        """A coefficient by its label, such as ``"elbow compliance"``."""
         return by_label(self.coefficients, label)
 
     def play_of(self, joint: str) -> Estimate:
@@ -164,7 +146,6 @@ class Calibration:
 
     @property
     def models(self) -> Table:
-        """The models that were tried, and their errors (RMS)."""
         columns = [
             tables.Column("model", [one.added for one in self.steps]),
             tables.Column("unknowns", [one.unknowns for one in self.steps]),
@@ -178,24 +159,22 @@ class Calibration:
         return Table(columns)
 
     def __str__(self) -> str:
-        """Tables of models, coefficients and play."""
+        poses = self.poses
+        units = "points" if poses.point is not None else "groups" if poses.group else "rows"
         lines = [
             *self.notes,
             str(self.models),
             f"{int(self.within.sum())} of {len(self.within)} held-back positions lie in their "
             "predicted 95 % regions",
             f"held back: {self.folds}; a term is kept if the squared errors of held-back "
-            f"{_unit_words(self.poses)} shrink by more than chance (one-sided 90 %) and their RMS "
-            "by 1 %",
+            f"{units} shrink by more than chance (one-sided 90 %) and their RMS by 1 %",
         ]
         if self.coefficients:
-            vague = f"not determined ({_VAGUE})"
-            lines += ["", listed(self.coefficients, "coefficient", vague)]
+            lines += ["", listed(self.coefficients, "coefficient", f"not determined ({_VAGUE})")]
         if self.effects:
             head = "moves the tool by (RMS), base and tool placed best without it"
             lines += ["", listed(self.effects, head)]
-        lines += ["", listed(self.play, "play by the side of the load")]
-        return "\n".join(lines)
+        return "\n".join([*lines, "", listed(self.play, "play by the side of the load")])
 
     @property
     def data(self) -> Table:
@@ -230,29 +209,21 @@ class Calibration:
 
     def describe(self) -> dict[str, Any]:
         """All of it as plain data [SI]."""
+        error = self.step().fitted.problem.error
         return {
             "joints": list(self.poses.joints),
             "poses": len(self.poses),
             "held_back": self.folds,
             "within_region": [bool(one) for one in self.within],
-            "error": dict(zip(("position", "orientation"), self.step().problem.error, strict=True)),
+            "error": dict(zip(("position", "orientation"), error, strict=True)),
             "kept": [str(term) for term in self.kept],
             "models": [one.describe() for one in self.steps],
-            "coefficients": [one.describe() for one in self.coefficients],
-            "effects": [one.describe() for one in self.effects],
-            "play": [one.describe() for one in self.play],
+            **{
+                name: [one.describe() for one in getattr(self, name)]
+                for name in ("coefficients", "effects", "play")
+            },
             "notes": list(self.notes),
         }
-
-
-def _unit_words(poses: StaticPoses) -> str:
-    """What counts as independent."""
-    return "points" if poses.point is not None else "groups" if poses.group else "rows"
-
-
-def rms(vectors: np.ndarray) -> float:
-    """Root of the mean of the squares of the vectors' lengths, of shape (n, 3)."""
-    return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=-1))))
 
 
 @dataclass
@@ -271,38 +242,38 @@ class _Fits:
     excess: float = 1.0
     """By which held-back errors exceed what the fits predict; intervals are enlarged by it."""
 
-    def problem(
+    def fit(
         self, terms: Sequence[Term], rows: np.ndarray, start: State | None = None
-    ) -> tuple[Problem, Fitted, dict[str, tuple[float, float]]]:
-        """The problem of some terms, with friction and transition of play as these rows have them,
-        its solution, and what was chosen by joint; base and tool begin where `start` has them."""
+    ) -> tuple[Fitted, dict[str, tuple[float, float]]]:
+        """Some terms, with friction and transition of play as these rows have them, fitted to these
+        rows; and what was chosen by joint. Base and tool begin where `start` has them."""
         made = [column for term in terms for column in self.poses.columns(term)]
-        sought = [i for i, one in enumerate(made) if one.term.kind == "play" and self.sought(one)]
-        problem = replace(self.base, columns=tuple(made))
+        free = [one.term.kind == "play" and self.sought(one) for one in made]
         chosen: dict[str, tuple[float, float]] = {}
-        if not sought:
-            return problem, problem.fit(rows, self._blank(problem, start)), chosen
+        problem = self._with(column for column, own in zip(made, free, strict=True) if not own)
+        if start is not None:
+            start = replace(start, c=np.zeros(len(problem.columns)))
+        fitted = problem.fit(rows, start)
+        if not any(free):
+            return fitted, chosen
         # From the solution without these columns, each in turn takes the best of its features; once
         # more with the others as they are.
-        without = replace(
-            self.base, columns=tuple(c for i, c in enumerate(made) if i not in sought)
-        )
-        state = without.fit(rows, self._blank(without, start)).state
-        c = np.zeros(len(made))
-        c[[i for i in range(len(made)) if i not in sought]] = state.c
-        now = replace(state, c=c)
+        sought, c = [i for i, own in enumerate(free) if own], np.zeros(len(made))
+        c[~np.array(free)] = fitted.state.c
+        now = replace(fitted.state, c=c)
         for _ in range(2):
             for i in sought:
                 zeroed = replace(now, c=np.where(np.arange(len(made)) == i, 0.0, now.c))
-                made[i], chosen[made[i].joint] = self._best_lean(made, i, zeroed, rows)
-            problem = replace(self.base, columns=tuple(made))
-            fitted = problem.fit(rows, now)
+                gains, _ = self.leanings(self._with(made), i, zeroed, rows)
+                joint, lean = made[i].joint, self.leans(made[i])[int(gains.argmax())]
+                made[i] = replace(made[i], feature=self.poses.leaning(joint, *lean))
+                chosen[joint] = lean
+            fitted = self._with(made).fit(rows, now)
             now = fitted.state
-        return problem, fitted, chosen
+        return fitted, chosen
 
-    def _blank(self, problem: Problem, start: State | None) -> State | None:
-        """A state with no errors but base and tool as given."""
-        return None if start is None else replace(start, c=np.zeros(len(problem.columns)))
+    def _with(self, columns: Iterable[Column]) -> Problem:
+        return replace(self.base, columns=tuple(columns))
 
     def sought(self, column: Column) -> bool:
         """Whether friction or transition of a column of play is sought."""
@@ -312,21 +283,11 @@ class _Fits:
         """Pairs of friction and transition that may be [N m]."""
         largest = float(np.abs(self.poses.load[:, column.index]).max())
         term = column.term
-        ordered = self.poses.measured.ordered
-        frictions = [f * largest for f in FRICTIONS] if ordered else [0.0]
+        frictions = [f * largest for f in FRICTIONS] if self.poses.measured.ordered else [0.0]
         frictions = frictions if term.friction is None else [term.friction]
         transitions = [t * largest for t in TRANSITIONS]
         transitions = transitions if term.transition is None else [term.transition]
-        return [(f, t) for f in frictions for t in transitions]
-
-    def _best_lean(
-        self, made: list[Column], i: int, state: State, rows: np.ndarray
-    ) -> tuple[Column, tuple[float, float]]:
-        """The column of play that lowers the cost most, to first order, beside all others."""
-        problem, one = replace(self.base, columns=tuple(made)), made[i]
-        gains, _ = self.leanings(problem, i, state, rows)
-        chosen = self.leans(one)[int(gains.argmax())]
-        return replace(one, feature=self.poses.leaning(one.joint, *chosen)), chosen
+        return list(product(frictions, transitions))
 
     def leanings(
         self, problem: Problem, i: int, state: State, rows: np.ndarray
@@ -338,7 +299,7 @@ class _Fits:
         """
         one, k = problem.columns[i], problem.first + i
         bare = replace(one, feature=np.ones(len(self.poses)))
-        unit = replace(problem, columns=(*problem.columns[:i], bare, *problem.columns[i + 1 :]))
+        unit = self._with([*problem.columns[:i], bare, *problem.columns[i + 1 :]])
         residual, slope = unit.residual(state, rows, jacobian=True)
         precision = problem.priors**-2.0
         others = np.delete(np.arange(slope.shape[1]), k)
@@ -359,39 +320,37 @@ class _Fits:
     def tried(self, terms: Sequence[Term]) -> Step:
         """A set of terms, fitted to all rows and to each fold."""
         n = len(self.poses)
-        problem, fitted, chosen = self.problem(terms, np.arange(n), self.start)
+        fitted, chosen = self.fit(terms, np.arange(n), self.start)
         self.start = fitted.state
         self.tick()
-        position, orientation, *_ = problem.errors(fitted.state, np.arange(n))
+        position, orientation, *_ = fitted.problem.errors(fitted.state, np.arange(n))
         held, within, excess = np.zeros((2, n, 3)), np.zeros(n, bool), np.zeros(n)
         for out in self.folds:
-            other, fit, _ = self.problem(terms, np.setdiff1d(np.arange(n), out), self.start)
-            held[0, out], held[1, out], *_ = other.errors(fit.state, out)
-            within[out], excess[out] = self._within(other, fit, out)
+            fit, _ = self.fit(terms, np.setdiff1d(np.arange(n), out), self.start)
+            held[0, out], held[1, out], *_ = fit.problem.errors(fit.state, out)
+            within[out], excess[out] = _within(fit, out)
             self.tick()
         errors = {"training": (position, orientation), "held_back": (held[0], held[1])}
         size = max(1.0, float(np.sqrt(np.mean(excess))))
-        return Step(tuple(terms), problem, fitted, chosen, errors, within, size)
+        return Step(tuple(terms), fitted, chosen, errors, within, size)
 
-    def _within(
-        self, problem: Problem, fitted: Fitted, out: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Whether held-back positions lie in the 95 % regions that the fit of the others predicts,
-        of its unknowns' covariance and of the scatter about it; and their mean square over it."""
-        from scipy.stats import f
 
-        free, stretch = freedom(problem, fitted)
-        residual, slope = problem.residual(fitted.state, out, jacobian=True)
-        n = len(out)
-        off, slope = residual[: 3 * n].reshape(n, 3), slope[: 3 * n].reshape(n, 3, -1)
-        own = np.ones(n)
-        if problem.closure:  # about the mean of the held-back rows of the same point
-            names = np.array(problem.poses.measured.point)[out]
-            own = np.array([1.0 - 1.0 / (names == name).sum() for name in names])
-        spread = slope @ fitted.covariance @ np.swapaxes(slope, 1, 2)
-        spread = stretch * (spread + np.maximum(own, 1e-9)[:, None, None] * np.eye(3))
-        distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
-        return distance <= 3.0 * f.ppf(0.95, 3, free), distance / 3.0
+def _within(fitted: Fitted, out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether held-back positions lie in the 95 % regions that the fit of the others predicts, of
+    its unknowns' covariance and of the scatter about it; and their mean square over it."""
+    from scipy.stats import f
+
+    problem, n = fitted.problem, len(out)
+    residual, slope = problem.residual(fitted.state, out, jacobian=True)
+    off, slope = residual[: 3 * n].reshape(n, 3), slope[: 3 * n].reshape(n, 3, -1)
+    own = np.ones(n)
+    if problem.closure:  # about the mean of the held-back rows of the same point
+        names = np.array(problem.poses.measured.point)[out]
+        own = np.array([1.0 - 1.0 / (names == name).sum() for name in names])
+    spread = slope @ fitted.covariance @ np.swapaxes(slope, 1, 2)
+    spread = fitted.stretch * (spread + np.maximum(own, 1e-9)[:, None, None] * np.eye(3))
+    distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
+    return distance <= 3.0 * f.ppf(0.95, 3, fitted.freedom), distance / 3.0
 
 
 def calibrate(
@@ -432,7 +391,7 @@ def calibrate(
         progress: whether to show a bar if it takes more than two seconds.
 
     Raises:
-        JointplayError: see `StaticPoses`, `Term`, `Chain`, `Poses`; nothing measured; a number of
+        JointplayError: see `StaticPoses`, `Term`, `Poses`; nothing measured; a number of
             folds that does not fit.
     """
     require_a("mechanism", mechanism, "Mechanism", "str", "Path")
@@ -449,27 +408,28 @@ def calibrate(
     given = [one if isinstance(one, Term) else Term.parse(one) for one in always]
     all_poses = Poses(mechanism, poses, payloads)
     groups, units, words = _folds(poses, folds)
-    start = error or (1e-3, 5e-3)
     if point_width is None:
         point_width = 0.02 if poses.point is not None else 10.0
-    nominal = np.asarray(point, float)
-    base = Problem(all_poses, (), start, nominal, point_width)
+    scatter = error or (1e-3, 5e-3)
+    base = Problem(all_poses, (), scatter, np.asarray(point, float), point_width)
     count = len(candidates)
     total = (count * (count + 1) // 2 + 1) * (len(groups) + 1)
     with ProgressBar(total=total, desc="models", delay=2.0, disable=not progress) as bar:
         fits = _Fits(all_poses, base, groups, units, bar.update)
         if error is None:
-            base = replace(base, error=_estimated(fits, [*given, *candidates]))
-            fits.base = base
-        return _select(mechanism, poses, fits, candidates, given, words)
+            _estimate_scatter(fits, [*given, *candidates])
+        first = fits.tried(given)
+        name = "base and tool" + "".join(f" + {one.short}" for one in given)
+        steps = [replace(first, added=name)]
+        kept = _dropped(fits, _added(fits, first, candidates, steps), len(given), steps)
+        fits.excess = kept.excess
+        found, bounds = _coefficients(fits, kept), _bounds(fits, kept, candidates)
+        notes, effects = _notes(fits, kept), _effects(fits, kept)
+    return Calibration(mechanism, poses, tuple(steps), found, bounds, words, notes, effects)
 
 
 def read_poses(mechanism: Mechanism, path: str | Path) -> StaticPoses:
-    """Read a CSV file of static poses of a mechanism.
-
-    Raises:
-        JointplayError: see `StaticPoses.from_csv`.
-    """
+    """Static poses of a mechanism from a CSV file, see `StaticPoses.from_csv`."""
     entries = mechanism.description.joints
     joints = {name: name in entries and entries[name].slides for name in mechanism.ideal().joints}
     return StaticPoses.from_csv(path, joints)
@@ -497,65 +457,28 @@ def _folds(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], np.n
         if not 2 <= k <= n:
             raise JointplayError(f"folds must be {choices} ({n}), got {folds!r}")
         held = [np.flatnonzero(np.arange(n) % k == i) for i in range(k)]
-        words = f"each of {n} poses" if k == n else f"every {_ordinal(k)} of {n} poses, {k} folds"
-    independent = poses.point or poses.group
-    units = np.arange(n)
-    if independent is not None:
-        units = np.unique(np.array(independent), return_inverse=True)[1]
+        which = {2: "second", 3: "third"}.get(k, f"{k}th")
+        words = f"each of {n} poses" if k == n else f"every {which} of {n} poses, {k} folds"
+    units = np.unique(poses.point or poses.group or np.arange(n), return_inverse=True)[1]
     return held, units, words
 
 
-def _ordinal(k: int) -> str:
-    return {2: "second", 3: "third"}.get(k, f"{k}th")
-
-
-def _estimated(fits: _Fits, terms: Sequence[Term]) -> tuple[float, float]:
-    """Scatter about the fit of all terms, per axis [m, rad]; degrees of freedom by the share of
-    each coefficient that the poses determine."""
+def _estimate_scatter(fits: _Fits, terms: Sequence[Term]) -> None:
+    """Take the scatter about the fit of all terms, per axis [m, rad]; degrees of freedom by the
+    share of each coefficient that the poses determine."""
     rows = np.arange(len(fits.poses))
-    state: State | None = None
+    state, m = None, 3 * len(rows)
     for _ in range(4):
-        problem, fitted, _ = fits.problem(terms, rows, state)
+        fitted, _ = fits.fit(terms, rows, state)
         state = fitted.state
-        position, orientation, *_ = problem.errors(state, rows)
-        m = 3 * len(rows)
-        taken = [
-            float(np.sum((part @ fitted.covariance) * part))
-            for part in (fitted.jacobian[:m], fitted.jacobian[m:])
-        ]
-        if problem.closure:
-            taken[0] += 3.0 * len(set(fits.poses.measured.point or ()))
-        sp = np.sqrt(np.sum(position**2) / max(m - taken[0], 0.1 * m))
-        so = np.sqrt(np.sum(orientation**2) / max(m - taken[1], 0.1 * m))
-        fits.base = replace(fits.base, error=(max(float(sp), 1e-9), max(float(so), 1e-9)))
-    return fits.base.error
-
-
-def _select(
-    mechanism: Mechanism,
-    poses: StaticPoses,
-    fits: _Fits,
-    candidates: Sequence[Term],
-    given: Sequence[Term],
-    words: str,
-) -> Calibration:
-    """Forward selection, then intervals and bounds."""
-    first = fits.tried(given)
-    name = "base and tool" + "".join(f" + {one.short}" for one in given)
-    steps = [replace(first, added=name)]
-    kept = _dropped(fits, _added(fits, first, candidates, steps), len(given), steps)
-    fits.excess = kept.excess
-    state, terms = kept.fitted.state, kept.terms
-    return Calibration(
-        mechanism,
-        poses,
-        tuple(steps),
-        _coefficients(fits, terms, state),
-        _bounds(fits, terms, candidates, state),
-        words,
-        _notes(fits, kept),
-        _effects(fits, terms, state),
-    )
+        sizes: list[float] = []
+        halves = fitted.jacobian[:m], fitted.jacobian[m:]
+        for part, left in zip(halves, fitted.problem.errors(state, rows)[:2], strict=True):
+            taken = float(np.sum((part @ fitted.covariance) * part))
+            if fitted.problem.closure and not sizes:
+                taken += 3.0 * len(set(fits.poses.measured.point or ()))
+            sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - taken, 0.1 * m))), 1e-9))
+        fits.base = replace(fits.base, error=(sizes[0], sizes[1]))
 
 
 def _added(fits: _Fits, now: Step, candidates: Sequence[Term], steps: list[Step]) -> Step:
@@ -588,7 +511,6 @@ def _dropped(fits: _Fits, now: Step, given: int, steps: list[Step]) -> Step:
 
 
 def _notes(fits: _Fits, kept: Step) -> tuple[str, ...]:
-    """What was noticed and chosen, a line each."""
     notes, poses = [], fits.poses.measured
     if fits.excess > LARGE:
         notes.append(
@@ -596,10 +518,10 @@ def _notes(fits: _Fits, kept: Step) -> tuple[str, ...]:
             "these causes do not explain all of it; intervals and bounds are enlarged accordingly"
         )
     if poses.exchanged:
-        listed = ", ".join(str(i + 1) for i in poses.exchanged)
+        rows = ", ".join(str(i + 1) for i in poses.exchanged)
         notes.append(
             f"note: labels of markers are exchanged in {len(poses.exchanged)} of {len(poses)} rows "
-            f"({listed}); put right"
+            f"({rows}); put right"
         )
     for joint, (friction, transition) in kept.chosen.items():
         notes.append(
@@ -609,64 +531,47 @@ def _notes(fits: _Fits, kept: Step) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def freedom(problem: Problem, fitted: Fitted) -> tuple[float, float]:
-    """Degrees of freedom that a fit leaves, counting of each unknown what the poses determine; and
-    the residuals' mean square, in the weights' units."""
-    slope, residual = fitted.jacobian, fitted.residual
-    free = len(residual) - float(np.sum((slope @ fitted.covariance) * slope))
-    if problem.closure:
-        points = problem.poses.measured.point or ()
-        free -= 3.0 * len({points[i] for i in fitted.rows})
-    free = max(free, 3.0)
-    return free, float(residual @ residual) / free
-
-
-def _spread(fits: _Fits, problem: Problem, fitted: Fitted) -> tuple[np.ndarray, np.ndarray, float]:
+def _spread(fits: _Fits, fitted: Fitted) -> tuple[np.ndarray, np.ndarray, float]:
     """Half widths of 95 % intervals and of one-sided bounds of all unknowns, and the stretch of
     costs by which they follow from the residuals' own scatter."""
     from scipy.stats import t
 
     covariance, n = fitted.covariance, len(fits.poses)
-    slope, residual = fitted.jacobian, fitted.residual
-    free, stretch = freedom(problem, fitted)
-    plain = np.sqrt(stretch * np.diag(covariance))
-    parts = np.arange(len(residual))
-    owner = np.where(parts < 3 * n, parts // 3, (parts - 3 * n) // 3)
-    owner = np.minimum(owner, n - 1)
-    if problem.closure:
+    slope, residual, free = fitted.jacobian, fitted.residual, fitted.freedom
+    plain = np.sqrt(fitted.stretch * np.diag(covariance))
+    if fitted.problem.closure:  # without distances
         slope, residual = slope[: 3 * n], residual[: 3 * n]
-        owner = owner[: 3 * n]
+    owner = np.arange(len(residual)) % (3 * n) // 3
     robust, m = sandwich(covariance, slope, residual, fits.units[owner])
     wide = np.sqrt(robust * m / max(m - 1, 1))
-    two = np.maximum(t.ppf(0.975, free) * plain, t.ppf(0.975, max(m - 1, 4)) * wide)
-    one = np.maximum(t.ppf(0.95, free) * plain, t.ppf(0.95, max(m - 1, 4)) * wide)
-    return fits.excess * two, fits.excess * one, fits.excess**2 * stretch
+    two, one = (
+        np.maximum(t.ppf(part, free) * plain, t.ppf(part, max(m - 1, 4)) * wide)
+        for part in (0.975, 0.95)
+    )
+    return fits.excess * two, fits.excess * one, fits.excess**2 * fitted.stretch
 
 
-def _coefficients(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Estimate, ...]:
+def _coefficients(fits: _Fits, kept: Step) -> tuple[Estimate, ...]:
     """Of the terms that were kept, with intervals; what is told of play stands in `_bounds`."""
-    problem, fitted, _ = fits.problem(kept, np.arange(len(fits.poses)), start)
-    half, _, _ = _spread(fits, problem, fitted)
-    made = []
+    fitted, problem, made = kept.fitted, kept.fitted.problem, []
+    half, _, _ = _spread(fits, fitted)
     for i, column in enumerate(problem.columns):
         if column.term.kind == "play":
             continue
-        told, _, other = _informed(problem, fitted, i)
+        told, _, other = fitted.informed(i)
         reason, note = "" if told > INFORMED else _VAGUE, other and f"acts together with {other}"
         value, width = float(fitted.state.c[i]), float(half[problem.first + i])
         made.append(Estimate(column.unknown, value, width, reason, note=note))
     return tuple(made)
 
 
-def _effects(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Estimate, ...]:
+def _effects(fits: _Fits, kept: Step) -> tuple[Estimate, ...]:
     """Of the terms that were kept, on the tool's position."""
-    n = len(fits.poses)
-    problem, fitted, _ = fits.problem(kept, np.arange(n), start)
-    half, _, _ = _spread(fits, problem, fitted)
+    n, fitted, problem, made = len(fits.poses), kept.fitted, kept.fitted.problem, []
+    half, _, _ = _spread(fits, fitted)
     slope, random = fitted.jacobian, np.random.default_rng(0)
     frame = slope[:, : problem.first]
-    made = []
-    for term in kept:
+    for term in kept.terms:
         mine = [
             i for i, one in enumerate(problem.columns)
             if (one.term.kind, one.term.joints, one.term.by) == (term.kind, term.joints, term.by)
@@ -688,46 +593,18 @@ def _effects(fits: _Fits, kept: Sequence[Term], start: State) -> tuple[Estimate,
     return tuple(made)
 
 
-def _over_leans(
-    fits: _Fits, problem: Problem, fitted: Fitted, i: int, half: float, stretch: float
-) -> tuple[float, float]:
-    """Ends of play's interval over all frictions and transitions that are not worse by more than
-    the 95 % quantile of chi-square, of two unknowns; each fit to first order from the best one."""
-    c = np.where(np.arange(len(problem.columns)) == i, 0.0, fitted.state.c)
-    gains, values = fits.leanings(problem, i, replace(fitted.state, c=c), fitted.rows)
-    near = values[gains >= gains.max() - TWO_UNKNOWNS * stretch]
-    return float(near.min()) - half, float(near.max()) + half
-
-
-def _informed(problem: Problem, fitted: Fitted, i: int) -> tuple[float, float, str]:
-    """Part of a prior's variance that the poses took away; the largest correlation with another
-    coefficient, and its label if that is large."""
-    k = problem.first + i
-    covariance = fitted.covariance
-    told = 1.0 - covariance[k, k] * fitted.precision[k]
-    spread = np.sqrt(np.diag(covariance))
-    together = np.abs(covariance[k] / spread[k] / spread)
-    together[k] = 0.0
-    own = together[problem.first :]
-    if not len(own) or own.max() < TOGETHER:
-        return told, float(own.max(initial=0.0)), ""
-    return told, float(own.max()), problem.columns[int(own.argmax())].unknown.label
-
-
-def _bounds(
-    fits: _Fits, kept: Sequence[Term], candidates: Sequence[Term], start: State
-) -> tuple[Estimate, ...]:
+def _bounds(fits: _Fits, kept: Step, candidates: Sequence[Term]) -> tuple[Estimate, ...]:
     """What is told of every joint's play, with all candidates and everybody's play free."""
     poses, rows = fits.poses, np.arange(len(fits.poses))
-    every = [*kept, *(one for one in candidates if one not in kept)]
+    every = [*kept.terms, *(one for one in candidates if one not in kept.terms)]
     named = [one for one in every if one.kind == "play"]
     others = [one for one in every if one.kind != "play"]
     in_terms = {column.joint for term in named for column in poses.columns(term)}
     rest = tuple(n for n in poses.known if n not in in_terms and poses.loaded(n))
     model = [*others, *named, *([Term("play", rest)] if rest else [])]
-    predicted = {c.joint for term in kept if term.kind == "play" for c in poses.columns(term)}
-    problem, fitted, _ = fits.problem(model, rows, start)
-    half, side, stretch = _spread(fits, problem, fitted)
+    predicted = {c.joint for c in kept.fitted.problem.columns if c.term.kind == "play"}
+    fitted, _ = fits.fit(model, rows, kept.fitted.state)
+    problem, (half, side, stretch) = fitted.problem, _spread(fits, fitted)
     numbers = {c.joint: i for i, c in enumerate(problem.columns) if c.term.kind == "play"}
     made = []
     for joint in poses.known:
@@ -742,52 +619,53 @@ def _bounds(
         low, high = value - half[k], value + half[k]
         upper = max(value, 0.0) + side[k]
         if fits.sought(column):
-            low, high = _over_leans(fits, problem, fitted, i, half[k], stretch)
+            # Over all frictions and transitions that are not worse by more than chi-square's
+            # quantile; each to first order from the best one.
+            c = np.where(np.arange(len(problem.columns)) == i, 0.0, fitted.state.c)
+            gains, values = fits.leanings(problem, i, replace(fitted.state, c=c), rows)
+            near = values[gains >= gains.max() - TWO_UNKNOWNS * stretch]
+            low, high = float(near.min()) - half[k], float(near.max()) + half[k]
             upper = max(upper, max(high - half[k], 0.0) + side[k])
         else:
-            upper = max(upper, _smoothed(fits, problem, fitted.state, i))
+            upper = max(upper, _smoothed(fits, fitted, i))
         seen = bool(joint in predicted and low > 0.0)
-        reason = "" if seen else _why_not(poses, problem, fitted, i)
-        made.append(
-            Estimate(
-                column.unknown, value, reason=reason, ends=(low, high), upper=upper, found=seen
-            )
-        )
+        reason, ends = "" if seen else _why_not(fitted, i), (low, high)
+        one = Estimate(column.unknown, value, reason=reason, ends=ends, upper=upper, found=seen)
+        made.append(one)
     return tuple(made)
 
 
-def _smoothed(fits: _Fits, problem: Problem, start: State, i: int) -> float:
+def _smoothed(fits: _Fits, fitted: Fitted, i: int) -> float:
     """The largest bound over other transitions of this joint's play."""
-    column, largest = problem.columns[i], 0.0
+    columns, largest = list(fitted.problem.columns), 0.0
+    column = columns[i]
     friction, transition = column.term.friction or 0.0, column.term.transition or 0.0
     for factor in SMOOTHINGS:
         feature = fits.poses.leaning(column.joint, friction, factor * transition)
-        columns = list(problem.columns)
         columns[i] = replace(column, feature=feature)
-        other = replace(problem, columns=tuple(columns))
-        fitted = other.fit(np.arange(len(fits.poses)), start)
-        side = _spread(fits, other, fitted)[1][other.first + i]
-        largest = max(largest, max(float(fitted.state.c[i]), 0.0) + side)
+        other = replace(fitted.problem, columns=tuple(columns)).fit(fitted.rows, fitted.state)
+        side = _spread(fits, other)[1][fitted.problem.first + i]
+        largest = max(largest, max(float(other.state.c[i]), 0.0) + side)
     return largest
 
 
-def _why_not(poses: Poses, problem: Problem, fitted: Fitted, i: int) -> str:
+def _why_not(fitted: Fitted, i: int) -> str:
     """Why a joint's play cannot be told; empty if it can."""
-    column = problem.columns[i]
+    poses, column = fitted.problem.poses, fitted.problem.columns[i]
     load = poses.load[:, column.index]
-    friction = column.term.friction
-    effort = "N m" if poses.chain.turns[column.index] else "N"
-    if friction and np.abs(load).max() < friction:
+    largest, friction = np.abs(load).max(), column.term.friction
+    if friction and largest < friction:
+        effort = "N m" if poses.turns[column.index] else "N"
         return (
-            f"its load, at most {np.abs(load).max():.2g} {effort}, is smaller than the friction of "
+            f"its load, at most {largest:.2g} {effort}, is smaller than the friction of "
             f"{friction:.2g} {effort}"
         )
-    side = poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * np.abs(load).max())
+    side = poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * largest)
     if said := one_sided(np.round(side)):
         return said
-    told, together, other = _informed(problem, fitted, i)
-    if told < INFORMED:
-        if other:
-            return f"it acts together with {other} (correlation {together:.2f})"
-        return "the poses say less of it than was assumed beforehand"
-    return ""
+    told, together, other = fitted.informed(i)
+    if told >= INFORMED:
+        return ""
+    if other:
+        return f"it acts together with {other} (correlation {together:.2f})"
+    return "the poses say less of it than was assumed beforehand"

@@ -32,10 +32,9 @@ def read(
     """Numbers of a CSV file by what they are [SI], shape (n,) each, and texts by column.
 
     Args:
-        path: the file; lines beginning with # are comments.
-        what: it is, for messages.
+        path: lines beginning with # are comments.
+        what, known: the file is, and which columns there may be, for messages.
         meaning: what a column of this name is, and its unit in SI; None for nothing.
-        known: which columns there may be, for messages.
         words: columns of text.
         gaps: kinds of column that may have empty cells, which are nan.
 
@@ -98,13 +97,10 @@ def meaning(
     of_joints: Mapping[str, tuple[str, str]],
     of_axes: Mapping[str, Mapping[str, str]],
 ) -> tuple[Key, str] | None:
-    """Which signal a column is, and the unit that it must fit.
+    """Which signal a column such as ``tool x``, ``elbow motor`` is, and the unit that it must fit.
 
-    Args:
-        name: ``tool x``, ``elbow motor``.
-        joints: the robot's joints, and whether each slides.
-        of_joints: units of kinds of signal of a joint that turns, and of one that slides.
-        of_axes: units by axis, of kinds of signal that have axes.
+    By the robot's `joints`, and whether each slides; by units of the kinds of signal of a joint
+    that turns and of one that slides, and by those of the axes of others.
     """
     for mark in (" ", "_", "."):
         first, _, last = name.partition(mark)

@@ -7,17 +7,17 @@ came. A cause is kept only if it predicts poses better that the fit has not seen
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.tables import Table
 from jointplay.estimate.calibration import TRANSITIONS
-from jointplay.estimate.kinematic_model import Column, Poses, Term
+from jointplay.estimate.kinematic_model import Poses, Term
 from jointplay.estimate.selection import Gain, grown, one_sided
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import Estimate, Unknown, data, listed
@@ -58,7 +58,6 @@ class EncoderDifference:
     joint: str
     unit: str
     spread: float
-    """Standard deviation of the difference."""
     table: dict[str, float]
     """RMS of leave-one-out predictions by model, as causes joined by `` + ``."""
     kept: tuple[str, ...]
@@ -77,7 +76,6 @@ class EncoderDifference:
 
     @property
     def verdict(self) -> str:
-        """In words."""
         words = " and ".join(CAUSES[name].split(",")[0] for name in self.kept)
         text = words or "nothing here predicts it"
         if self.play.reason:
@@ -88,7 +86,6 @@ class EncoderDifference:
         return text
 
     def __str__(self) -> str:
-        """A line, and the causes."""
         shown = self.play.unknown.shown
         head = (
             f"{self.joint}: differs by {shown(self.spread)} (standard deviation), "
@@ -118,17 +115,13 @@ def encoder_differences(
     require_a("mechanism", mechanism, "Mechanism")
     require_a("poses", poses, "StaticPoses")
     all_poses = Poses(mechanism, poses, payloads)
-    names = [
-        name
-        for name in all_poses.known
-        if np.isfinite(_difference(all_poses, name)).sum() > 4
-        and np.nanstd(_difference(all_poses, name)) > 0.0
-    ]
-    if not names:
+    joints = [_Joint(all_poses, name) for name in all_poses.known]
+    told = [one for one in joints if one.count > 4 and one.spread > 0.0]
+    if not told:
         raise JointplayError(
             f"{poses.source}: no joint has encoders on both sides of its gear in five poses"
         )
-    return tuple(_Joint(all_poses, name).explained() for name in names)
+    return tuple(one.explained() for one in told)
 
 
 def table(found: Sequence[EncoderDifference]) -> Table:
@@ -143,115 +136,81 @@ def table(found: Sequence[EncoderDifference]) -> Table:
     return data(rows)
 
 
-def _difference(poses: Poses, joint: str) -> np.ndarray:
-    """Link less motor, of full turns the nearest, shape (n,)."""
-    j = poses.chain.names.index(joint)
-    off = poses.link[:, j] - poses.q[:, j]
-    if poses.chain.turns[j]:
-        off = off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))
-    return np.asarray(off)
-
-
 @dataclass(frozen=True)
 class _Tried:
     """Causes, and how far off they predict each pose by the others."""
 
     names: tuple[str, ...]
-    error: np.ndarray
-    """Shape (n,)."""
+    loss: np.ndarray
 
     @property
-    def loss(self) -> np.ndarray:
-        """Squared, shape (n,)."""
-        return np.asarray(self.error**2)
-
-    @property
-    def size(self) -> float:
-        """RMS."""
+    def rms(self) -> float:
         return float(np.sqrt(np.mean(self.loss)))
 
 
+Choices = list[tuple[tuple[float, ...], np.ndarray]]
+"""Ways in which what a cause leaves to choose can be chosen, and its columns (n, k) by each."""
+
+
 class _Joint:
-    """One joint's difference and the features that may explain it."""
+    """One joint's difference of link less motor, and the features that may explain it."""
 
     def __init__(self, poses: Poses, joint: str) -> None:
-        """Take the poses in which it can be said where the joint came from."""
         self.poses, self.joint = poses, joint
-        self.j = poses.chain.names.index(joint)
-        self.turns = bool(poses.chain.turns[self.j])
+        j = poses.names.index(joint)
+        self.turns, self.ordered = bool(poses.turns[j]), poses.measured.ordered
         self.unit = "rad" if self.turns else "m"
-        difference = _difference(poses, joint)
+        off = poses.link[:, j] - poses.q[:, j]
+        if self.turns:  # of full turns the nearest
+            off = off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+        good = np.isfinite(off)
+        self.count, self.spread = int(good.sum()), float(np.std(off[good])) if good.any() else 0.0
         # A pose that was approached from nowhere says nothing of friction: left out of everything,
         # so that all models are compared on the same poses.
-        came = poses.approach[:, self.j] != 0.0
-        self.ordered = poses.measured.ordered
-        self.rows = np.flatnonzero(np.isfinite(difference) & (came | (not self.ordered)))
-        self.y = difference[self.rows]
-        self.angle = poses.q[self.rows, self.j]
-        self.load = poses.load[self.rows, self.j]
-        self.approach = poses.approach[self.rows, self.j]
+        came = poses.approach[:, j] != 0.0
+        self.rows = np.flatnonzero(good & (came | (not self.ordered)))
+        self.y = off[self.rows]
+        self.angle, self.load = poses.q[self.rows, j], poses.load[self.rows, j]
+        self.approach = poses.approach[self.rows, j]
         self.largest = float(np.abs(self.load).max(initial=0.0))
 
-    def _names(self) -> list[str]:
-        """Causes that can be here."""
-        names = ["eccentricity", "two harmonics", "gain and jump"] if self.turns else []
-        if self.poses.loaded(self.joint):
-            names += ["compliance", "play"]
-        if self.ordered:
-            names += ["play with friction"] if self.poses.loaded(self.joint) else []
-            names += ["approach"]
-        return names
+    def _unknown(self, name: str, unit: str) -> Unknown:
+        return Unknown(self.joint, name, unit, np.nan, least=-np.inf, fine=False)
 
-    def _columns(self, name: str) -> list[Column]:
-        """Of a cause that calibration knows, too."""
-        terms = [Term(kind, (self.joint,)) for kind in _TERMS[name]]
-        return [column for term in terms for column in self.poses.columns(term)]
-
-    def _variants(
-        self, name: str, widest: float = 1.0
-    ) -> list[tuple[tuple[float, ...], np.ndarray]]:
-        """What a cause leaves to choose, and its columns (n, k), each way."""
-        q = self.angle
-        if name in _TERMS:
-            features = [column.feature[self.rows] for column in self._columns(name)]
-            return [((), np.column_stack(features))]
+    def _cause(self, name: str, widest: float = 1.0) -> tuple[list[Unknown], Choices]:
+        """What is unknown of a cause, and all ways in which the rest of it can be chosen."""
+        if name in _TERMS:  # calibration knows it, too
+            terms = [Term(kind, (self.joint,)) for kind in _TERMS[name]]
+            columns = [column for term in terms for column in self.poses.columns(term)]
+            features = np.column_stack([column.feature[self.rows] for column in columns])
+            return [column.unknown for column in columns], [((), features)]
         if name == "gain and jump":
-            order = np.sort(q)
+            order, q = np.sort(self.angle), self.angle
             middles = 0.5 * (order[1:] + order[:-1])[1:-1]
-            return [((float(m),), np.column_stack([q, np.where(q > m, 1.0, 0.0)])) for m in middles]
+            return [self._unknown("gain", "rad/rad"), self._unknown("jump", self.unit)], [
+                ((float(m),), np.column_stack([q, np.where(q > m, 1.0, 0.0)])) for m in middles
+            ]
         if name == "approach":
-            return [((), self.approach[:, None])]
+            return [self._unknown("by approach", self.unit)], [((), self.approach[:, None])]
         frictions = FINE_FRICTIONS if name == "play with friction" else (0.0,)
         pairs = product(frictions, [one for one in FINE_TRANSITIONS if one <= widest])
         sizes = [(f * self.largest, t * self.largest) for f, t in pairs]
         leaning = self.poses.leaning(self.joint, *np.transpose(sizes))[self.rows]
-        return [(size, leaning[:, k, None]) for k, size in enumerate(sizes)]
-
-    def _unknowns(self, name: str) -> list[Unknown]:
-        """Of a cause's columns."""
-        if name in _TERMS:
-            return [column.unknown for column in self._columns(name)]
-        own = {
-            "gain and jump": [("gain", "rad/rad"), ("jump", self.unit)],
-            "approach": [("by approach", self.unit)],
-        }
-        return [self._unknown(*one) for one in own.get(name, [("half-play", self.unit)])]
+        choices: Choices = [(size, leaning[:, k, None]) for k, size in enumerate(sizes)]
+        return [self._unknown("half-play", self.unit)], choices
 
     def _designs(
         self, names: Sequence[str], widest: float = 1.0
-    ) -> list[tuple[dict[str, tuple[float, ...]], np.ndarray]]:
+    ) -> Iterator[tuple[dict[str, tuple[float, ...]], np.ndarray]]:
         """Design matrices of a model, with a constant, for all that it leaves to choose."""
-        made = []
-        for chosen in product(*(self._variants(name, widest) for name in names)):
+        for chosen in product(*(self._cause(name, widest)[1] for name in names)):
             columns = [np.ones((len(self.y), 1)), *(one[1] for one in chosen)]
             choice = {name: one[0] for name, one in zip(names, chosen, strict=True)}
-            made.append((choice, np.column_stack(columns)))
-        return made
+            yield choice, np.column_stack(columns)
 
-    def _left_out(self, names: Sequence[str]) -> np.ndarray:
-        """Leave-one-out errors (n,): the choice is the best for the others, so is the fit."""
-        best = np.full(len(self.y), np.inf)
-        error = np.zeros(len(self.y))
+    def _tried(self, names: tuple[str, ...]) -> _Tried:
+        """Leave-one-out errors: the choice is the best for the others, so is the fit."""
+        best, error = np.full(len(self.y), np.inf), np.zeros(len(self.y))
         for _, design in self._designs(names):
             hat = design @ np.linalg.pinv(design)
             off = self.y - hat @ self.y
@@ -260,48 +219,33 @@ class _Joint:
             cost = off @ off - off**2 / lever
             better = cost < best
             best[better], error[better] = cost[better], (off / lever)[better]
-        return error
+        return _Tried(names, error**2)
 
     def _extended(self, now: _Tried, name: str) -> _Tried | None:
         """A model with one more cause; None where it has another of the kind, or poses are few."""
         names = (*now.names, name)
         rivals = {other for group in _EXCLUSIVE if name in group for other in group}
         count = sum(4 if one == "two harmonics" else 2 for one in names) + 2
-        if rivals & set(now.names) or count > len(self.y):
-            return None
-        return _Tried(names, self._left_out(names))
+        return None if rivals & set(now.names) or count > len(self.y) else self._tried(names)
 
     def explained(self) -> EncoderDifference:
-        """Forward selection and intervals."""
-        first = _Tried((), self._left_out(()))
-        table = {"constant": first.size}
+        loaded, first = self.poses.loaded(self.joint), self._tried(())
+        names = ["eccentricity", "two harmonics", "gain and jump"] if self.turns else []
+        names += ["compliance", "play"] if loaded else []
+        names += ["play with friction"] if loaded and self.ordered else []
+        names += ["approach"] if self.ordered else []
+        table = {"constant": first.rms}
 
         def tried(made: _Tried, name: str, gain: Gain, kept: bool) -> None:
-            table[" + ".join(made.names)] = made.size
+            table[" + ".join(made.names)] = made.rms
 
         units = np.arange(len(self.y))
-        kept = grown(first, self._names(), self._extended, units, tried).names
+        kept = grown(first, names, self._extended, units, tried).names
         causes, friction, transition = self._coefficients(kept)
-        spread = float(np.std(self.y))
         return EncoderDifference(
-            self.joint, self.unit, spread, table, kept, causes, friction, transition,
+            self.joint, self.unit, float(np.std(self.y)), table, kept, causes, friction, transition,
             self._play(kept),
         )  # fmt: skip
-
-    def _unknown(self, name: str, unit: str) -> Unknown:
-        return Unknown(self.joint, name, unit, np.nan, least=-np.inf, fine=False)
-
-    def _fits(
-        self, names: Sequence[str], widest: float
-    ) -> list[tuple[float, Any, np.ndarray, np.ndarray]]:
-        """Cost, choice, coefficients and their standard errors over residuals, of all choices."""
-        made = []
-        for choice, design in self._designs(names, widest):
-            inverse = np.linalg.pinv(design.T @ design)
-            c = inverse @ design.T @ self.y
-            off = self.y - design @ c
-            made.append((float(off @ off), choice, c, np.sqrt(np.diag(inverse))))
-        return made
 
     def _coefficients(
         self, names: Sequence[str], widest: float = 1.0
@@ -309,24 +253,25 @@ class _Joint:
         """With intervals that hold for all choices that are not significantly worse."""
         from scipy.stats import t
 
-        fits = self._fits(names, widest)
-        best = min(fits, key=lambda one: one[0])
-        free = max(len(self.y) - len(best[2]), 1)
-        noise = best[0] / free
-        near = [one for one in fits if one[0] <= best[0] + 3.84 * noise]
-        half = t.ppf(0.975, free) * np.sqrt(noise) * best[3]
-        low = np.min([one[2] for one in near], axis=0) - half
-        high = np.max([one[2] for one in near], axis=0) + half
-        unknowns = [one for name in names for one in self._unknowns(name)]
+        fits = []
+        for choice, design in self._designs(names, widest):
+            inverse = np.linalg.pinv(design.T @ design)
+            c = inverse @ design.T @ self.y
+            fits.append((np.square(self.y - design @ c).sum(), choice, c, inverse))
+        cost, choice, value, inverse = min(fits, key=lambda one: float(one[0]))
+        free = max(len(self.y) - len(value), 1)
+        near = [one[2] for one in fits if one[0] <= cost * (1.0 + 3.84 / free)]
+        half = t.ppf(0.975, free) * np.sqrt(cost / free * np.diag(inverse))
+        low, high = np.min(near, axis=0) - half, np.max(near, axis=0) + half
+        unknowns = [one for name in names for one in self._cause(name)[0]]
         causes = tuple(
-            Estimate(one, float(value), ends=(float(begin), float(end)))
-            for one, value, begin, end in zip(unknowns, best[2][1:], low[1:], high[1:], strict=True)
+            Estimate(one, float(value[k]), ends=(float(low[k]), float(high[k])))
+            for k, one in enumerate(unknowns, 1)
         )
-        lean = next((v for k, v in best[1].items() if k.startswith("play")), (np.nan, np.nan))
-        return causes, *lean
+        lean = next((v for k, v in choice.items() if k.startswith("play")), (np.nan, np.nan))
+        return causes, lean[0], lean[1]
 
     def _play(self, kept: Sequence[str]) -> Estimate:
-        """Half-play beside what was kept, or why it cannot be told."""
         dark = Estimate(self._unknown("half-play", self.unit))
         if not self.poses.loaded(self.joint):
             return replace(dark, reason="gravity does not load this joint")

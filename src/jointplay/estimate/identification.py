@@ -13,20 +13,8 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.tables import Table
 from jointplay.base.units import displayed
-from jointplay.estimate import planning
-from jointplay.estimate.least_squares import (
-    FAINT,
-    MODEL_ELSE,
-    NULL,
-    SAFETY,
-    Fit,
-    LeastSquares,
-    basis,
-    estimates,
-    information,
-    search,
-    why_not,
-)
+from jointplay.estimate import least_squares, measurement, planning, restitution
+from jointplay.estimate.least_squares import Fit, LeastSquares, basis, estimates, information
 from jointplay.estimate.machine import (
     TOOL,
     WOUND,
@@ -37,44 +25,18 @@ from jointplay.estimate.machine import (
     known_gears,
     with_clearance,
 )
-from jointplay.estimate.measurement import (
-    READINGS,
-    SHOWN,
-    Measurement,
-    Observed,
-    TooLittle,
-    Visits,
-    no_visits,
-    stacked,
-    tool_positions,
-    visits,
-)
+from jointplay.estimate.measurement import Measurement, Observed, TooLittle, Visits
 from jointplay.estimate.model import StaticModel
-from jointplay.estimate.nuisances import DRIFT, REFERENCES, drifts, lags, offsets
+from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.restitution import (
-    IMPACT_KINDS,
-    by_flights,
-    by_simulation,
-    channels,
-    nominal_of,
-)
-from jointplay.estimate.unknowns import (
-    LARGEST_SHARE,
-    NORMAL,
-    Estimate,
-    Unknown,
-    by_label,
-    data,
-    listed,
-)
+from jointplay.estimate.restitution import by_flights, by_simulation, channels, nominal_of
+from jointplay.estimate.unknowns import LARGEST_SHARE, Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
 _NAMED = 3
-"""Compliances that are named."""
 _SIZE = 8.0
 """Parts of the strongest push by which sizes of pushes are told apart."""
 LARGE = 3.0
@@ -104,7 +66,7 @@ def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Est
         if size > _DARK * float(whole @ whole):
             value += float(own[: len(left)] @ left) / size
             half = fit.quantile * max(fit.misfit, 1.0) / np.sqrt(size)
-            half = SAFETY * float(np.hypot(half, MODEL_ELSE * value))
+            half = least_squares.SAFETY * float(np.hypot(half, least_squares.MODEL_ELSE * value))
         dark = half > LARGEST_SHARE * abs(value)
         found.append(Estimate(one.unknown, value, half, _VAGUE if dark else ""))
     return tuple(found)
@@ -117,7 +79,11 @@ def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
         return _held_by_friction(i, fit, problem)
     if soft := _explained(i, fit, problem, model.visits):
         return soft
-    return _without_effect(one, model) if fit.effect[i] < FAINT else why_not(i, fit, problem)
+    return (
+        _without_effect(one, model)
+        if fit.effect[i] < least_squares.FAINT
+        else least_squares.why_not(i, fit, problem)
+    )
 
 
 def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
@@ -148,13 +114,18 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
     effect = problem.effects(fit.theta)
 
     def identified(rigid: Collection[str]) -> bool:
-        """Whether it would be, if the machine were rigid in these ways."""
         kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
         stiff = problem.without([label for label in rigid if label in problem.elastic])
         covariance, null, _ = information(stiff.project(effect[:, kept]))
         k = kept.index(i)
-        half = fit.quantile * SAFETY * max(fit.misfit, 1.0) * np.sqrt(covariance[k, k]) * one.scale
-        return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
+        half = (
+            fit.quantile
+            * least_squares.SAFETY
+            * max(fit.misfit, 1.0)
+            * np.sqrt(covariance[k, k])
+            * one.scale
+        )
+        return bool(null[k, k] <= least_squares.NULL and half <= one.widest(fit.theta[i]))
 
     if not labels or not identified(labels):
         return ""
@@ -171,7 +142,6 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
 
 
 def _without_effect(one: Unknown, model: StaticModel) -> str:
-    """Why nothing moves with an unknown."""
     made = model.visits
     if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
         ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
@@ -252,16 +222,13 @@ class Identification:
 
     @property
     def sought(self) -> tuple[Estimate, ...]:
-        """Of the unknowns that are sought, and of restitution."""
         own = tuple(one for one in self.estimates if one.unknown.sought)
         return own + self.restitutions
 
     def __getitem__(self, label: str) -> Estimate:
-        """What is said of an unknown, by its label such as ``"elbow radial clearance"``."""
         return by_label((*self.estimates, *self.restitutions), label)
 
     def __str__(self) -> str:
-        """The table, and why what cannot be told cannot."""
         soft = [one for one in self.elasticity if one.identified]
         lines = [*self.notes, listed([*self.sought, *soft], scenario=True)]
         if not self.estimates:
@@ -286,16 +253,15 @@ class Identification:
 
     @property
     def data(self) -> Table:
-        """A row for each unknown [SI]."""
         return data(self.sought)
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
+        sizes = {"misfit": float(self.misfit), "excess": float(self.excess)}
         return {
             "unknowns": [one.describe() for one in self.sought],
             "compliances": [one.describe() for one in self.elasticity],
-            "misfit": None if np.isnan(self.misfit) else float(self.misfit),
-            "excess": None if np.isnan(self.excess) else float(self.excess),
+            **{name: None if np.isnan(size) else size for name, size in sizes.items()},
             "notes": list(self.notes),
         }
 
@@ -326,12 +292,12 @@ def identify(
         machine: the scenario's simulation or the mechanism, with the play that is expected.
         measured: signals, or the file that has them (CSV); of a bag or dataset, a `Recording`.
         motion: reference, if the machine has none of its own; for joints without encoder.
-        reference: what is known of the tool's ideal place, one of `fit.REFERENCES`: ``place``
+        reference: what is known of the tool's ideal place, one of `REFERENCES`: ``place``
             (nothing, but the same at each visit), ``frame`` (all but where the tracker's frame
             lies), ``ideal`` (all: the geometry is calibrated).
         noise: standard deviation of a record by kind of signal [SI]; else from the records.
         joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
-        also: of `parameters.ALSO`: dry ``friction`` behind all gears, not only those with some.
+        also: of `machine.ALSO`: dry ``friction`` behind all gears, not only those with some.
         known: labels or names of unknowns that are taken from the scenario.
         stiffness: what is known of the machine's stiffness, by label: ``"elbow torsional"`` (of its
             gear, if it has one), ``"elbow tilt"`` [N m/rad], ``"elbow radial"``, ``"elbow axial"``,
@@ -350,7 +316,16 @@ def identify(
             a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
     """
     require_a("machine", machine, "Simulation", "Mechanism")
-    mechanism, motion, friction = _inputs(machine, motion, joint_friction)
+    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
+    friction = planning.urdf_friction(mechanism)
+    if isinstance(machine, Simulation):
+        motion = motion or machine.motion
+        if machine.payloads:
+            raise JointplayError(
+                "identify does not support payloads that are picked up; put them into the URDF"
+            )
+        friction |= dict(machine.joint_friction or {})
+    friction |= dict(joint_friction or {})
     if reference not in REFERENCES:
         raise MissingName("reference", reference, REFERENCES)
     measured = _read(measured, mechanism, noise, progress)
@@ -365,10 +340,14 @@ def identify(
     try:
         found = _by_means(prior, measured, motion, reference, also, known, drift)
     except TooLittle as error:
-        if not bounced or not any(measured.has(kind) for kind in IMPACT_KINDS):
+        if not bounced or not any(measured.has(kind) for kind in restitution.IMPACT_KINDS):
             raise
         note = f"clearance and friction: this measurement cannot tell: {error}"
-        found = _impacts_only(mechanism, measured, reference, note)
+        none = np.zeros((0, 0))
+        found = Identification(
+            (), mechanism, *measurement.no_visits(), none, none, none[..., None], np.nan, reference,
+            (*measured.notes, note), measured,
+        )  # fmt: skip
     if runs and channels(measured) and any(one.reason for one in bounced):
         if not isinstance(machine, Simulation):
             raise JointplayError(
@@ -380,7 +359,13 @@ def identify(
         )
         pairs = zip(bounced, simulated, strict=True)
         bounced = tuple(other if one.reason else one for one, other in pairs)
-    return replace(found, restitutions=bounced, mechanism=with_restitution(found, bounced))
+    joints = dict(found.mechanism.clearance)
+    for one in bounced:  # what its law can deliver
+        joint = joints[one.joint]
+        if one.identified and np.isfinite(nominal := nominal_of(joint, one.value)):
+            joints[one.joint] = joint.with_restitution(nominal)
+    bouncing = found.mechanism.with_clearance(joints) if joints else found.mechanism
+    return replace(found, restitutions=bounced, mechanism=bouncing)
 
 
 def _by_means(
@@ -392,7 +377,6 @@ def _by_means(
     known: Sequence[str],
     drift: int,
 ) -> Identification:
-    """Everything but restitution."""
     mechanism = machine.mechanism
     if mechanism.loops:
         raise TooLittle(
@@ -404,7 +388,7 @@ def _by_means(
             f"{measured.source} has no signal in which play would show: tool x (y, z), JOINT link "
             "of a gear with play, or JOINT torque is needed in addition to the motors' encoders"
         )
-    made, observed = visits(mechanism, measured, motion)
+    made, observed = measurement.visits(mechanism, measured, motion)
     kinds = [kind for kind, _ in observed.keys]
     torqued = [name for kind, name in observed.keys if kind == "torque"]
     stops = bool(made.stopped.any()) and "tool" in kinds
@@ -416,7 +400,7 @@ def _by_means(
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    problem, fit = search(problem, np.array([one.nominal or 0.5 * one.scale for one in unknowns]))
+    problem, fit = least_squares.search(problem, least_squares.start_of(unknowns))
     if fit.freedom < 1:
         raise TooLittle(
             f"{measured.source}: {use.sum()} means at {len(made)} visits are too few for "
@@ -427,7 +411,11 @@ def _by_means(
     error[use] = problem.error
     reasons = [reason(i, fit, problem, model) for i in range(len(unknowns))]
     found = estimates(problem, fit, reasons, advice(fit, problem, observed, use, model, reasons))
-    predicted = model.predict(fit.theta) + _offsets(problem, fit.theta, use)
+    # With what the best nuisances do, where anything counted.
+    predicted = model.predict(fit.theta)
+    off, span = problem.off(fit.theta), problem.projected
+    shift = -problem.error * (span @ (span[: len(off)].T @ off))[: len(problem.error)]
+    predicted[use] += shift
     left = (observed.mean - predicted)[use] / records[use]
     return Identification(
         found,
@@ -451,48 +439,8 @@ def spreads(found: Identification) -> dict[str, dict[str, float]]:
     known: dict[str, dict[str, float]] = {}
     for one in found.estimates:
         if one.joint in found.mechanism.clearance and one.identified:
-            known.setdefault(one.joint, {})[one.unknown.name] = one.half_width / NORMAL
+            known.setdefault(one.joint, {})[one.unknown.name] = one.deviation
     return known
-
-
-def with_restitution(found: Identification, bounced: Sequence[Estimate]) -> Mechanism:
-    """The mechanism with the restitutions that are identified and that its laws can deliver."""
-    joints = dict(found.mechanism.clearance)
-    for one in bounced:
-        joint = joints[one.joint]
-        if one.identified and np.isfinite(nominal := nominal_of(joint, one.value)):
-            joints[one.joint] = joint.with_restitution(nominal)
-    return found.mechanism.with_clearance(joints) if joints else found.mechanism
-
-
-def _inputs(
-    machine: Simulation | Mechanism,
-    motion: Motion | None,
-    joint_friction: Mapping[str, JointFriction] | None,
-) -> tuple[Mechanism, Motion | None, dict[str, JointFriction]]:
-    """Mechanism, reference, and friction of the joints besides their bearings'."""
-    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
-    friction = planning.urdf_friction(mechanism)
-    if isinstance(machine, Simulation):
-        motion = motion or machine.motion
-        if machine.payloads:
-            raise JointplayError(
-                "identify does not support payloads that are picked up; put them into the URDF"
-            )
-        friction |= dict(machine.joint_friction or {})
-    return mechanism, motion, friction | dict(joint_friction or {})
-
-
-def _impacts_only(
-    mechanism: Mechanism, measured: Measurement, reference: str, note: str
-) -> Identification:
-    """Where means say nothing."""
-    made, observed = no_visits()
-    none = np.zeros((0, 0))
-    return Identification(
-        (), mechanism, made, observed, none, none, none[..., None], np.nan, reference,
-        (*measured.notes, note), measured,
-    )  # fmt: skip
 
 
 def _read(
@@ -534,27 +482,6 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
         )
 
 
-def nuisances(
-    model: StaticModel, observed: Observed, reference: str, drift: int, late: bool
-) -> tuple[np.ndarray, list[str]]:
-    """What moves the signals and is not sought: its effect (n, keys, columns).
-
-    First that readings are late, then offsets, drift, what friction holds anywhere, and last the
-    compliances, by their labels.
-    """
-    made, keys = model.visits, model.keys
-    tool = tool_positions(model.mechanism, made.joints, made.position)
-    parts = [
-        lags(observed) if late else stacked([], len(made), keys),
-        offsets(keys, made.cell, made.position, tool, reference),
-        drifts(keys, made.time.mean(axis=1), drift),
-        model.loose(),
-        *(one.effect for one in model.elastic),
-    ]
-    labels = [one.label for one in model.elastic for _ in range(one.effect.shape[2])]
-    return np.concatenate(parts, axis=2), labels
-
-
 def _problem(
     model: StaticModel,
     mean: np.ndarray,
@@ -570,7 +497,7 @@ def _problem(
         one.unknown.spread for one in model.elastic for _ in range(one.effect.shape[2])
     ]
     if lag:
-        known[: len({kind for kind, _ in model.keys if kind in READINGS})] = lag
+        known[: len({kind for kind, _ in model.keys if kind in measurement.READINGS})] = lag
     kinds = [kind for kind, _ in model.keys]
     strength = max(float(np.abs(made.force).max()), 1e-12)
     loads = np.column_stack([made.direction, made.stopped, np.round(4.0 * made.force / strength)])
@@ -591,14 +518,6 @@ def _problem(
             for name, factor in model.softening.items()
         },
     )
-
-
-def _offsets(problem: LeastSquares, theta: np.ndarray, use: np.ndarray) -> np.ndarray:
-    """Best nuisances' effect, shape (n, keys); zero where nothing counted."""
-    left, span = problem.off(theta), problem.projected
-    shifts = np.zeros(use.shape)
-    shifts[use] = -problem.error * (span @ (span[: len(left)].T @ left))[: len(problem.error)]
-    return shifts
 
 
 def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
@@ -660,7 +579,7 @@ def _assumptions(
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
-        factor, unit = displayed(SHOWN[kind], fine=True)
+        factor, unit = displayed(measurement.SHOWN[kind], fine=True)
         source = "given" if kind in measured.noise else "of the records"
         deviations.append(f"{kind} {name} {factor * spread:.3g} {unit} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
@@ -679,7 +598,6 @@ def _assumptions(
 
 
 def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
-    """Values that are taken from the scenario, for their joints and names are not sought."""
     mechanism, taken = machine.mechanism, []
     for joint, bearing in mechanism.clearance.items():
         if (joint, "friction") not in sought:

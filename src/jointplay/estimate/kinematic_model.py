@@ -38,6 +38,8 @@ _UNALIGNED = 1e-6
 _STILL_N_M = 1e-6
 """Loads that count as none."""
 
+TOGETHER = 0.7
+"""Correlation from which two coefficients are said to act together."""
 _TURN_WIDTH = 2.5
 """Prior width of a placement's angles over that of its lengths [rad/m]."""
 
@@ -52,9 +54,8 @@ class Term:
     """
 
     kind: str
-    """See `KINDS`."""
     joints: tuple[str, ...] = ()
-    """Those that it concerns; if empty, all (offset, eccentricity: that the poses have)."""
+    """Those that it concerns; if empty, all."""
     width: float | Mapping[str, float] | None = None
     """Standard deviation of the prior, of all joints or by joint; that of `KINDS` if None. Of a
     placement, that of its lengths [m]; angles have 2.5 rad/m times as much."""
@@ -69,14 +70,15 @@ class Term:
     if empty, all but those that do what the joint's own offset does."""
 
     def __post_init__(self) -> None:
-        """Check all of it."""
         if self.kind not in KINDS:
             raise MissingName("kind of term", self.kind, KINDS)
         widths = self.width.values() if isinstance(self.width, Mapping) else [self.width]
-        for name, value in [*(("width", w) for w in widths), ("transition", self.transition)]:
+        for value in (*widths, self.transition):
             if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise JointplayError(f"{name} of {self.kind} must be positive, got {value!r}")
-        if self.friction is not None and not (np.isfinite(self.friction) and self.friction >= 0.0):
+                raise JointplayError(
+                    f"width and transition of {self.kind} must be positive, got {value!r}"
+                )
+        if self.friction is not None and not 0.0 <= self.friction < np.inf:
             raise JointplayError(f"friction of {self.kind} must not be negative: {self.friction!r}")
         if self.kind == "rail" and not self.by:
             raise JointplayError("a rail needs the joint that it depends on: 'rail ARM by LIFT'")
@@ -85,21 +87,16 @@ class Term:
 
     @classmethod
     def parse(cls, text: str) -> Term:
-        """Read ``KIND``, ``KIND JOINT,...``, ``rail JOINT by JOINT``, ``placement JOINT.z``.
-
-        Raises:
-            JointplayError: see the class.
-        """
+        """Read ``KIND``, ``KIND JOINT,...``, ``rail JOINT by JOINT``, ``placement JOINT.z``."""
         head, _, by = text.strip().partition(" by ")
         kind, _, names = head.partition(" ")
-        joints, axes = tuple(one.strip() for one in names.split(",") if one.strip()), ""
-        if kind == "placement" and len(joints) == 1 and "." in joints[0]:
-            name, _, axes = joints[0].rpartition(".")
-            joints = (name,)
+        axes = ""
+        if kind == "placement" and "," not in names and "." in names:
+            names, _, axes = names.strip().rpartition(".")
+        joints = tuple(one.strip() for one in names.split(",") if one.strip())
         return cls(kind, joints, by=by.strip(), axes=axes)
 
     def __str__(self) -> str:
-        """As `parse` reads it."""
         joints = ", ".join(self.joints) + (f".{self.axes}" if self.axes else "")
         return " ".join(filter(None, [self.kind, joints, f"by {self.by}" if self.by else ""]))
 
@@ -110,11 +107,6 @@ class Term:
             return str(self)
         return f"{self.kind} ({len(self.joints)} joints)" + (f" by {self.by}" if self.by else "")
 
-    def width_of(self, joint: str) -> float:
-        """Prior standard deviation of a joint's coefficient."""
-        given = self.width.get(joint) if isinstance(self.width, Mapping) else self.width
-        return KINDS[self.kind].width if given is None else float(given)
-
 
 @dataclass(frozen=True)
 class Column:
@@ -122,9 +114,7 @@ class Column:
 
     term: Term
     unknown: Unknown
-    """Its prior is about zero."""
     index: int
-    """Of the joint in the chain."""
     target: int
     """0 to 5 of its placement, or `COORDINATE`."""
     feature: np.ndarray
@@ -132,52 +122,67 @@ class Column:
 
     @property
     def joint(self) -> str:
-        """Of the unknown."""
         return self.unknown.joint
 
 
-class Chain:
-    """The joints that carry a mechanism's tool, evaluated for many poses at once.
+class Poses:
+    """Static poses of the joints that carry a tool, with what the terms need of them.
 
-    Pinocchio gives placements and axes; products along the chain are taken for all poses together,
+    Pinocchio gives placements and axes; products along the chain are taken for all n poses at once,
     because placements that depend on the pose (rail, suspension) are no part of a Pinocchio model.
 
     Raises:
-        JointplayError: a mechanism with loops; a joint with several coordinates.
+        JointplayError: a mechanism with loops; a joint with several coordinates; none of the joints
+            of the poses moves the tool.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        """Take the joints that move the tool."""
+    def __init__(
+        self, mechanism: Mechanism, poses: StaticPoses, payloads: Sequence[Payload] = ()
+    ) -> None:
         if mechanism.loops:
             raise JointplayError("calibration needs an open chain; this mechanism has loops")
-        self.mechanism = mechanism.ideal()
-        model = self.mechanism.model
-        frame = model.frames[self.mechanism.tool_frame]
+        self.measured, ideal = poses, mechanism.ideal()
+        model = ideal.model
+        frame = model.frames[ideal.tool_frame]
         ids = [i for i in model.supports[frame.parentJoint] if i > 0]
-        self.ids = ids
         self.names = tuple(model.names[i] for i in ids)
         if not ids:
-            raise JointplayError(f"no joint moves the tool {self.mechanism.tool!r}")
+            raise JointplayError(f"no joint moves the tool {ideal.tool!r}")
         for i in ids:
             if model.joints[i].nv != 1 or model.joints[i].nq != 1:
                 raise JointplayError(f"joint {model.names[i]!r} has several coordinates")
-        self.rotation = np.array([model.jointPlacements[i].rotation for i in ids])
-        self.translation = np.array([model.jointPlacements[i].translation for i in ids])
+        self._rotation = np.array([model.jointPlacements[i].rotation for i in ids])
+        self._translation = np.array([model.jointPlacements[i].translation for i in ids])
         motions = []
         for i in ids:
             one = model.joints[i].createData()
             model.joints[i].calc(one, np.zeros(1), np.zeros(1))
-            motions.append(np.asarray(one.S).ravel())
-        subspace = np.array(motions)
-        self.turns = np.linalg.norm(subspace[:, 3:], axis=1) > 0.5
-        self.axis = np.where(self.turns[:, None], subspace[:, 3:], subspace[:, :3])
+            motions.append(np.ravel(one.S))
+        space = np.array(motions)
+        self.turns = np.linalg.norm(space[:, 3:], axis=1) > 0.5
+        self.axis = np.where(self.turns[:, None], space[:, 3:], space[:, :3])
         self.tool = frame.placement
-        self.origin = np.array([frame.placement.translation])
-
-    def along_axis(self, joint: int) -> int | None:
-        """Axis of its frame along which a joint's own axis lies, if it is one of them."""
-        size = np.abs(self.axis[joint])
-        return int(size.argmax()) if np.sort(size)[1] < _UNALIGNED else None
+        for name in poses.joints:
+            ideal.coordinate(name)  # says which there are
+        self.known = tuple(name for name in self.names if name in poses.joints)
+        if not self.known:
+            raise JointplayError(
+                f"none of the joints {', '.join(poses.joints)} moves the tool {ideal.tool!r}; "
+                f"those that do: {', '.join(self.names)}"
+            )
+        full = np.tile(ideal.configuration({}), (len(poses), 1))
+        for column, name in enumerate(poses.joints):
+            full[:, ideal.coordinate(name)] = poses.motor[:, column]
+        self.q = full[:, [model.joints[i].idx_q for i in ids]]
+        self.load, self.moment = _loads(_with_payloads(model, payloads), full, ids)
+        self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
+        at = [poses.joints.index(name) for name in self.known]
+        here = [self.names.index(name) for name in self.known]
+        self.approach[:, here] = poses.approach()[:, at]
+        if poses.link is not None:
+            self.link[:, here] = poses.link[:, at]
+        if poses.load is not None:
+            self.load[:, here] = poses.load[:, at]
 
     def forward(
         self, q: np.ndarray, shift: np.ndarray | None
@@ -197,13 +202,12 @@ class Chain:
         rotation, place = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
         axes, origins, frames = [], [], []
         for j in range(len(self.names)):
-            place = place + rotation @ self.translation[j]
-            rotation = rotation @ self.rotation[j]
-            frames.append(rotation)
+            place = place + rotation @ self._translation[j]
+            rotation = rotation @ self._rotation[j]
             if shift is not None and shift[:, j].any():
                 place = place + np.einsum("nab,nb->na", rotation, shift[:, j, :3])
                 rotation = rotation @ rotations_of(shift[:, j, 3:])
-                frames[-1] = rotation
+            frames.append(rotation)
             axis = rotation @ self.axis[j]
             if self.turns[j]:
                 rotation = rotation @ rotations_of(q[:, j, None] * self.axis[j])
@@ -213,97 +217,40 @@ class Chain:
             origins.append(place)
         return rotation, place, np.array(axes), np.array(origins), np.array(frames)
 
-
-class Poses:
-    """Static poses with what the terms need of them: coordinates, loads, ways of approach.
-
-    Raises:
-        JointplayError: none of the joints of the poses moves the tool.
-    """
-
-    def __init__(
-        self, mechanism: Mechanism, poses: StaticPoses, payloads: Sequence[Payload] = ()
-    ) -> None:
-        """Compute loads and ways."""
-        self.chain, self.measured = Chain(mechanism), poses
-        ideal, n = self.chain.mechanism, len(poses)
-        for name in poses.joints:
-            ideal.coordinate(name)  # says which there are
-        self.known = tuple(name for name in self.chain.names if name in poses.joints)
-        if not self.known:
-            raise JointplayError(
-                f"none of the joints {', '.join(poses.joints)} moves the tool {ideal.tool!r}; "
-                f"those that do: {', '.join(self.chain.names)}"
-            )
-        still = ideal.configuration({})
-        full = np.tile(still, (n, 1))
-        for column, name in enumerate(poses.joints):
-            full[:, ideal.coordinate(name)] = poses.motor[:, column]
-        model = _with_payloads(ideal, payloads)
-        self.q = full[:, [ideal.model.joints[i].idx_q for i in self.chain.ids]]
-        self.load, self.moment = _loads(model, full, self.chain)
-        self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
-        way = poses.approach()
-        for name in self.known:
-            here, column = self.chain.names.index(name), poses.joints.index(name)
-            self.approach[:, here] = way[:, column]
-            if poses.link is not None:
-                self.link[:, here] = poses.link[:, column]
-            if poses.load is not None:
-                self.load[:, here] = poses.load[:, column]
-
     def __len__(self) -> int:
-        """How many there are."""
         return len(self.q)
-
-    def position(self, joint: str) -> np.ndarray:
-        """Of a joint of the poses or the chain, shape (n,)."""
-        if joint in self.measured.joints:
-            return self.measured.motor[:, self.measured.joints.index(joint)]
-        raise MissingName("joint", joint, self.measured.joints)
 
     def columns(self, term: Term) -> list[Column]:
         """The coefficients of a term; of play whose friction or transition is sought, with none of
         the one and a tenth of the largest load as the other."""
-        every = self.known if term.kind not in ("placement", "suspension") else self.chain.names
-        made = []
+        kind, made = KINDS[term.kind], []
+        every = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or every:
-            if joint not in self.chain.names:
-                raise MissingName("joint that moves the tool", joint, self.chain.names)
-            made += self._columns(term, joint, bool(term.joints))
-        return made
-
-    def _columns(self, term: Term, joint: str, asked: bool) -> list[Column]:
-        """Coefficients of one joint."""
-        kind, j, size = KINDS[term.kind], self.chain.names.index(joint), term.width_of(joint)
-        idle = kind.by_load and not self.loaded(joint) and not asked
-        features = [] if idle else kind.features(self, term, j, asked)
-        if not features and asked and kind.absent:
-            raise JointplayError(f"{joint} {kind.absent}")
-        own, soft = ("rad", "rad/(N*m)") if self.chain.turns[j] else ("m", "m/N")
-        made = []
-        for what, unit, target, feature in features:
-            # Angles of a placement are as wide as its lengths over a reach.
-            width = size * (_TURN_WIDTH if term.kind == "placement" and target > 2 else 1.0)
-            name = " ".join(filter(None, ["half-play" if term.kind == "play" else term.kind, what]))
-            unknown = Unknown(
-                joint, name, {"own": own, "soft": soft}.get(unit, unit), 0.0, width,
-                spread=width, least=-np.inf, fine=False,
-            )  # fmt: skip
-            made.append(Column(term, unknown, j, target, feature))
+            if joint not in self.names:
+                raise MissingName("joint that moves the tool", joint, self.names)
+            j, asked = self.names.index(joint), bool(term.joints)
+            idle = kind.by_load and not self.loaded(joint) and not asked
+            features = [] if idle else kind.features(self, term, j, asked)
+            if not features and asked and kind.absent:
+                raise JointplayError(f"{joint} {kind.absent}")
+            given = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
+            size = kind.width if given is None else float(given)
+            units = {"own": "rad", "soft": "rad/(N*m)"}
+            units = units if self.turns[j] else {"own": "m", "soft": "m/N"}
+            for what, unit, target, feature in features:
+                # Angles of a placement are as wide as its lengths over a reach.
+                width = size * (_TURN_WIDTH if term.kind == "placement" and target > 2 else 1.0)
+                name = f"{'half-play' if term.kind == 'play' else term.kind} {what}".rstrip()
+                unknown = Unknown(
+                    joint, name, units.get(unit, unit), 0.0, width,
+                    spread=width, least=-np.inf, fine=False,
+                )  # fmt: skip
+                made.append(Column(term, unknown, j, target, feature))
         return made
 
     def loaded(self, joint: str) -> bool:
         """Whether anything loads a joint in any pose."""
-        load = self.load[:, self.chain.names.index(joint)]
-        return bool(np.abs(load).max() > _STILL_N_M)
-
-    def default_play(self, term: Term, joint: str) -> tuple[float, float]:
-        """Friction and transition of a play's term, where they are not given: none, a tenth of the
-        largest load [N m]."""
-        largest = float(np.abs(self.load[:, self.chain.names.index(joint)]).max())
-        friction = 0.0 if term.friction is None else term.friction
-        return friction, 0.1 * largest if term.transition is None else term.transition
+        return bool(np.abs(self.load[:, self.names.index(joint)]).max() > _STILL_N_M)
 
     def leaning(
         self, joint: str, friction: float | np.ndarray, transition: float | np.ndarray
@@ -313,7 +260,7 @@ class Poses:
         The load pushes it to one side; friction holds it back against the way it came. Of k
         frictions and transitions the shape is (n, k).
         """
-        j, width = self.chain.names.index(joint), np.maximum(transition, 1e-12)
+        j, width = self.names.index(joint), np.maximum(transition, 1e-12)
         held = np.multiply.outer(self.approach[:, j], friction)
         push = np.add.outer(self.load[:, j], np.zeros_like(width)) - held
         return np.asarray(np.clip(push / width, -1.0, 1.0))
@@ -340,26 +287,19 @@ class Kind:
     """Why a joint that was asked for has none, behind its name."""
 
 
-def _offset(poses: Poses, term: Term, j: int, asked: bool) -> Features:
-    return [("", "own", COORDINATE, np.ones(len(poses)))]
-
-
-def _compliance(poses: Poses, term: Term, j: int, asked: bool) -> Features:
-    return [("", "soft", COORDINATE, poses.load[:, j])]
-
-
 def _waves(turns: float) -> Callable[[Poses, Term, int, bool], Features]:
     def features(poses: Poses, term: Term, j: int, asked: bool) -> Features:
         angle = turns * poses.q[:, j]
         waves = [("sin", np.sin(angle)), ("cos", np.cos(angle))]
-        return [(n, "own", COORDINATE, w) for n, w in waves if poses.chain.turns[j]]
+        return [(n, "own", COORDINATE, w) for n, w in waves if poses.turns[j]]
 
     return features
 
 
 def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> Features:
-    joint = poses.chain.names[j]
-    lean = poses.leaning(joint, *poses.default_play(term, joint))
+    tenth = 0.1 * float(np.abs(poses.load[:, j]).max())
+    transition = tenth if term.transition is None else term.transition
+    lean = poses.leaning(poses.names[j], term.friction or 0.0, transition)
     return [("", "own", COORDINATE, lean)]
 
 
@@ -369,8 +309,11 @@ def _difference(poses: Poses, term: Term, j: int, asked: bool) -> Features:
 
 
 def _rail(poses: Poses, term: Term, j: int, asked: bool) -> Features:
-    place, chain = poses.position(term.by), poses.chain
-    turns = term.by in chain.names and chain.turns[chain.names.index(term.by)]
+    joints = poses.measured.joints
+    if term.by not in joints:
+        raise MissingName("joint", term.by, joints)
+    place = poses.measured.motor[:, joints.index(term.by)]
+    turns = term.by in poses.names and poses.turns[poses.names.index(term.by)]
     unit, off = "rad/rad" if turns else "rad/m", place - place.mean()
     return [(f"about {axis}", unit, 3 + k, off) for k, axis in enumerate("xyz")]
 
@@ -384,9 +327,9 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> Features:
     """Errors of a joint's place; of the first joint they are the base's."""
     if j == 0 and not asked:
         return []
-    own, letters = poses.chain.along_axis(j), term.axes or "xyzabc"
-    if not term.axes and own is not None:
-        letters = letters.replace(("abc" if poses.chain.turns[j] else "xyz")[own], "")
+    letters, size = term.axes or "xyzabc", np.abs(poses.axis[j])
+    if not term.axes and np.sort(size)[1] < _UNALIGNED:  # what the joint's own offset does
+        letters = letters.replace(("abc" if poses.turns[j] else "xyz")[int(size.argmax())], "")
     places = [(letter, "xyzabc".index(letter)) for letter in letters]
     return [
         (f"along {letter}" if k < 3 else f"about {'xyz'[k - 3]}", "m" if k < 3 else "rad", k,
@@ -398,14 +341,14 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> Features:
 KINDS: Mapping[str, Kind] = {
     "offset": Kind(
         "zero of the joint's encoder", 0.1,
-        _offset,
+        lambda poses, term, j, asked: [("", "own", COORDINATE, np.ones(len(poses)))],
     ),
     "placement": Kind(
         "errors of the joint's place in its link (lengths, angles)", 2e-3, _placement
     ),
     "compliance": Kind(
         "joint gives way in proportion to its load", 1e-3,
-        _compliance,
+        lambda poses, term, j, asked: [("", "soft", COORDINATE, poses.load[:, j])],
         by_load=True,
     ),
     "play": Kind(
@@ -432,11 +375,10 @@ KINDS: Mapping[str, Kind] = {
 """Kinds of terms; a new one is a function of the poses."""
 
 
-def _with_payloads(mechanism: Mechanism, payloads: Sequence[Payload]) -> pin.Model:
-    """The model with bodies that the mechanism carries."""
+def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
     from jointplay.model.mechanism import frame_index
 
-    model = mechanism.model.copy()
+    model = model.copy()
     for one in payloads:
         frame = model.frames[frame_index(model, one.frame)]
         inertia = pin.Inertia(one.mass, np.array(one.centre), np.diag(one.inertia))
@@ -444,15 +386,14 @@ def _with_payloads(mechanism: Mechanism, payloads: Sequence[Payload]) -> pin.Mod
     return model
 
 
-def _loads(model: pin.Model, q: np.ndarray, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
+def _loads(model: pin.Model, q: np.ndarray, ids: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """What gravity does to the chain's joints: along their axes (n, j), moments (n, j, 3) in the
     frames of their placements [N m, N]."""
     data, still = model.createData(), np.zeros(model.nv)
-    load = np.zeros((len(q), len(chain.ids)))
-    moment = np.zeros((*load.shape, 3))
+    load, moment = np.zeros((len(q), len(ids))), np.zeros((len(q), len(ids), 3))
     for i, row in enumerate(q):
         torque = pin.rnea(model, data, row, still, still)
-        for j, joint in enumerate(chain.ids):
+        for j, joint in enumerate(ids):
             load[i, j] = -torque[model.joints[joint].idx_v]
             turned = model.jointPlacements[joint].rotation.T @ data.liMi[joint].rotation
             moment[i, j] = -turned @ data.f[joint].angular
@@ -468,25 +409,6 @@ class State:
     tool: tuple[np.ndarray, np.ndarray]
     """Rotation and translation of what was measured in the tool frame's body [m]."""
     c: np.ndarray
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """Where least squares ended."""
-
-    state: State
-    rows: np.ndarray
-    jacobian: np.ndarray
-    """Of the weighted residuals, shape (m, unknowns)."""
-    residual: np.ndarray
-    """Weighted, shape (m,)."""
-    precision: np.ndarray
-    """Of the priors, shape (unknowns,)."""
-
-    @cached_property
-    def covariance(self) -> np.ndarray:
-        """Of the unknowns: Gauss-Newton, with priors, shape (unknowns, unknowns)."""
-        return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian + np.diag(self.precision)))
 
 
 @dataclass(frozen=True)
@@ -512,25 +434,29 @@ class Problem:
         """Whether orientations were measured."""
         return not self.closure and self.poses.measured.orientation is not None
 
+    @cached_property
+    def free(self) -> np.ndarray:
+        """Numbers of what is unknown among the base's place and turn, the tool's point and turn
+        (12 in all), and the coefficients."""
+        sizes = [6, 3, 3, len(self.columns)]
+        return np.flatnonzero(np.repeat([not self.closure, True, self.turned, True], sizes))
+
     @property
     def first(self) -> int:
         """Number of the first coefficient among the unknowns: base and tool come before."""
-        return (0 if self.closure else 6) + (6 if self.turned else 3)
+        return len(self.free) - len(self.columns)
 
     @property
     def nominal(self) -> np.ndarray:
         """The tool's point in the last body's frame [m]."""
-        placement = self.poses.chain.tool
+        placement = self.poses.tool
         return np.asarray(placement.rotation @ self.point + placement.translation)
 
     @property
     def priors(self) -> np.ndarray:
         """Standard deviations of the priors, shape (unknowns,)."""
         width = [column.unknown.spread for column in self.columns]
-        loose = [] if self.closure else [1e2] * 6
-        return np.array(
-            [*loose, *[self.point_width] * 3, *([1e2] * 3 if self.turned else []), *width]
-        )
+        return np.array([*[1e2] * 6, *[self.point_width] * 3, *[1e2] * 3, *width])[self.free]
 
     @cached_property
     def _features(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -546,26 +472,26 @@ class Problem:
         """Rotations (n, 3, 3) and points (n, 3) of the tool, and their derivatives by the unknowns,
         each of shape (n, 3, unknowns); rotations as small rotation vectors from the left."""
         features, joints, targets = self._features
-        chain, (base, at), (grip, reach) = self.poses.chain, state.base, state.tool
+        poses, (base, at), (grip, reach) = self.poses, state.base, state.tool
         moved = features[rows] * state.c
-        q = self.poses.q[rows].copy()
+        q = poses.q[rows].copy()
         own = targets == COORDINATE
         np.add.at(q.T, joints[own], moved[:, own].T)
         shift = None
         if not own.all():
-            shift = np.zeros((len(rows), len(chain.names), 6))
+            shift = np.zeros((len(rows), len(poses.names), 6))
             np.add.at(shift.transpose(1, 2, 0), (joints[~own], targets[~own]), moved[:, ~own].T)
-        body, origin, axes, origins, frames = chain.forward(q, shift)
+        body, origin, axes, origins, frames = poses.forward(q, shift)
         tip = origin + body @ reach
         rotations, points = base @ body @ grip, at + tip @ base.T
         if not jacobian:
-            none = np.zeros((0, 3, self.first + len(joints)))
+            none = np.zeros((0, 3, len(self.free)))
             return rotations, points, none, none
         n, k = len(rows), len(joints)
         turn, move = np.zeros((k, n, 3)), np.zeros((k, n, 3))
         for column, (j, target) in enumerate(zip(joints, targets, strict=True)):
             if target == COORDINATE:
-                line, turning = axes[j], bool(chain.turns[j])
+                line, turning = axes[j], bool(poses.turns[j])
             else:
                 line, turning = frames[j][:, :, target % 3], target >= 3
             if turning:
@@ -577,18 +503,9 @@ class Problem:
         moves = (scale * move @ base.T).transpose(1, 2, 0)
         turns = (scale * turn @ base.T).transpose(1, 2, 0)
         eye, none = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3, 3))
-        if not self.closure:
-            moves = np.concatenate(
-                [eye, -skew(tip @ base.T), base @ body, *([none] if self.turned else []), moves],
-                axis=2,
-            )
-            turns = np.concatenate(
-                [none, eye, none, *([rotations] if self.turned else []), turns], axis=2
-            )
-        else:
-            moves = np.concatenate([base @ body, moves], axis=2)
-            turns = np.concatenate([none, turns], axis=2)
-        return rotations, points, moves, turns
+        moves = np.concatenate([eye, -skew(tip @ base.T), base @ body, none, moves], axis=2)
+        turns = np.concatenate([none, eye, none, rotations, turns], axis=2)
+        return rotations, points, moves[:, :, self.free], turns[:, :, self.free]
 
     def errors(
         self, state: State, rows: np.ndarray, jacobian: bool = False
@@ -619,7 +536,7 @@ class Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residuals (m,) and their derivatives (m, unknowns), with the opposite sign."""
         position, turned, moves, turns = self.errors(state, rows, jacobian)
-        (sp, so), unknowns = self.error, self.first + len(self.columns)
+        (sp, so), unknowns = self.error, len(self.free)
         parts, slopes = [position.ravel() / sp], [moves.reshape(-1, unknowns) / sp]
         if self.turned:
             parts.append(turned.ravel() / so)
@@ -641,14 +558,14 @@ class Problem:
 
     def moved(self, state: State, step: np.ndarray) -> State:
         """A state after a step of the unknowns: rotations turn by their rotation vectors."""
+        every = np.zeros(12 + len(self.columns))
+        every[self.free] = step
         (base, at), (grip, reach) = state.base, state.tool
-        rest = step
-        if not self.closure:
-            at, base, rest = at + step[:3], rotations_of(step[3:6]) @ base, step[6:]
-        reach, rest = reach + rest[:3], rest[3:]
-        if self.turned:
-            grip, rest = grip @ rotations_of(rest[:3]), rest[3:]
-        return State((base, at), (grip, reach), state.c + rest)
+        return State(
+            (rotations_of(every[3:6]) @ base, at + every[:3]),
+            (grip @ rotations_of(every[9:12]), reach + every[6:9]),
+            state.c + every[12:],
+        )
 
     def about(self, state: State, rows: np.ndarray) -> LeastSquares:
         """The measurement at some rows, by steps of the unknowns from a state."""
@@ -664,12 +581,10 @@ class Problem:
         def slopes(step: np.ndarray) -> np.ndarray:
             _, slope = self.residual(self.moved(state, step), rows, jacobian=True)
             # Steps of rotations do not add: what one more step does, by a change of the whole.
-            if not self.closure:
-                slope[:, 3:6] = slope[:, 3:6] @ pin.Jexp3(-step[3:6])
-            if self.turned:
-                grip = slice(self.first - 3, self.first)
-                slope[:, grip] = slope[:, grip] @ pin.Jexp3(step[grip])
-            return slope
+            every, more = np.zeros(12), np.eye(12 + len(self.columns))
+            every[self.free[: self.first]] = step[: self.first]
+            more[3:6, 3:6], more[9:12, 9:12] = pin.Jexp3(-every[3:6]), pin.Jexp3(every[9:12])
+            return np.asarray(slope @ more[np.ix_(self.free, self.free)])
 
         def predicted(step: np.ndarray) -> np.ndarray:
             return -self.residual(self.moved(state, step), rows)[0]
@@ -679,28 +594,24 @@ class Problem:
 
     def from_priors(self, state: State) -> np.ndarray:
         """Unknowns that have a prior, from its middle, shape (unknowns,)."""
-        off = np.zeros(self.first + len(self.columns))
-        off[self.first :] = state.c
-        start = 0 if self.closure else 6
-        off[start : start + 3] = state.tool[1] - self.nominal
-        return off
+        off = [np.zeros(6), state.tool[1] - self.nominal, np.zeros(3), state.c]
+        return np.asarray(np.concatenate(off)[self.free])
 
     def start(self, rows: np.ndarray) -> State:
         """Base and tool without any errors of the chain, from whatever frames."""
-        none = np.zeros(len(self.columns))
-        eye = np.eye(3)
+        none, eye = np.zeros(len(self.columns)), np.eye(3)
         if self.closure:
             return State((eye, np.zeros(3)), (eye, self.nominal), none)
-        body, origin, *_ = self.poses.chain.forward(self.poses.q[rows], None)
+        body, origin, *_ = self.poses.forward(self.poses.q[rows], None)
         measured = self.poses.measured
         assert measured.position is not None
         position, n = measured.position[rows], len(rows)
         centred = position - position.mean(axis=0)
         seen = None if measured.orientation is None else measured.orientation[rows]
         back = np.swapaxes(body, 1, 2)
-        best, found = np.inf, None
+        found = []
         for base in _grid():
-            grip, cost = eye, 0.0
+            grip = eye
             # Without orientations the base turns to where the points are; else the grid is enough
             # for what follows.
             for _ in range(1 if seen is not None else 4):
@@ -720,20 +631,61 @@ class Problem:
                 grip = nearest_rotation(own.sum(axis=0))
                 # Half of the Frobenius norm's square is the angle's, where that is small.
                 cost += 0.5 * float(np.sum((own - grip) ** 2)) / self.error[1] ** 2
-            if cost < best:
-                best, found = cost, State((base, at), (grip, reach), none)
-        assert found is not None
-        return found
+            found.append((cost, State((base, at), (grip, reach), none)))
+        return min(found, key=lambda one: one[0])[1]
 
     def fit(self, rows: np.ndarray, start: State | None = None) -> Fitted:
         """Least squares of some rows, from a state or from wherever base and tool roughly are."""
         state = self.start(rows) if start is None else start
         if len(state.c) != len(self.columns):
             state = replace(state, c=np.zeros(len(self.columns)))
-        step = minimum(self.about(state, rows), np.zeros(self.first + len(self.columns)))
-        state, precision = self.moved(state, step), self.priors**-2.0
-        residual, slope = self.residual(state, rows, jacobian=True)
-        return Fitted(state, rows, slope, residual, precision)
+        step = minimum(self.about(state, rows), np.zeros(len(self.free)))
+        state = self.moved(state, step)
+        return Fitted(self, state, rows, *self.residual(state, rows, jacobian=True))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where least squares ended."""
+
+    problem: Problem
+    state: State
+    rows: np.ndarray
+    residual: np.ndarray
+    """Weighted, shape (m,)."""
+    jacobian: np.ndarray
+    """Of the weighted residuals, shape (m, unknowns)."""
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        precision = np.diag(self.problem.priors**-2.0)
+        return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian + precision))
+
+    @cached_property
+    def freedom(self) -> float:
+        """Residuals less, of each unknown, what the poses determine."""
+        free = len(self.residual) - float(np.sum((self.jacobian @ self.covariance) * self.jacobian))
+        if self.problem.closure:
+            points = self.problem.poses.measured.point or ()
+            free -= 3.0 * len({points[i] for i in self.rows})
+        return max(free, 3.0)
+
+    @property
+    def stretch(self) -> float:
+        """The residuals' mean square, in the weights' units."""
+        return float(self.residual @ self.residual) / self.freedom
+
+    def informed(self, i: int) -> tuple[float, float, str]:
+        """Part of the i-th coefficient's prior variance that the poses took away; its largest
+        correlation with another coefficient, and that one's label if it is large."""
+        first, covariance = self.problem.first, self.covariance
+        k, spread = first + i, np.sqrt(np.diag(covariance))
+        told = 1.0 - covariance[k, k] / self.problem.priors[k] ** 2
+        together = np.abs(covariance[k] / spread[k] / spread)
+        together[k] = 0.0
+        most = float(together[first:].max(initial=0.0))
+        other = self.problem.columns[int(together[first:].argmax())].unknown.label
+        return told, most, other if most >= TOGETHER else ""
 
 
 @cache

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 from scipy.stats import t as student
 
@@ -98,7 +98,6 @@ class LeastSquares:
 
     @property
     def scale(self) -> np.ndarray:
-        """Sizes that matter, shape (p,)."""
         return np.array([one.scale for one in self.unknowns])
 
     @property
@@ -196,7 +195,6 @@ class LeastSquares:
         return replace(self, nuisance=nuisance, softening={})
 
     def cost(self, theta: np.ndarray) -> float:
-        """Sum of the squared residuals, in standard errors."""
         return float(np.square(self.residual(theta)).sum())
 
     def effects(
@@ -255,10 +253,6 @@ class Fit:
     quantile: float = np.inf
     """Of Student's distribution, by which the intervals were made."""
 
-    def partners(self, i: int) -> list[int]:
-        """Unknowns that cannot be told apart from the i-th, the strongest first."""
-        return partners(self.null[i], i)
-
 
 def partners(row: np.ndarray, i: int) -> list[int]:
     """Which entries share the i-th one's null space, by its row of the projector; strongest first.
@@ -301,16 +295,11 @@ def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
 def sandwich(
     covariance: np.ndarray, effect: np.ndarray, left: np.ndarray, group: np.ndarray
 ) -> tuple[np.ndarray, int]:
-    """Variances (p,) of estimates where the residuals of a group are wrong together.
+    """Variances (p,) of estimates where the residuals of a group are wrong together, and how many
+    groups there are; without a factor for few.
 
-    Args:
-        covariance: by independent residuals, shape (p, p).
-        effect: of the unknowns on r residuals, shape (r, p).
-        left: the residuals, shape (r,).
-        group: number of each one's group, shape (r,).
-
-    Returns:
-        The variances, without a factor for few groups; how many groups there are.
+    By the covariance of independent residuals (p, p), the effect of the unknowns on r residuals
+    (r, p), these (r,), and the number of each one's group (r,).
     """
     _, numbers = np.unique(group, return_inverse=True)
     scores = np.zeros((numbers.max(initial=-1) + 1, effect.shape[1]))
@@ -389,8 +378,7 @@ def search(problem: LeastSquares, start: np.ndarray) -> tuple[LeastSquares, Fit]
     limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
     plays = [one.name.endswith("clearance") for one in problem.unknowns]
-    softened = [soft for joint in problem.softening if (soft := problem.softened(joint))]
-    for soft in softened:
+    for soft in filter(None, map(problem.softened, problem.softening)):
         fit = solve(soft, best.theta, _LATER)
         cost = soft.cost(fit.theta)
         if cost <= limit:
@@ -477,40 +465,37 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
 
 
 def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
-    """Standard deviation that, added to errors, explains residuals; by bisection."""
-    low, high = 0.0, float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
-    if np.square(left / error).sum() <= freedom:
-        return 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = np.square(left / np.hypot(error, middle)).sum() > freedom
-        low, high = (middle, high) if above else (low, middle)
-    return high
+    """Standard deviation that, added to errors, explains residuals."""
+
+    def beyond(more: float) -> float:
+        return float(np.square(left / np.hypot(error, more)).sum()) - freedom
+
+    high = float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
 
 
 def estimate(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:
     """What a measurement says of its unknowns: values with 95 % intervals, or why it cannot tell.
 
-    Args:
-        problem: the measured numbers and their model.
-        start: where the search begins, shape (p,); None takes the nominal values.
+    The search begins at `start` (p,), or at the nominal values.
     """
-    if start is None:
-        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
-    problem, fit = search(problem, start)
-    return estimates(problem, fit, [why_not(i, fit, problem) for i in range(len(start))])
+    problem, fit = search(problem, start_of(problem.unknowns) if start is None else start)
+    reasons = [why_not(i, fit, problem) for i in range(len(problem.unknowns))]
+    return estimates(problem, fit, reasons)
+
+
+def start_of(unknowns: Sequence[Unknown]) -> np.ndarray:
+    """Nominal values, or half of the scale where they are zero, shape (p,)."""
+    return np.array([one.nominal or 0.5 * one.scale for one in unknowns])
 
 
 def estimates(
     problem: LeastSquares, fit: Fit, reasons: Sequence[str], advice: Sequence[str] = ()
 ) -> tuple[Estimate, ...]:
     """The unknowns with what was found, and why it cannot be told."""
-    rows = zip(problem.unknowns, fit.theta, fit.half_width, reasons, strict=True)
-    more = advice or [""] * len(reasons)
-    return tuple(
-        Estimate(one, float(value), float(half), reason, words)
-        for (one, value, half, reason), words in zip(rows, more, strict=True)
-    )
+    words = advice or [""] * len(reasons)
+    rows = zip(problem.unknowns, fit.theta, fit.half_width, reasons, words, strict=True)
+    return tuple(Estimate(one, float(x), float(half), why, do) for one, x, half, why, do in rows)
 
 
 def why_not(i: int, fit: Fit, problem: LeastSquares) -> str:
@@ -520,7 +505,7 @@ def why_not(i: int, fit: Fit, problem: LeastSquares) -> str:
         return ""
     if fit.effect[i] < FAINT:
         return "not observable: nothing that was measured depends on it"
-    if others := fit.partners(i):
+    if others := partners(fit.null[i], i):
         return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
     if np.isfinite(half):
         return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"

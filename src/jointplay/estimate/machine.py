@@ -103,11 +103,10 @@ class Machine:
     """By label, see `compliances`."""
 
     def __post_init__(self) -> None:
-        """Refuse gears that are more than play and one stiffness."""
         known_gears(self.mechanism)
 
     def compliance(self, label: str) -> Unknown:
-        """What is known of a compliance."""
+        """What is known of it."""
         return self.compliances.get(label) or compliance(label)
 
     def rigid(self, label: str) -> bool:
@@ -123,17 +122,14 @@ class Machine:
         friction that holds the link where it is: the lag depends on the way there.
         """
         gears, entries = self.mechanism.gears, self.mechanism.description.joints
-        return tuple(
+        return tuple(gears) + tuple(
             joint
-            for joint in dict.fromkeys([*gears, *self.mechanism.joints])
-            if joint in gears
-            or (
-                joint in self.friction
-                and self.friction[joint].coulomb > 0.0
-                and joint in entries
-                and not entries[joint].slides
-                and not self.rigid(f"{joint} torsional")
-            )
+            for joint in self.mechanism.joints
+            if joint not in gears
+            and self.friction.get(joint, JointFriction()).coulomb > 0.0
+            and joint in entries
+            and not entries[joint].slides
+            and not self.rigid(f"{joint} torsional")
         )
 
     def unknowns(
@@ -189,12 +185,23 @@ class Machine:
                 found.append(Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
         if stops and rubs:
             found.append(Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
-        _check(also, known, found)
+        for word in also:
+            if word not in ALSO:
+                raise MissingName("unknown to identify besides", word, ALSO)
+        for word in known:
+            if not any(word in (one.label, one.name) for one in found):
+                labels = ", ".join(one.label for one in found)
+                raise JointplayError(f"no unknown {word!r}; there are: {labels}")
         kept = tuple(one for one in found if not {one.label, one.name} & set(known))
         for one in kept:
             bought = mechanism.clearance.get(one.joint)
-            if bought is not None and one.name in bought.clearances:
-                _refuse_rolling(bought, one)
+            if bought and bought.resultant is not None and one.name in bought.clearances:
+                raise JointplayError(
+                    f"the clearance of the rolling bearing in {one.joint!r} cannot be identified: "
+                    "its balls or rollers give way under load by as much as its play, which the "
+                    "static model of identification leaves out; take it as known: --known "
+                    f"{one.label!r}"
+                )
         if not any(one.sought for one in kept):
             raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
@@ -248,9 +255,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
         rigid = math.isinf(stiffness)
         if label == ALL:
             if not rigid:
-                raise JointplayError(
-                    f"stiffness of 'all' can only be inf (rigid), got {stiffness!r}"
-                )
+                raise JointplayError(f"stiffness of 'all' can only be inf (rigid): {stiffness!r}")
             geared = [f"{name} torsional" for name in mechanism.gears]
             meant = [name for name in labels(mechanism) if name not in geared]
         elif " " in label or label == TOOL:
@@ -259,15 +264,6 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
             meant = [f"{label} {way}" for way in (WAYS if rigid else ("torsional",))]
         known |= {name: compliance(name, 1.0 / stiffness, part / stiffness) for name in meant}
     return known
-
-
-def _refuse_rolling(joint: Clearance, sought: Unknown) -> None:
-    if joint.resultant is not None:
-        raise JointplayError(
-            f"the clearance of the rolling bearing in {sought.joint!r} cannot be identified: its "
-            "balls or rollers give way under load by as much as its play, which the static model "
-            f"of identification leaves out; take it as known: --known {sought.label!r}"
-        )
 
 
 def friction_of(joint: Clearance) -> float | None:
@@ -287,16 +283,3 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
         rough: dict[str, float] = dict.fromkeys(known, asked)
         changed = changed.with_friction(law or replace(joint.friction, **rough))
     return changed
-
-
-def _check(also: Collection[str], known: Collection[str], parameters: Collection[Unknown]) -> None:
-    """Refuse names that are none of the unknowns."""
-    for word in also:
-        if word not in ALSO:
-            raise MissingName("unknown to identify besides", word, ALSO)
-    names = {one.label for one in parameters} | {one.name for one in parameters}
-    for word in known:
-        if word not in names:
-            raise JointplayError(
-                f"no unknown {word!r}; there are: {', '.join(one.label for one in parameters)}"
-            )

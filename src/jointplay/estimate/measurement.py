@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +23,7 @@ from jointplay.simulation.loads.wrench import Wrench, WrenchOverTime
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import AXES, Result
 
-# Columns of a file (see `columns`):
+# Columns of a file:
 #
 #     time [s]                            always
 #     tool x, tool y, tool z              position of the tool frame, world axes
@@ -45,7 +47,6 @@ READINGS = ("tool", "link")
 """Kinds of signal of instruments of their own: they drift, and may be late behind the motors'
 encoders."""
 FEWEST_RECORDS = 20
-"""Records that a measurement must have."""
 SHOWN = {"tool": "m", "link": "rad", "torque": "N*m"}
 """Units of the signals whose means are compared."""
 
@@ -71,7 +72,6 @@ class Measurement:
     noise: Mapping[str, float] = field(default_factory=dict)
     """Standard deviation of a record by kind of signal, where known [SI]."""
     source: str = "the measurement"
-    """Where it came from, for messages."""
     sliding: frozenset[str] = frozenset()
     """Joints that slide: their signals are in m and N, those of others in rad and N m."""
     lag: float = 0.0
@@ -81,7 +81,6 @@ class Measurement:
     """What was chosen or left out when it was read, a line each."""
 
     def __post_init__(self) -> None:
-        """Check shapes and times."""
         time = np.asarray(self.time, float)
         object.__setattr__(self, "time", time)
         if len(time) < FEWEST_RECORDS:
@@ -95,9 +94,8 @@ class Measurement:
                 f"{time[late[0] + 1]:g} s (record {late[0] + 2})"
             )
         for kind, value in self.noise.items():
-            if kind not in (*TOOL_UNITS, *JOINT_UNITS):
-                choices = (*TOOL_UNITS, *JOINT_UNITS)
-                raise MissingName("signal that could have noise", kind, choices)
+            if kind not in (kinds := (*TOOL_UNITS, *JOINT_UNITS)):
+                raise MissingName("signal that could have noise", kind, kinds)
             require_positive(f"noise of {kind!r}", value, "SI")
         for key, values in self.signals.items():
             if np.shape(values) != time.shape:
@@ -109,10 +107,7 @@ class Measurement:
 
     @classmethod
     def from_csv(
-        cls,
-        path: str | Path,
-        joints: Mapping[str, bool],
-        noise: Mapping[str, float] | None = None,
+        cls, path: str | Path, joints: Mapping[str, bool], noise: Mapping[str, float] | None = None
     ) -> Measurement:
         """Read a CSV file; lines beginning with # are comments, empty cells are no records.
 
@@ -122,8 +117,7 @@ class Measurement:
             noise: see the class.
 
         Raises:
-            JointplayError: no such file; no time; a column without unit, of an unknown name or
-                given twice; a cell that is not a number (with its line); see also the class.
+            JointplayError: see `columns.read` and the class; no times.
         """
         path = Path(path)
         axes = {kind: dict.fromkeys(AXES, unit) for kind, unit in TOOL_UNITS.items()}
@@ -153,8 +147,7 @@ class Measurement:
             raise JointplayError(f"{path} contains only times: nothing was measured")
         if np.isnan(time).any():
             raise JointplayError(f"{path}: record {np.isnan(time).argmax() + 1} has no time")
-        sliding = frozenset(name for name, slides in joints.items() if slides)
-        return cls(time, signals, noise or {}, str(path), sliding)
+        return cls(time, signals, noise or {}, str(path), sliding_of(joints))
 
     @classmethod
     def from_result(
@@ -187,21 +180,18 @@ class Measurement:
         random = np.random.default_rng(seed)
         time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
         time = time[time <= result.time[-1]]
-        spread = dict(noise or {})
-        clean: dict[Key, np.ndarray] = {}
+        signals: dict[Key, np.ndarray] = {}
         for kind in sorted(kinds, key=lambda one: _RATES.index(one) if one in _RATES else -1):
-            for name, values in _histories(result, kind).items():
-                clean[kind, name] = (
+            for name, values in histories(result, kind).items():
+                clean = (
                     _mean_rate(result.time, values, time, 1.0 / rate)
                     if kind in _RATES
                     else np.interp(time, result.time, values)
                 )
-        signals = {
-            key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
-            for key, values in clean.items()
-        }
+                spread = (noise or {}).get(kind, 0.0)
+                signals[kind, name] = clean + spread * random.standard_normal(len(time))
         entries = result.simulation.mechanism.description.joints
-        sliding = frozenset(name for name, entry in entries.items() if entry.slides)
+        sliding = sliding_of({name: entry.slides for name, entry in entries.items()})
         return cls(time, signals, {}, "the simulated measurement", sliding)
 
     def csv(self) -> str:
@@ -217,27 +207,26 @@ class Measurement:
 
 
 _RATES = ("acceleration", "reaction")
-"""Signals that are means between records: rates of change of what `_histories` gives."""
+"""Signals that are means between records: rates of change of what `histories` gives."""
 
 
-def _histories(result: Result, kind: str) -> dict[str, np.ndarray]:
+def sliding_of(joints: Mapping[str, bool]) -> frozenset[str]:
+    """Those of the joints that slide."""
+    return frozenset(name for name, slides in joints.items() if slides)
+
+
+def histories(result: Result, kind: str) -> dict[str, np.ndarray]:
     """A kind of signal over a run, or its integral (see `_RATES`), by axis or joint."""
-    if kind == "force":
-        return dict(zip(AXES, _wrenches(result).T, strict=True))
     if kind in TOOL_UNITS:
-        name = {"tool": "tool_position", "acceleration": "tool_velocity"}[kind]
-        return dict(zip(AXES, result[name].values.T, strict=True))
+        name = {"tool": "tool_position", "acceleration": "tool_velocity"}.get(kind)
+        values = _wrenches(result) if name is None else result[name].values
+        return dict(zip(AXES, values.T, strict=True))
     if kind not in JOINT_UNITS:
         raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
     if kind == "reaction":
-        forces = result["joint_force"]
-        sizes = {
-            name: np.linalg.norm(forces.sel(joint=name).values, axis=1) for name in result.joints
-        }
-        return {
-            name: cumulative_trapezoid(size, result.time, initial=0.0)
-            for name, size in sizes.items()
-        }
+        sizes = np.linalg.norm(result["joint_force"].values, axis=-1)
+        total = cumulative_trapezoid(sizes, result.time, axis=0, initial=0.0)
+        return dict(zip(result["joint_force"].joint.values.tolist(), total.T, strict=True))
     mechanism = result.simulation.mechanism
     coordinate = mechanism.coordinate if kind == "link" else mechanism.motor
     values = result["drive" if kind == "torque" else "q"].values
@@ -290,7 +279,6 @@ STOP_S = 0.15
 SETTLING = 0.4
 """Part of a stop that is left out at its beginning, while the machine calms down."""
 FEWEST_IN_VISIT = 3
-"""Records that a visit must have."""
 LARGEST_LAG = 0.03
 """For which readings whose lag is unknown leave records out, at both ends of a visit [s]."""
 _APART = 8
@@ -337,19 +325,14 @@ class Visits:
     """Joints that were taken where the reference says, or at rest."""
 
     def __len__(self) -> int:
-        """How many there are."""
         return len(self.time)
 
 
 def no_visits() -> tuple[Visits, Observed]:
     """Of a measurement of impacts alone."""
-    none, table = np.zeros(0), np.zeros((0, 0))
-    numbers, sides = none.astype(int), none.astype(bool)
-    made = Visits(
-        (), np.zeros((0, 2)), table, table, table, table, sides, np.zeros((0, 3)), numbers,
-        table, numbers, numbers, np.zeros((0, 3)),
-    )  # fmt: skip
-    return made, Observed((), table, table, (), table)
+    none = np.zeros((0, 0))
+    arrays: Any = [none] * 12
+    return Visits((), *arrays), Observed((), none, none, (), none)
 
 
 @dataclass(frozen=True)
@@ -366,6 +349,21 @@ class Observed:
     """Spread of single records [SI]."""
     rate: np.ndarray
     """How fast the readings themselves change, 0 at stops, shape (n, keys) [m/s, rad/s]."""
+
+
+def departures(
+    mechanism: Mechanism, joints: Sequence[str], q: np.ndarray, signals: Mapping[Key, np.ndarray]
+) -> dict[Key, np.ndarray]:
+    """What models predict of signals (n,) where joints are at q (n, j), as `Observed.mean` says."""
+    tools = any(kind == "tool" for kind, _ in signals)
+    ideal = tool_positions(mechanism, joints, q if tools else q[:0])
+    found = dict(signals)
+    for kind, name in signals:
+        if kind == "tool":
+            found[kind, name] = signals[kind, name] - ideal[:, AXES.index(name)]
+        elif kind == "link":
+            found[kind, name] = signals[kind, name] - q[:, list(joints).index(name)]
+    return found
 
 
 def signal_effect(keys: Sequence[Key], key: Key, values: np.ndarray) -> np.ndarray:
@@ -420,31 +418,24 @@ def positions(
     Returns:
         The joints' names; positions (n, j); motion that counts, more than an encoder's noise, (j,)
         [rad or m]; joints without encoder.
-
-    Raises:
-        JointplayError: a joint that moves in the reference, but the measurement is longer than it;
-            nothing says where a joint is.
     """
-    names = tuple(moving(mechanism))
-    still = middle(mechanism)
-    joint_positions = np.tile([still[name] for name in names], (len(measured.time), 1))
+    names, still = tuple(moving(mechanism)), middle(mechanism)
+    found = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
-    without_encoder = []
-    limits = np.full(len(names), _SMALLEST)
+    without_encoder, limits = [], np.full(len(names), _SMALLEST)
     for column, name in enumerate(names):
-        for kind in ("motor", "link"):
-            counts = kind == "motor" or name not in mechanism.gears
-            if counts and (kind, name) in measured.signals:
-                records = measured.signals[kind, name]
-                joint_positions[:, column] = _filled(records, measured.time, f"{name} {kind}")
-                spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
-                limits[column] = max(spread, _SMALLEST)
-                break
-        else:
-            without_encoder.append(name)
-            if motion is not None and reference is not None and name in motion.joints:
-                joint_positions[:, column] = reference[:, motion.joints.index(name)]
-    return names, joint_positions, limits, tuple(without_encoder)
+        kinds = ("motor",) if name in mechanism.gears else ("motor", "link")
+        kind = next((one for one in kinds if (one, name) in measured.signals), None)
+        if kind is not None:
+            records = measured.signals[kind, name]
+            found[:, column] = _filled(records, measured.time, f"{name} {kind}")
+            spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
+            limits[column] = max(spread, _SMALLEST)
+            continue
+        without_encoder.append(name)
+        if motion is not None and reference is not None and name in motion.joints:
+            found[:, column] = reference[:, motion.joints.index(name)]
+    return names, found, limits, tuple(without_encoder)
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
@@ -457,20 +448,15 @@ def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
 
 def scatter(values: np.ndarray) -> float:
     """Spread of single records about a smooth course, of their second differences; robust."""
-    good = values[~np.isnan(values)]
-    if len(good) < FEWEST_IN_VISIT:
-        return 0.0
-    bends = np.diff(good, 2)
-    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0))
+    bends = np.diff(values[~np.isnan(values)], 2)
+    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0)) if len(bends) else 0.0
 
 
 def resolution(values: np.ndarray) -> float:
     """Smallest step between records, if they take few values as an encoder's do; else 0."""
     good = values[~np.isnan(values)]
     steps = np.diff(np.unique(good))
-    if not len(steps) or len(steps) > 0.5 * len(good):
-        return 0.0
-    return float(steps.min())
+    return float(steps.min()) if 0 < len(steps) <= 0.5 * len(good) else 0.0
 
 
 def turns(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -498,60 +484,53 @@ def turns(values: np.ndarray, threshold: float) -> np.ndarray:
     return way
 
 
-@dataclass(frozen=True)
-class _Course:
-    """The n records of a measurement as a way of j joints."""
+def _pieces(
+    time: np.ndarray,
+    q: np.ndarray,
+    ways: np.ndarray,
+    stands: np.ndarray,
+    size: np.ndarray,
+    force: np.ndarray,
+) -> list[slice]:
+    """Stretches of n records that belong together.
 
-    time: np.ndarray
-    """Shape (n,) [s]."""
-    q: np.ndarray
-    """Positions, shape (n, j) [rad or m]."""
-    ways: np.ndarray
-    """Directions, see `turns`, shape (n, j)."""
-    stands: np.ndarray
-    """Whether the machine stands, shape (n,)."""
-    size: np.ndarray
-    """Of a cell, infinite where a joint does not move, shape (j,)."""
-    force: np.ndarray
-    """On the tool, shape (n, 3) [N]."""
+    By times (n,), positions and directions (n, j), whether the machine stands (n,), the sizes of
+    cells (j,), infinite where a joint does not move, and the force on the tool (n, 3).
+    """
+    with np.errstate(invalid="ignore"):
+        cells = np.floor((q - q.min(axis=0)) / size).astype(int)
+    cells[stands] = -1
+    strength = max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    pushes = np.round(force / (0.25 * strength)).astype(int)
+    labels = np.column_stack([ways, stands[:, None], cells, pushes])
+    cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
+    pieces = []
+    for first, last in pairwise([0, *cuts, len(time)]):
+        if stands[first]:
+            long = time[last - 1] - time[first]
+            if long < STOP_S:
+                continue
+            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+            first = max(first, min(calm, last - FEWEST_IN_VISIT))
+        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+            continue  # a drive that gives way to a push: the journals hardly turn
+        if last - first >= FEWEST_IN_VISIT:
+            pieces.append(slice(int(first), int(last)))
+    return pieces
 
-    def pieces(self) -> list[slice]:
-        """Stretches of records that belong together."""
-        time, q, size = self.time, self.q, self.size
-        with np.errstate(invalid="ignore"):
-            cells = np.floor((q - q.min(axis=0)) / size).astype(int)
-        cells[self.stands] = -1
-        strength = max(float(np.abs(self.force).max(initial=0.0)), 1e-12)
-        pushes = np.round(self.force / (0.25 * strength)).astype(int)
-        labels = np.column_stack([self.ways, self.stands[:, None], cells, pushes])
-        cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
-        pieces = []
-        for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
-            if self.stands[first]:
-                long = time[last - 1] - time[first]
-                if long < STOP_S:
-                    continue
-                calm = int(np.searchsorted(time, time[first] + SETTLING * long))
-                first = max(first, min(calm, last - FEWEST_IN_VISIT))
-            elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
-                continue  # a drive that gives way to a push: the journals hardly turn
-            if last - first >= FEWEST_IN_VISIT:
-                pieces.append(slice(int(first), int(last)))
-        return pieces
 
-    def rates(self, piece: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Mean speed and acceleration: of a parabola through the piece and its neighbours."""
-        more = (piece.stop - piece.start) // 2
-        first, last, way = piece.start, piece.stop, self.ways[piece.start]
-        while first > max(piece.start - more, 0) and (self.ways[first - 1] == way).all():
-            first -= 1
-        end = min(piece.stop + more, len(self.time))
-        while last < end and (self.ways[last] == way).all():
-            last += 1
-        t = self.time[first:last] - 0.5 * (self.time[piece.start] + self.time[piece.stop - 1])
-        shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
-        fitted = np.linalg.lstsq(shape, self.q[first:last], rcond=None)[0]
-        return fitted[1], fitted[2]
+def _rates(time: np.ndarray, q: np.ndarray, ways: np.ndarray, piece: slice) -> np.ndarray:
+    """Mean speed and acceleration, (2, j): of a parabola through the piece and its neighbours."""
+    more = (piece.stop - piece.start) // 2
+    first, last, way = piece.start, piece.stop, ways[piece.start]
+    while first > max(piece.start - more, 0) and (ways[first - 1] == way).all():
+        first -= 1
+    end = min(piece.stop + more, len(time))
+    while last < end and (ways[last] == way).all():
+        last += 1
+    t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
+    shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
+    return np.asarray(np.linalg.lstsq(shape, q[first:last], rcond=None)[0][1:])
 
 
 def visits(
@@ -573,21 +552,21 @@ def visits(
     for axis, name in enumerate(AXES):
         if not np.isnan(given := measured.signals.get(("force", name), force[:, axis])).all():
             force[:, axis] = _filled(given, time, f"force {name}")
-    course = _Course(time, q, ways, _standing(time, q, limit), size, force)
-    pieces = course.pieces()
+    stands = _standing(time, q, limit)
+    pieces = _pieces(time, q, ways, stands, size, force)
     if not pieces:
         raise TooLittle(
             f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
             f"{FEWEST_IN_VISIT} records in a cell; measure slower, or with more records a second"
         )
     means = np.array([q[piece].mean(axis=0) for piece in pieces])
-    stopped = course.stands[[piece.start for piece in pieces]]
+    stopped = stands[[piece.start for piece in pieces]]
     rates = np.zeros((2, *means.shape))
     owner = np.full(len(time), -1)
     for i, piece in enumerate(pieces):
         owner[piece] = i
         if not stopped[i]:
-            rates[:, i] = course.rates(piece)
+            rates[:, i] = _rates(time, q, ways, piece)
     # The way between visits matters to hysteresis: thinned, but for the turning points.
     keep = np.zeros(len(time), bool)
     keep[:: max(len(time) // MOST_PATH, 1)] = True
@@ -636,16 +615,17 @@ def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.nda
     Stops have places of their own, and a smaller reach.
     """
     numbers = np.zeros(len(middles), int)
-    firsts: list[tuple[bool, np.ndarray]] = []
+    firsts: list[int] = []
     for i, row in enumerate(middles):
         reach = (_STOP_CELL if stopped[i] else 0.5) * size
-        for number, (stood, first) in enumerate(firsts):
-            if stood == stopped[i] and (np.abs(row - first) <= reach).all():
+        for number, first in enumerate(firsts):
+            near = (np.abs(row - middles[first]) <= reach).all()
+            if stopped[first] == stopped[i] and near:
                 numbers[i] = number
                 break
         else:
             numbers[i] = len(firsts)
-            firsts.append((bool(stopped[i]), row))
+            firsts.append(i)
     return numbers
 
 
@@ -657,27 +637,22 @@ def _observe(
     pieces: Sequence[slice],
 ) -> Observed:
     """Means over the visits of what the model predicts."""
-    keys = tuple(
-        key
-        for key in measured.signals
-        if key[0] in ("tool", "torque") or (key[0] == "link" and key[1] in mechanism.gears)
-    )
+    signals = {
+        (kind, name): values
+        for (kind, name), values in measured.signals.items()
+        if kind in ("tool", "torque") or (kind == "link" and name in mechanism.gears)
+    }
+    keys = tuple(signals)
     mean = np.full((len(pieces), len(keys)), np.nan)
     error, rate, noise = mean.copy(), np.zeros(mean.shape), []
     inner = [_inner(measured, piece) for piece in pieces]
-    tools = [key for key in keys if key[0] == "tool"]
-    ideal = tool_positions(mechanism, made.joints, q if tools else q[:0])
-    for column, (kind, name) in enumerate(keys):
-        values = measured.signals[kind, name].copy()
-        if kind == "tool":
-            values -= ideal[:, AXES.index(name)]
-        elif kind == "link":
-            values -= q[:, made.joints.index(name)]
+    off = departures(mechanism, made.joints, q, signals)
+    for column, (key, records) in enumerate(signals.items()):
+        values, kind = off[key], key[0]
         spread = measured.noise.get(kind) or scatter(values)
-        floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
+        floor = resolution(records) / np.sqrt(12.0)
         noise.append(max(spread, floor))
-        for i, piece in enumerate(pieces):
-            piece = inner[i] if kind in READINGS else piece
+        for i, piece in enumerate(inner if kind in READINGS else pieces):
             good = ~np.isnan(values[piece])
             known = values[piece][good]
             if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
@@ -685,9 +660,8 @@ def _observe(
                 error[i, column] = np.hypot(noise[-1] / np.sqrt(len(known)), floor)
                 if not made.stopped[i]:
                     at = measured.time[piece][good]
-                    rate[i, column] = np.polyfit(
-                        at - at.mean(), measured.signals[kind, name][piece][good], 1
-                    )[0]
+                    slope, _ = np.polyfit(at - at.mean(), records[piece][good], 1)
+                    rate[i, column] = slope
     return Observed(keys, mean, error, tuple(noise), rate)
 
 

@@ -35,13 +35,7 @@ from jointplay.estimate.machine import (
     known_gears,
     with_clearance,
 )
-from jointplay.estimate.measurement import (
-    Key,
-    Visits,
-    configurations,
-    stacked,
-    tool_effect,
-)
+from jointplay.estimate.measurement import Key, Visits, configurations, stacked, tool_effect
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.impact import elastic_energy
 from jointplay.model.mechanism import Mechanism
@@ -95,27 +89,46 @@ class Elastic:
     tool (a symmetric matrix in its axes)."""
 
 
-@dataclass(frozen=True)
 class _Bearing:
     """A joint with clearance at n visits."""
 
-    joint: Clearance
-    move: np.ndarray
-    """How its displacements move the tool, (n, 3, 6)."""
-    load: np.ndarray
-    """(n, 6)."""
-    push: np.ndarray
-    """Force of a rim, mean of both, (n,) [N]."""
-    rim: np.ndarray
-    """Force of a radial contact (n,) [N]."""
-    slides: np.ndarray
-    """Part of the full friction by sliding speed, signed, moving visits only (n,)."""
-    kept: np.ndarray
-    """Sense of rotation before the stop, stopped visits only (n,)."""
-    slips: bool
-    """Whether the journal can move along its axis, to end walls."""
-    sure: np.ndarray
-    """Whether the load determines where the journal lies, (n,)."""
+    def __init__(
+        self,
+        name: str,
+        joint: Clearance,
+        move: np.ndarray,
+        load: np.ndarray,
+        inertia: np.ndarray,
+        visits: Visits,
+    ) -> None:
+        """How displacements move the tool (n, 3, 6), the load (n, 6) and its inertial part."""
+        self.joint, self.move, self.load, hinge = joint, move, load, joint.hinge
+        leaning = hinge if hinge is not None and hinge.leans else None
+        self.sure = _determined(joint, load, inertia)
+        """Whether the load determines where the journal lies, (n,)."""
+        if leaning is None:
+            self.push = np.linalg.norm(load[:, :2], axis=1) / 2.0
+            """Force of a rim, mean of both, (n,) [N]."""
+            self.rim = 2.0 * self.push
+            """Force of a radial contact (n,) [N]."""
+        else:
+            rims = [np.linalg.norm(rim, axis=1) for rim in _rims(load, leaning.length)]
+            self.rim = self.push = np.mean(rims, axis=0)
+            self.sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
+        speed = way = np.zeros(len(visits))
+        if name in visits.joints:
+            column = visits.joints.index(name)
+            speed, way = visits.speed[:, column], visits.direction[:, column]
+        self.slips = hinge is not None and hinge.axial > 0.0
+        """Whether the journal can move along its axis, to end walls."""
+        part: np.ndarray | float = 1.0
+        if self.slips and leaning is not None:
+            part = _against(load, self.push, leaning.length)
+        sliding = _sliding_part(joint, speed) * np.sign(speed)
+        self.slides = np.where(visits.stopped, 0.0, sliding) * part
+        """Part of the full friction by sliding speed, signed, moving visits only (n,)."""
+        self.kept = np.where(visits.stopped, way, 0.0) * part
+        """Sense of rotation before the stop, stopped visits only (n,)."""
 
     def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
         """Displacement of the journal at each visit, (n, 6) [m, rad]."""
@@ -195,18 +208,14 @@ class StaticModel:
     """
 
     def __init__(
-        self,
-        machine: Machine,
-        visits: Visits,
-        keys: tuple[Key, ...],
-        unknowns: tuple[Unknown, ...],
+        self, machine: Machine, visits: Visits, keys: tuple[Key, ...], unknowns: tuple[Unknown, ...]
     ) -> None:
-        """Find levers and loads at each visit, once for all."""
         self.machine, self.mechanism = machine, machine.mechanism
         self.visits, self.keys, self.unknowns = visits, keys, unknowns
         # Differences move one joint at a time: the others' displacements and lags stay.
-        self._point = lru_cache(_REMEMBERED)(self._point_of)
-        self._lag = lru_cache(_REMEMBERED)(self._lag_of)
+        remembered = lru_cache(_REMEMBERED)
+        self._point = remembered(lambda name, held, *v: self._bearings[name].point(dict(v), held))
+        self._lag = remembered(lambda name, *values: self._wound(name, dict(values)))
         mechanism = self.mechanism
         q = configurations(mechanism, visits.joints, visits.position)
         play_model(mechanism, q[:0], second_order=False)  # refuses what this model does not know
@@ -218,7 +227,7 @@ class StaticModel:
             for name, lever in self.levers.items()
         }
         self._bearings = {
-            name: _bearing(name, joint, self.levers[name], loads[name], inertia[name], visits)
+            name: _Bearing(name, joint, self.levers[name], loads[name], inertia[name], visits)
             for name, joint in mechanism.clearance.items()
         }
         self._gives = {name: self._give(name) for name in machine.wound}
@@ -296,14 +305,6 @@ class StaticModel:
                 means[:, column] = self._torque(name, values.get(name, {}))
         return means
 
-    def _point_of(self, name: str, held: float, *values: tuple[str, float]) -> np.ndarray:
-        """Displacement of a journal, see `_Bearing.point`."""
-        return self._bearings[name].point(dict(values), held)
-
-    def _lag_of(self, name: str, *values: tuple[str, float]) -> tuple[np.ndarray, ...]:
-        """Lag of a link, see `_wound`."""
-        return self._wound(name, dict(values))
-
     def loose(self) -> np.ndarray:
         """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
 
@@ -324,7 +325,6 @@ class StaticModel:
         return stacked(columns, len(self.visits), self.keys)
 
     def _values(self, theta: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
-        """Values by joint and name, and which part of the friction stays at stops."""
         values: dict[str, dict[str, float]] = {}
         held = 0.0
         for one, value in zip(self.unknowns, theta, strict=True):
@@ -343,7 +343,6 @@ class StaticModel:
         return friction
 
     def _friction(self, name: str) -> JointFriction:
-        """Expected friction of a joint besides its bearing's."""
         return self.machine.friction.get(name, JointFriction())
 
     def _torque(self, name: str, mine: Mapping[str, float]) -> np.ndarray:
@@ -496,38 +495,6 @@ def _statics(
                 levers[name][i, :, 3:] = np.cross(axes.rotation.T, arm).T
     inertia = {name: loads[name] - still[name] for name in names}
     return loads, inertia, levers, tools
-
-
-def _bearing(
-    name: str,
-    joint: Clearance,
-    move: np.ndarray,
-    load: np.ndarray,
-    inertia: np.ndarray,
-    visits: Visits,
-) -> _Bearing:
-    """The bearing with its levers, loads and their inertial part at the visits."""
-    hinge = joint.hinge
-    leaning = hinge if hinge is not None and hinge.leans else None
-    sure = _determined(joint, load, inertia)
-    if leaning is not None:
-        rims = [np.linalg.norm(rim, axis=1) for rim in _rims(load, leaning.length)]
-        push = np.mean(rims, axis=0)
-        sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
-    else:
-        push = np.linalg.norm(load[:, :2], axis=1) / 2.0
-    whole = 2.0 * push if leaning is None else push
-    speed = way = np.zeros(len(visits))
-    if name in visits.joints:
-        column = visits.joints.index(name)
-        speed, way = visits.speed[:, column], visits.direction[:, column]
-    slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
-    kept = np.where(visits.stopped, way, 0.0)
-    walls = hinge is not None and hinge.axial > 0.0
-    if walls and leaning is not None:
-        part = _against(load, push, leaning.length)
-        slides, kept = slides * part, kept * part
-    return _Bearing(joint, move, load, push, whole, slides, kept, walls, sure)
 
 
 def _rims(load: np.ndarray, length: float) -> list[np.ndarray]:

@@ -18,7 +18,9 @@ from jointplay.estimate.measurement import (
     signal_effect,
     stacked,
     tool_effect,
+    tool_positions,
 )
+from jointplay.estimate.model import StaticModel
 
 REFERENCES = ("place", "frame", "ideal")
 """What is known of the tool's ideal place: nothing but that it is the same at each visit of a
@@ -27,6 +29,27 @@ DRIFT = 3
 """Degree of the polynomial in time by which readings may drift, unless said otherwise."""
 DEGREE = 3
 """Of the polynomial of each joint's position by which the geometry's error changes at a place."""
+
+
+def nuisances(
+    model: StaticModel, observed: Observed, reference: str, drift: int, late: bool
+) -> tuple[np.ndarray, list[str]]:
+    """What moves the signals and is not sought: its effect (n, keys, columns).
+
+    First that readings are late, then offsets, drift, what friction holds anywhere, and last the
+    compliances, by their labels.
+    """
+    made, keys = model.visits, model.keys
+    tool = tool_positions(model.mechanism, made.joints, made.position)
+    parts = [
+        lags(observed) if late else stacked([], len(made), keys),
+        offsets(keys, made.cell, made.position, tool, reference),
+        drifts(keys, made.time.mean(axis=1), drift),
+        model.loose(),
+        *(one.effect for one in model.elastic),
+    ]
+    labels = [one.label for one in model.elastic for _ in range(one.effect.shape[2])]
+    return np.concatenate(parts, axis=2), labels
 
 
 def offsets(
@@ -85,9 +108,6 @@ def lags(observed: Observed) -> np.ndarray:
     A column for each kind of reading: its instrument has a clock of its own. The speed is that of
     the readings, not the ideal mechanism's: errors of its geometry would count as play.
     """
-    columns = []
-    for kind in READINGS:
-        of_kind = np.array([one == kind for one, _ in observed.keys])
-        if of_kind.any():
-            columns.append(np.where(of_kind, -observed.rate, 0.0))
+    kinds = np.array([kind for kind, _ in observed.keys])
+    columns = [np.where(kinds == one, -observed.rate, 0.0) for one in READINGS if one in kinds]
     return stacked(columns, len(observed.rate), observed.keys)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.tables import Table
 from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, WOUND, Given, Machine, compliances
-from jointplay.estimate.measurement import Key, Visits, tool_positions
+from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.unknowns import LARGEST_SHARE, Unknown
@@ -122,46 +123,38 @@ class MeasurementPlan:
         words = "tells most of all by itself"
         if number:
             words = f"information x {self.gains[number]:.3g} (its determinant)"
-        scales = LARGEST_SHARE * np.array([one.scale for one in self.unknowns])
-        told = [i for i, one in enumerate(self.unknowns) if one.sought and now[i] <= scales[i]]
+        limits = LARGEST_SHARE * np.array([one.scale for one in self.unknowns])
+        told = [i for i, one in enumerate(self.unknowns) if one.sought and now[i] <= limits[i]]
         if not told:
             return words
         best = max(told, key=lambda i: was[i] / now[i])
-        unknown = self.unknowns[best]
-        begin = f"+- {unknown.shown(was[best])}" if was[best] <= scales[best] else "unknown"
-        return f"{words}; most about {unknown.label}: {begin} to +- {unknown.shown(now[best])}"
+        one = self.unknowns[best]
+        begin = f"+- {one.shown(was[best])}" if was[best] <= limits[best] else "unknown"
+        return f"{words}; most about {one.label}: {begin} to +- {one.shown(now[best])}"
 
     def __str__(self) -> str:
-        """The experiments and why they were chosen, then what they would tell together."""
         lines = []
         for i, experiment in enumerate(self.experiments):
             lines += [f"{i + 1:>2}. {experiment.words(self.joints)}", f"    {self.reason(i)}"]
-        lines += self.notes
         rows = [("unknown", "nominal", "expected 95 % interval")]
-        for one, half, others in zip(
-            self.unknowns, self.half_width[-1], self.partners, strict=True
-        ):
-            if half <= LARGEST_SHARE * one.scale:
-                words = f"+- {one.shown(half)}"
-            elif others:
-                words = f"cannot tell: acts only together with {', '.join(others)}"
-            else:
-                words = "cannot tell" + (
-                    "" if half > 10.0 * one.scale else f" (+- {one.shown(half)})"
-                )
+        told = zip(self.unknowns, self.half_width[-1], self.partners, strict=True)
+        for one, half, others in told:
+            words = f"+- {one.shown(half)}"
+            if half > LARGEST_SHARE * one.scale:
+                near = "" if half > 10.0 * one.scale else f" ({words})"
+                acts = f": acts only together with {', '.join(others)}" if others else near
+                words = f"cannot tell{acts}"
             if one.sought:
                 rows.append((one.label, one.shown(one.nominal), words))
-        lines.append(str(Table.of_texts(rows)))
-        units = {"tool": "m", "link": "rad", "torque": "N m"}
         noise = ", ".join(
-            f"{kind} {self.noise[kind]:g} {units[kind]}"
+            f"{kind} {self.noise[kind]:g} {SHOWN[kind].replace('*', ' ')}"
             for kind in dict.fromkeys(kind for kind, _ in self.signals)
         )
-        lines.append(
+        end = (
             f"statistical, from the static model at the nominal values; noise of a record: {noise}"
             f"; {RECORDS} records a visit, passing at {SPEED:g} rad/s"
         )
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.notes, str(Table.of_texts(rows)), end])
 
 
 def plan_measurement(
@@ -200,7 +193,15 @@ def plan_measurement(
         raise JointplayError(f"at least one experiment is needed, got {count}")
     friction = joint_friction if joint_friction is not None else urdf_friction(mechanism)
     machine = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
-    keys = all_keys(mechanism, signals)
+    known_keys = {"tool": AXES, "link": [*mechanism.gears], "torque": moving(mechanism)}
+    for kind in signals:
+        if kind not in known_keys:
+            raise JointplayError(f"no signal {kind!r} to plan with: {', '.join(known_keys)}")
+    keys = tuple((kind, name) for kind in signals for name in known_keys[kind])
+    if not keys:
+        raise JointplayError(
+            "link encoders are informative only for gears with play, and there are none"
+        )
     free, notes = _free_poses(mechanism, poses, seed)
     torqued = [name for kind, name in keys if kind == "torque"]
     unknowns = machine.unknowns(torqued, push > 0.0, also, known)
@@ -243,29 +244,28 @@ def _ways(mechanism: Mechanism) -> np.ndarray:
 def _free_poses(
     mechanism: Mechanism, given: np.ndarray | None, seed: int
 ) -> tuple[np.ndarray, list[str]]:
-    """Configurations, and the ways to which, are free of self-collision, (n, nq), and notes.
-
-    Raises:
-        JointplayError: there is none.
-    """
+    """Configurations that, with the ways to them, hit nothing of the robot, (n, nq), and notes."""
     shapes, names, ways = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
     at = [mechanism.coordinate(name) for name in names]
-    poses = over_workspace(mechanism, _TRIED * POSES, seed) if given is None else given
     if given is None:  # with room for the ways
+        poses = over_workspace(mechanism, _TRIED * POSES, seed)
         low, high = joint_limits(mechanism, names)
         ends = np.isfinite(low) & np.isfinite(high) & (high > low)
         low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
         shrunk = np.where(ends, 1.0 - 2.0 * ways / np.where(ends, high - low, 1.0), 1.0)
-        middle = 0.5 * (low + high)
-        motors = [mechanism.motor(name) for name in names]
+        middle, motors = 0.5 * (low + high), [mechanism.motor(name) for name in names]
         poses[:, at] = poses[:, motors] = middle + shrunk * (poses[:, at] - middle)
-    free: list[np.ndarray] = []
-    for row in poses:
-        if given is None and len(free) == POSES:
-            break
-        places = (row[at], row[at] + ways, row[at] - ways)
-        if not any(shapes.hits(dict(zip(names, place, strict=True))) for place in places):
-            free.append(row)
+    else:
+        poses = given
+    clear = (
+        row
+        for row in poses
+        if not any(
+            shapes.hits(dict(zip(names, row[at] + side * ways, strict=True)))
+            for side in (0.0, 1.0, -1.0)
+        )
+    )
+    free = list(islice(clear, POSES if given is None else None))
     if not free:
         raise JointplayError(
             f"the robot hits itself at, or on the way to, each of the {len(poses)} poses tried"
@@ -278,17 +278,16 @@ def _bearable(mechanism: Mechanism, options: Sequence[Experiment]) -> list[Exper
     ideal, names = mechanism.ideal(), moving(mechanism)
     model, data = ideal.model, ideal.data
     at = [ideal.coordinate(name) for name in names]
-    efforts = [mechanism.description.joints[name].effort for name in names]
-    most = np.array([np.inf if effort is None else effort for effort in efforts])
+    most = np.array([mechanism.description.joints[name].effort for name in names], float)
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     able = []
     for one in options:
         q = ideal.configuration(dict(zip(names, one.positions, strict=True)))
         weight = pin.computeGeneralizedGravity(model, data, q)[at]
         arms = pin.computeFrameJacobian(model, data, q, ideal.tool_frame, frame)
-        push = np.zeros(3) if one.force is None else np.array(one.force)
-        pushed = arms.reshape(6, model.nv)[:3, at].T @ push
-        if (np.maximum(np.abs(weight + pushed), np.abs(weight - pushed)) <= most).all():
+        pushed = arms.reshape(6, model.nv)[:3, at].T @ np.array(one.force or np.zeros(3))
+        # Of a joint without limit `most` is nan, which nothing exceeds.
+        if not (np.maximum(np.abs(weight + pushed), np.abs(weight - pushed)) > most).any():
             able.append(one)
     return able
 
@@ -335,29 +334,6 @@ def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
         for name in mechanism.joints
         if name in entries
     }
-
-
-def all_keys(mechanism: Mechanism, signals: Sequence[str]) -> tuple[Key, ...]:
-    """All signals of these kinds.
-
-    Raises:
-        JointplayError: no such kind, or none that any joint has.
-    """
-    keys: list[Key] = []
-    for kind in signals:
-        if kind == "tool":
-            keys += [("tool", axis) for axis in AXES]
-        elif kind == "link":
-            keys += [("link", name) for name in mechanism.gears]
-        elif kind == "torque":
-            keys += [("torque", name) for name in moving(mechanism)]
-        else:
-            raise JointplayError(f"no signal {kind!r} to plan with: tool, link, torque")
-    if not keys:
-        raise JointplayError(
-            "link encoders are informative only for gears with play, and there are none"
-        )
-    return tuple(keys)
 
 
 def experiments(
@@ -455,22 +431,17 @@ def offers(
         options += [one for one in pushes if one.force is not None]
     options.sort(key=lambda one: (one.force is not None, one.passes))
     sets = [(keys, "")]
-    more = tuple(("tool", axis) for axis in AXES if ("tool", axis) not in keys)
-    if more:
+    if more := tuple(("tool", axis) for axis in AXES if ("tool", axis) not in keys):
         sets.append(((*keys, *more), "with a tracker of the tool's position, "))
     for name in mechanism.gears:
         if ("link", name) not in keys:
             sets.append(((*keys, ("link", name)), f"with an encoder on the link of {name}, "))
-    names = tuple(moving(mechanism))
-    return [
-        (gain, words + one.words(names))
-        for wanted, words in sets
-        for gain, one in zip(
-            informations(machine, unknowns, wanted, noise, options, theta).gains,
-            options,
-            strict=True,
-        )
-    ]
+    names, found = tuple(moving(mechanism)), []
+    for wanted, words in sets:
+        gains = informations(machine, unknowns, wanted, noise, options, theta).gains
+        told = [words + one.words(names) for one in options]
+        found += list(zip(gains, told, strict=True))
+    return found
 
 
 def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
@@ -529,7 +500,6 @@ def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
 def _partners(
     unknowns: Sequence[Unknown], found: Information, chosen: Sequence[int]
 ) -> tuple[tuple[str, ...], ...]:
-    """What acts together with each unknown in what chosen experiments do not identify."""
     labels = [one.label for one in unknowns] + list(found.soft)
     gains, axes = np.linalg.eigh(found.before + found.gains[list(chosen)].sum(axis=0))
     null = axes[:, gains < 1.0 / LARGEST_SHARE**2]

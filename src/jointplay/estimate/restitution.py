@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -17,7 +18,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.progress import ProgressBar
 from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, minimum
 from jointplay.estimate.machine import friction_of, with_clearance
-from jointplay.estimate.measurement import Key, Measurement
+from jointplay.estimate.measurement import Measurement
 from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
@@ -30,7 +31,6 @@ from jointplay.study.study import Study, run_to_the_end
 
 
 IMPACT_KINDS = ("acceleration", "reaction")
-"""Signals that show impacts."""
 _ABOVE = 10.0
 """Standard deviations of the records above which there is an impact."""
 _PART = 0.005
@@ -67,55 +67,37 @@ class Channel:
     time: np.ndarray
     """Shape (n,) [s]."""
     size: np.ndarray
-    """By how much records stand out, at least zero, shape (n,) [m/s^2 or N]."""
+    """By how much records stand out, shape (n,) [m/s^2 or N]."""
     noise: float
     """Standard deviation of `size` where nothing hits."""
 
     @property
     def interval(self) -> float:
-        """Between records [s]."""
         return float(np.median(np.diff(self.time)))
 
 
-@dataclass(frozen=True)
-class ImpactTimes:
-    """n impacts in a channel."""
-
-    time: np.ndarray
-    """Centres, shape (n,) [s]."""
-    impulse: np.ndarray
-    """Sum over the records of each, in the channel's unit, shape (n,)."""
-
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self.time)
-
-
 def channels(measured: Measurement) -> tuple[Channel, ...]:
-    """The accelerometer as one channel, and each force between bearing and journal."""
-    made = []
-    axes = measured.has("acceleration")
-    if axes:
-        table = np.column_stack([measured.signals["acceleration", axis] for axis in axes])
-        made.append(_channel("", measured, table, spiky=True))
-    for joint in measured.has("reaction"):
-        table = measured.signals["reaction", joint][:, None]
-        made.append(_channel(joint, measured, table, spiky=False))
-    return tuple(one for one in made if one is not None)
+    """The accelerometer as one channel, and each force between bearing and journal.
 
-
-def _channel(joint: str, measured: Measurement, table: np.ndarray, spiky: bool) -> Channel | None:
-    """Records of one joint or the accelerometer (n, axes); None if they are too few."""
-    good = np.isfinite(table).all(axis=1)
-    time, table = measured.time[good], table[good]
-    if len(time) <= WINDOW:
-        return None
-    given = measured.noise.get("reaction" if joint else "acceleration")
-    noise = record_noise(table) if given is None else given
-    if spiky:
-        table = table - median_filter(table, size=(WINDOW, 1), mode="nearest")
-    size = np.linalg.norm(table, axis=1)
-    return Channel(joint, time, size, max(float(noise), 1e-9 * float(size.max(initial=1.0))))
+    What has too few records is left out.
+    """
+    axes, made = measured.has("acceleration"), []
+    groups = [("", "acceleration", axes)] if axes else []
+    groups += [(joint, "reaction", [joint]) for joint in measured.has("reaction")]
+    for joint, kind, names in groups:
+        table = np.column_stack([measured.signals[kind, name] for name in names])
+        good = np.isfinite(table).all(axis=1)
+        time, table = measured.time[good], table[good]
+        if len(time) <= WINDOW:
+            continue
+        given = measured.noise.get(kind)
+        noise = record_noise(table) if given is None else given
+        if kind == "acceleration":
+            table = table - median_filter(table, size=(WINDOW, 1), mode="nearest")
+        size = np.linalg.norm(table, axis=1)
+        least = 1e-9 * float(size.max(initial=1.0))
+        made.append(Channel(joint, time, size, max(float(noise), least)))
+    return tuple(made)
 
 
 def record_noise(table: np.ndarray) -> float:
@@ -131,20 +113,15 @@ def record_noise(table: np.ndarray) -> float:
     return float(np.quantile(medians, _CALM, axis=0).max() / _NORMAL / _LOW)
 
 
-def impacts(channel: Channel) -> ImpactTimes:
-    """Impacts in a channel, in order."""
+def impacts(channel: Channel) -> tuple[np.ndarray, np.ndarray]:
+    """Times of n impacts [s], in order, and sums over the records of each, shape (n,) each."""
     size = channel.size
     limit = max(_ABOVE * channel.noise, _PART * float(size.max(initial=0.0)))
     framed = np.concatenate([[0.0], size, [0.0]])
     at, _ = find_peaks(framed, height=limit, prominence=limit, distance=_APART)
-    at = at - 1
-    times, impulses = np.zeros(len(at)), np.zeros(len(at))
-    for k, i in enumerate(at):
-        near = slice(max(i - _REACH, 0), i + _REACH + 1)
-        weight = size[near]
-        times[k] = np.average(channel.time[near], weights=weight)
-        impulses[k] = weight.sum()
-    return ImpactTimes(times, impulses)
+    near = [slice(max(i - 1 - _REACH, 0), i + _REACH) for i in at]
+    times = [np.average(channel.time[one], weights=size[one]) for one in near]
+    return np.array(times), np.array([size[one].sum() for one in near])
 
 
 def summary(channel: Channel) -> dict[str, float]:
@@ -155,25 +132,24 @@ def summary(channel: Channel) -> dict[str, float]:
     their scatter is about normal.
     """
     size = np.hypot(channel.size, _DROWNED * channel.noise)
-    found = impacts(channel)
-    numbers = {"RMS": _log_rms(size)}
+
+    def log_rms(part: np.ndarray) -> float:
+        return float(0.5 * np.log(np.mean(part**2)))
+
+    numbers = {"RMS": log_rms(size)}
     for share in (50, 90, 99):
         numbers[f"{share} % quantile"] = float(np.log(np.percentile(size, share)))
     for number, part in enumerate(np.array_split(size, BINS), 1):
-        numbers[f"RMS in part {number} of {BINS}"] = _log_rms(part)
-    numbers["number of impacts"] = float(np.log1p(len(found)))
-    gaps = np.diff(found.time)
+        numbers[f"RMS in part {number} of {BINS}"] = log_rms(part)
+    times, _ = impacts(channel)
+    numbers["number of impacts"] = float(np.log1p(len(times)))
+    gaps = np.diff(times)
     numbers["intervals, mean"] = float(np.log(gaps).mean()) if len(gaps) else np.nan
     numbers["intervals, spread"] = float(np.log(gaps).std()) if len(gaps) > 1 else np.nan
     ratios = gaps[1:] / gaps[:-1]
     shrinking = ratios[ratios < 1.0]
     numbers["ratio of intervals"] = float(np.log(shrinking).mean()) if len(shrinking) else np.nan
     return numbers
-
-
-def _log_rms(size: np.ndarray) -> float:
-    """Logarithm of the RMS."""
-    return float(0.5 * np.log(np.mean(size**2)))
 
 
 # Restitution from flights: those of a bouncing journal grow shorter by it.
@@ -207,42 +183,38 @@ _RESAMPLES = 999
 
 def flights(channel: Channel) -> Estimate:
     """Restitution of a joint by its impacts in a channel."""
-    found = impacts(channel)
+    times, impulses = impacts(channel)
 
     def dark(reason: str) -> Estimate:
         return Estimate(unknown(channel.joint), reason=reason)
 
-    if not len(found):
+    if not len(times):
         return dark(
             f"no impact exceeds the noise ({channel.noise:.2g} a record); let the load reverse "
             "suddenly, or use a quieter sensor"
         )
-    bounces = sequences(found, channel.interval)
+    bounces = sequences(times, impulses, channel.interval)
     ratios = [np.log(gaps[1:] / gaps[:-1]) for gaps, _ in bounces]
     number = sum(map(len, ratios))
     if number < FEWEST_RATIOS:
-        return dark(_too_few(found, number, 1.0 / channel.interval))
-    inside = sum(len(impulses) for _, impulses in bounces)
-    otherwise = "--runs compares with simulations"
-    if inside < _LEAST_SHARE * len(found):
+        return dark(_too_few(times, number, 1.0 / channel.interval))
+    inside = sum(len(own) for _, own in bounces)
+    turns = "several places hit in turn, or the load changes; --runs compares with simulations"
+    if inside < _LEAST_SHARE * len(times):
         return dark(
-            f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
-            f"places hit in turn, or the load changes; {otherwise}"
+            f"only {inside} of {len(times)} impacts are bounces that die away steadily: {turns}"
         )
     scatter = float(np.concatenate(ratios).std(ddof=1))
     if scatter > _SCATTER:
-        return dark(
-            f"ratios of successive flights scatter by {100 * scatter:.0f} %: several "
-            f"places hit in turn, or the load changes; {otherwise}"
-        )
+        return dark(f"ratios of successive flights scatter by {100 * scatter:.0f} %: {turns}")
     middle, half = _mean(ratios)
     half = float(np.hypot(half, _timing([gaps for gaps, _ in bounces], channel.interval)))
-    impulse, other = _mean([np.log(impulses[1:] / impulses[:-1]) for _, impulses in bounces])
+    impulse, other = _mean([np.log(own[1:] / own[:-1]) for _, own in bounces])
     value = float(np.exp(middle))
     if abs(impulse - middle) > np.hypot(half, other) + np.log1p(_AGREE):
         return dark(
             f"flights grow shorter by {value:.3g}, impulses smaller by {np.exp(impulse):.3g}: the "
-            f"load is not constant while the journal flies; {otherwise}"
+            "load is not constant while the journal flies; --runs compares with simulations"
         )
     if value >= 1.0:
         return dark("impacts do not die away")
@@ -250,10 +222,10 @@ def flights(channel: Channel) -> Estimate:
     return Estimate(unknown(channel.joint), value, half, note=f"{number} ratios of flights")
 
 
-def _too_few(found: ImpactTimes, number: int, rate: float) -> str:
+def _too_few(times: np.ndarray, number: int, rate: float) -> str:
     """What would give more ratios, at a rate of records [Hz]."""
-    gaps = np.diff(found.time)
-    words = f"{len(found)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
+    gaps = np.diff(times)
+    words = f"{len(times)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
     words += "needed; "
     if len(gaps) and np.median(gaps) * rate < 2.0 * SHORTEST:
         faster = 4.0 * SHORTEST / float(np.median(gaps))
@@ -299,15 +271,15 @@ def _timing(flights: list[np.ndarray], interval: float) -> float:
     return float(NORMAL * np.sqrt(2.0 * square) / steps)
 
 
-def sequences(found: ImpactTimes, interval: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def sequences(
+    times: np.ndarray, impulses: np.ndarray, interval: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Sequences of impacts that die away steadily, `interval` [s] being between records.
 
     Returns:
         Of each the n intervals between its impacts [s], and their n + 1 impulses.
     """
-    gaps, impulses = np.diff(found.time), found.impulse
-    made = []
-    first = 0
+    gaps, made, first = np.diff(times), [], 0
     while first < len(gaps):
         last = first + 1
         while last < len(gaps) and _goes_on(
@@ -340,48 +312,28 @@ _LEAST = 0.05
 """Part of a value below which it is not drawn."""
 
 
-@dataclass(frozen=True)
 class Instruments:
-    """What showed impacts, how often and how well."""
+    """What showed the impacts of a measurement: how often, how well, in which signals.
 
-    begin: float
-    """Of the measurement [s]."""
-    end: float
-    rate: float
-    """Records a second [Hz]."""
-    noise: Mapping[str, float]
-    """Standard deviation of a record by kind of signal [SI]."""
-    keys: frozenset[Key]
-    """Signals that are compared."""
+    Raises:
+        JointplayError: the measurement has no signal that shows impacts.
+    """
 
-    @classmethod
-    def of(cls, measured: Measurement) -> Instruments:
-        """Those of a measurement.
-
-        Raises:
-            JointplayError: it has no signal that shows impacts.
-        """
+    def __init__(self, measured: Measurement) -> None:
         felt = channels(measured)
         if not felt:
             raise JointplayError(
                 f"{measured.source}: impacts are not measured: acceleration x (y, z) or JOINT "
                 "reaction is needed"
             )
-        noise: dict[str, float] = {}
+        self.noise: dict[str, float] = {}
         for one in felt:
             kind = "reaction" if one.joint else "acceleration"
-            noise[kind] = max(one.noise, noise.get(kind, 0.0))
-        time = measured.time
-        return cls(
-            float(time[0]),
-            float(time[-1]),
-            1.0 / float(np.median(np.diff(time))),
-            noise,
-            frozenset(
-                [("acceleration", axis) for axis in measured.has("acceleration")]
-                + [("reaction", one.joint) for one in felt if one.joint]
-            ),
-        )
+            self.noise[kind] = max(one.noise, self.noise.get(kind, 0.0))
+        self.begin, self.end = float(measured.time[0]), float(measured.time[-1])
+        self.rate = 1.0 / float(np.median(np.diff(measured.time)))
+        keys = [("acceleration", axis) for axis in measured.has("acceleration")]
+        self.keys = {*keys, *(("reaction", one.joint) for one in felt if one.joint)}
 
     def settings(self, simulation: Simulation) -> Simulation:
         """The simulation, as long as the measurement and recorded as finely.
@@ -394,15 +346,14 @@ class Instruments:
         every = max(int(1.0 / (_FINER * self.rate * simulation.step)), 1)
         return replace(simulation, duration=self.end, record_every=every)
 
-    def look(self, result: Result) -> Measurement:
-        """What they see of a run, noise of its own included."""
-        kinds = tuple(self.noise)
-        seed = result.simulation.seed or 0
+    def look(self, result: Result) -> dict[str, float]:
+        """Statistics of a run, with noise of the instruments' own."""
         recorded = Measurement.from_result(
-            result, rate=self.rate, noise=self.noise, kinds=kinds, seed=seed, delay=self.begin
-        )
+            result, rate=self.rate, noise=self.noise, kinds=tuple(self.noise),
+            seed=result.simulation.seed or 0, delay=self.begin,
+        )  # fmt: skip
         signals = {key: values for key, values in recorded.signals.items() if key in self.keys}
-        return replace(recorded, signals=signals, noise=dict(self.noise))
+        return self.statistics(replace(recorded, signals=signals))
 
     def statistics(self, measured: Measurement) -> dict[str, float]:
         """Statistics of all channels, by name."""
@@ -414,21 +365,12 @@ class Instruments:
         }
 
     def statistics_of_run(self, simulation: Simulation) -> dict[str, float]:
-        """Statistics of a simulation's run.
-
-        Raises:
-            JointplayError: it fails.
-        """
-        return self.statistics(self.look(run(simulation)))
+        """Statistics of a simulation's run."""
+        return self.look(run_to_the_end(simulation, RUN))
 
 
-def run(simulation: Simulation) -> Result:
-    """A run of which nothing but what instruments see counts.
-
-    Raises:
-        JointplayError: it fails.
-    """
-    return run_to_the_end(simulation, "a run to compare with the measurement")
+RUN = "a run to compare with the measurement"
+"""For messages about one that fails."""
 
 
 def sampled_joint(
@@ -462,23 +404,15 @@ _LEAST_SPREAD = 0.02
 """Scatter below which statistics (logarithms) are not taken to be known."""
 
 
-@dataclass(frozen=True)
-class LikelihoodEstimate:
+class LikelihoodEstimate(NamedTuple):
     """p values by statistics of runs."""
 
     value: np.ndarray
-    """Shape (p,)."""
     half_width: np.ndarray
     """Of the 95 % intervals, shape (p,)."""
-    distance: float
-    """Of the measured statistics from their means, relative to the largest of the runs' own."""
+    strange: bool
     oddest: int
     """The statistic that is farthest off."""
-
-    @property
-    def strange(self) -> bool:
-        """Whether no value explains what was measured."""
-        return self.distance > _STRANGE
 
 
 def by_likelihood(
@@ -505,8 +439,8 @@ def by_likelihood(
     spread = np.sqrt(np.maximum(np.mean(errors**2, axis=0), np.mean(errors[near] ** 2, axis=0)))
     freedom = max(len(values) - _terms(values.shape[1]), 1)
     half = spread * float(student.ppf(0.5 + CONFIDENCE / 2.0, freedom))
-    limit = max(float(distances.max()), 1.0)
-    return LikelihoodEstimate(best, half, distance / limit, odd)
+    strange = distance > _STRANGE * max(float(distances.max()), 1.0)
+    return LikelihoodEstimate(best, half, strange, odd)
 
 
 def design(count: int, low: np.ndarray, high: np.ndarray, seed: int) -> np.ndarray:
@@ -515,13 +449,7 @@ def design(count: int, low: np.ndarray, high: np.ndarray, seed: int) -> np.ndarr
     return np.asarray(low + spread * (high - low))
 
 
-def runs_needed(p: int) -> int:
-    """Fewest runs by which p values can be identified."""
-    return 2 * _terms(p) + 4
-
-
 def _terms(p: int) -> int:
-    """Terms of a quadratic of p values."""
     return 1 + p + p * (p + 1) // 2
 
 
@@ -614,10 +542,8 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Estimate, .
             found.append(_with_coefficient(one, joint))
             continue
         if felt:
-            reason = (
-                f"an impact may belong to any of {', '.join(names)}: measure '{name} reaction', "
-            )
-            reason += "give the others no clearance, or compare with simulations (--runs)"
+            reason = f"an impact may belong to any of {', '.join(names)}: measure '{name} reaction'"
+            reason += ", give the others no clearance, or compare with simulations (--runs)"
         elif any(measured.has(kind) for kind in IMPACT_KINDS):
             reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at "
             reason += "least, many for each flight, are needed"
@@ -676,114 +602,81 @@ def by_simulation(
     Raises:
         JointplayError: too few runs; no signal that shows impacts; no motion; a run that fails.
     """
-    names = list(simulation.mechanism.clearance)
-    least = 2 * runs_needed(len(names))
+    joints = simulation.mechanism.clearance
+    least = 2 * (2 * _terms(len(joints)) + 4)
     if runs < least:
         raise JointplayError(
-            f"restitution of {len(names)} joint{'s' * (len(names) > 1)} takes at least {least} "
+            f"restitution of {len(joints)} joint{'s' * (len(joints) > 1)} takes at least {least} "
             f"runs, got {runs}"
         )
-    compared = _Comparison(simulation, measured, spreads or {}, seed)
-    hits = max(len(impacts(one)) for one in channels(measured))
+    instruments, spreads = Instruments(measured), spreads or {}
+    own, random = instruments.settings(simulation), np.random.default_rng(seed)
+    statistics = instruments.statistics(measured)
+    seen = np.array(list(statistics.values()))
+    hits = max(len(impacts(one)[0]) for one in channels(measured))
     if hits < _FEWEST_IMPACTS:
         reason = f"{hits} impacts exceed the noise; let loads reverse suddenly, or use a "
-        return tuple(
-            Estimate(unknown(name), reason=reason + "quieter or faster sensor") for name in names
-        )
-    joints = simulation.mechanism.clearance.values()
-    low, high = (np.array([delivered(one, end) for one in joints]) for end in (LOW, HIGH))
+        reason += "quieter or faster sensor"
+        return tuple(Estimate(unknown(name), reason=reason) for name in joints)
+
+    def drawn(row: np.ndarray, number: int) -> Simulation:
+        made = {}
+        for (name, joint), value in zip(joints.items(), row.tolist(), strict=True):
+            nominal = nominal_of(joint, value)
+            one = joint.with_restitution(value if np.isnan(nominal) else nominal)
+            made[name] = sampled_joint(one, spreads.get(name, {}), random)
+        return replace(own, mechanism=own.mechanism.with_clearance(made), seed=number)
+
+    def fit(
+        values: np.ndarray, table: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> tuple[LikelihoodEstimate | None, str]:
+        """The estimate, None if no statistic is usable; name of that which is farthest off."""
+        with np.errstate(invalid="ignore"):
+            use = np.isfinite(seen) & np.isfinite(table).all(axis=0)
+            use &= np.ptp(table, axis=0) > 1e-9
+        if not use.any():
+            return None, ""
+        found = by_likelihood(values, table[:, use], seen[use], low, high)
+        return found, list(statistics)[np.flatnonzero(use)[found.oddest]]
+
+    def simulated(values: np.ndarray, first: int) -> np.ndarray:
+        todo = [drawn(row, number) for number, row in enumerate(values, first)]
+        rows = Study(todo, instruments.statistics_of_run).run(jobs, bar)
+        return np.array([[row[name] for name in statistics] for row in rows])
+
+    low, high = (np.array([delivered(o, end) for o in joints.values()]) for end in (LOW, HIGH))
     with ProgressBar(total=runs, desc="restitution", disable=not progress, unit="run") as bar:
         values = design(runs // 2, low, high, seed)
-        table = compared.run(values, jobs, bar)
-        first, _ = compared.fit(values, table, low, high)
+        table = simulated(values, seed + 1)
+        first, _ = fit(values, table, low, high)
         begin, end = low, high
         if first is not None:
             begin = np.maximum(low, first.value - _WIDER * first.half_width)
             end = np.minimum(high, first.value + _WIDER * first.half_width)
         more = design(runs - len(values), begin, end, seed + 1)
-        table = np.vstack([table, compared.run(more, jobs, bar)])
+        table = np.vstack([table, simulated(more, seed + 1 + len(values))])
         values = np.vstack([values, more])
     near = ((values >= begin) & (values <= end)).all(axis=1)
-    found, oddest = compared.fit(values[near], table[near], begin, end)
-    return tuple(
-        compared.restitution(i, found, oddest, (low[i], high[i]), int(near.sum()))
-        for i in range(len(names))
-    )
+    found, oddest = fit(values[near], table[near], begin, end)
 
-
-class _Comparison:
-    """Runs with given restitutions beside a measurement, by the statistics of their impacts."""
-
-    def __init__(
-        self,
-        simulation: Simulation,
-        measured: Measurement,
-        spreads: Mapping[str, Mapping[str, float]],
-        seed: int,
-    ) -> None:
-        """Look at the measurement."""
-        self._instruments = Instruments.of(measured)
-        self._simulation = self._instruments.settings(simulation)
-        self._spreads, self._seed = spreads, seed
-        self._random = np.random.default_rng(seed)
-        statistics = self._instruments.statistics(measured)
-        self._names, self._measured = list(statistics), np.array(list(statistics.values()))
-
-    def run(self, values: np.ndarray, jobs: int | None, bar: ProgressBar) -> np.ndarray:
-        """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
-        todo = [self._with(row) for row in values]
-        rows = Study(todo, self._instruments.statistics_of_run).run(jobs, bar)
-        return np.array([[row[name] for name in self._names] for row in rows])
-
-    def _with(self, row: np.ndarray) -> Simulation:
-        """A run with these restitutions, other values as uncertain as they are, another start."""
-        self._seed += 1
-        mechanism, joints = self._simulation.mechanism, {}
-        for (name, joint), value in zip(mechanism.clearance.items(), row.tolist(), strict=True):
-            nominal = nominal_of(joint, value)
-            made = joint.with_restitution(value if np.isnan(nominal) else nominal)
-            joints[name] = sampled_joint(made, self._spreads.get(name, {}), self._random)
-        return replace(
-            self._simulation, mechanism=mechanism.with_clearance(joints), seed=self._seed
-        )
-
-    def fit(
-        self, values: np.ndarray, table: np.ndarray, low: np.ndarray, high: np.ndarray
-    ) -> tuple[LikelihoodEstimate | None, str]:
-        """The estimate, None if no statistic is usable; name of that which is farthest off."""
-        with np.errstate(invalid="ignore"):
-            use = np.isfinite(self._measured) & np.isfinite(table).all(axis=0)
-            use &= np.ptp(table, axis=0) > 1e-9
-        if not use.any():
-            return None, ""
-        found = by_likelihood(values, table[:, use], self._measured[use], low, high)
-        return found, self._names[np.flatnonzero(use)[found.oddest]]
-
-    def restitution(
-        self,
-        i: int,
-        found: LikelihoodEstimate | None,
-        oddest: str,
-        limits: tuple[float, float],
-        runs: int,
-    ) -> Estimate:
-        """Of the i-th joint by an estimate of so many runs, sought within limits."""
-        name, joint = list(self._simulation.mechanism.clearance.items())[i]
+    def told(i: int, name: str, joint: Clearance) -> Estimate:
+        dark = Estimate(unknown(name))
         if found is None:
-            reason = "no statistic of the impacts exists in every run"
-            return Estimate(unknown(name), reason=reason)
+            return replace(dark, reason="no statistic of the impacts exists in every run")
         if found.strange:
             reason = f"its impacts do not match any simulated machine ({oddest} is farthest "
             reason += "off); does the scenario's motion, load, clearance or noise differ?"
-            return Estimate(unknown(name), reason=reason)
+            return replace(dark, reason=reason)
         value, half = float(found.value[i]), float(found.half_width[i])
         if half > _WIDEST:
             reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with "
             reason += "other restitutions look the same; more drops, or a faster or quieter sensor "
-            return Estimate(unknown(name), reason=reason + "may tell")
-        evidence = f"impacts of {runs} runs"
-        if "clearance" not in " ".join(self._spreads.get(name, ())):
+            return replace(dark, reason=reason + "may tell")
+        evidence = f"impacts of {int(near.sum())} runs"
+        if "clearance" not in " ".join(spreads.get(name, ())):
             evidence += ", clearance as in the scenario"
-        if value - half < limits[0] or value + half > limits[1]:
-            evidence += f", sought from {limits[0]:.3g} to {limits[1]:.3g}"
+        if value - half < low[i] or value + half > high[i]:
+            evidence += f", sought from {low[i]:.3g} to {high[i]:.3g}"
         return _with_coefficient(Estimate(unknown(name), value, half, note=evidence), joint)
+
+    return tuple(told(i, name, joint) for i, (name, joint) in enumerate(joints.items()))

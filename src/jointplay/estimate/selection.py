@@ -36,9 +36,6 @@ def improves(before: np.ndarray, after: np.ndarray, units: np.ndarray) -> Gain:
     Args:
         before, after: squared weighted errors of the rows, shape (n,).
         units: number of the unit of each row, shape (n,).
-
-    Returns:
-        Whether; the mean difference; what it had to exceed.
     """
     from scipy.stats import t
 
@@ -67,7 +64,7 @@ def grown(
         now: where it begins.
         candidates: causes that may be added.
         extended: the model with one more, fitted; None where that cannot be.
-        units: number of the independent unit of each row, shape (n,).
+        units: see `improves`.
         tried: told of each model that was tried, with its cause, its gain, and whether it is kept;
             the kept one last.
     """

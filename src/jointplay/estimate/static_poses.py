@@ -26,7 +26,6 @@ from jointplay.simulation.result.result import AXES
 _JOINT_UNITS = {"motor": ("rad", "m"), "link": ("rad", "m"), "load": ("N*m", "N")}
 _TOOL_UNITS = dict.fromkeys(AXES, "m") | {"rx": "rad", "ry": "rad", "rz": "rad"}
 FEWEST = 6
-"""Poses that a calibration needs."""
 _MOST_LABELS = 6
 """Markers whose labels can be checked: all permutations are tried."""
 
@@ -66,75 +65,61 @@ class StaticPoses:
     exchanged: tuple[int, ...] = ()
     """Rows in which labels of markers were exchanged, and have been put right."""
     source: str = "the poses"
-    """Where they came from, for messages."""
 
     def __post_init__(self) -> None:
-        """Check shapes and numbers."""
         n, j = np.shape(self.motor)[0], len(self.joints)
         shapes: dict[str, tuple[int, ...]] = {"motor": (n, j), "link": (n, j), "load": (n, j)}
         shapes |= {"position": (n, 3), "orientation": (n, 3, 3)}
         for name, shape in shapes.items():
-            given = getattr(self, name)
-            if given is None:
+            if (given := getattr(self, name)) is None:
                 continue
             values = np.asarray(given, float)
             object.__setattr__(self, name, values)
             if values.shape != shape:
-                raise JointplayError(
-                    f"{self.source}: {name} must have the shape {shape}, got {values.shape}"
-                )
+                raise self._wrong(f"{name} must have the shape {shape}, got {values.shape}")
             bad = np.argwhere(np.isinf(values) if name == "link" else ~np.isfinite(values))
             if bad.size:
                 row, *rest = bad[0]
-                what = self.joints[rest[0]] if name in ("motor", "link", "load") else str(rest)
-                raise JointplayError(
-                    f"{self.source}: {name} {what} in row {row + 1} must be finite, got "
-                    f"{values[tuple(bad[0])]}"
+                what = self.joints[rest[0]] if shape == (n, j) else str(rest)
+                raise self._wrong(
+                    f"{name} {what} in row {row + 1} must be finite, got {values[tuple(bad[0])]}"
                 )
         for name in ("point", "group"):
-            labels = getattr(self, name)
-            if labels is None:
+            if (labels := getattr(self, name)) is None:
                 continue
-            object.__setattr__(self, name, tuple(str(label) for label in labels))
+            object.__setattr__(self, name, tuple(map(str, labels)))
             if len(labels) != n:
-                raise JointplayError(
-                    f"{self.source}: {name} must have {n} names, one a row, got {len(labels)}"
-                )
+                raise self._wrong(f"{name} must have {n} names, one a row, got {len(labels)}")
         if n < FEWEST:
-            raise JointplayError(f"{self.source}: {n} poses; at least {FEWEST} are needed")
+            raise self._wrong(f"{n} poses; at least {FEWEST} are needed")
         if self.position is not None and self.point is not None:
-            raise JointplayError(
-                f"{self.source}: give positions of the tool or names of points, not both"
-            )
+            raise self._wrong("give positions of the tool or names of points, not both")
         if self.orientation is not None:
             off = np.abs(np.swapaxes(self.orientation, 1, 2) @ self.orientation - np.eye(3))
             worst = int(off.max(axis=(1, 2)).argmax())
             if off[worst].max() > 1e-3 or np.linalg.det(self.orientation[worst]) < 0.0:
-                raise JointplayError(
-                    f"{self.source}: the orientation in row {worst + 1} is not a rotation matrix"
-                )
+                raise self._wrong(f"the orientation in row {worst + 1} is not a rotation matrix")
         for pair in self.distances:
             for name in pair:
                 if name not in (self.point or ()):
                     raise MissingName("point", name, dict.fromkeys(self.point or ()))
 
+    def _wrong(self, text: str) -> JointplayError:
+        return JointplayError(f"{self.source}: {text}")
+
     def __len__(self) -> int:
-        """How many poses there are."""
         return len(self.motor)
 
     def rows(self, keep: Sequence[int] | np.ndarray) -> StaticPoses:
         """Some of the rows; a row whose predecessor is left out counts as approached from the
         one before that."""
-        keep = np.asarray(keep)
-        keep = np.flatnonzero(keep) if keep.dtype == bool else keep
+        keep = np.arange(len(self))[np.asarray(keep)]
         changed: dict[str, Any] = {}
-        for name in ("point", "group"):
-            labels = getattr(self, name)
-            changed[name] = None if labels is None else tuple(labels[i] for i in keep)
-        for name in ("motor", "link", "position", "orientation", "load"):
-            values = getattr(self, name)
-            changed[name] = None if values is None else values[keep]
-        left = set(changed["point"] or ())
+        for name in ("point", "group", "motor", "link", "position", "orientation", "load"):
+            if (values := getattr(self, name)) is not None:
+                chosen = np.asarray(values)[keep]
+                changed[name] = tuple(chosen) if isinstance(values, tuple) else chosen
+        left = set(changed.get("point", ()))
         distances = {pair: d for pair, d in self.distances.items() if set(pair) <= left}
         return replace(self, **changed, distances=distances, exchanged=())
 
@@ -150,9 +135,7 @@ class StaticPoses:
                 raise MissingName("joint", name, self.joints)
             column = self.joints.index(name)
             if self.link is None or np.isnan(self.link[:, column]).any():
-                raise JointplayError(
-                    f"{self.source}: {name} has no encoder on the link's side in every row"
-                )
+                raise self._wrong(f"{name} has no encoder on the link's side in every row")
             motor[:, column] = self.link[:, column]
         return replace(self, motor=motor)
 
@@ -162,13 +145,11 @@ class StaticPoses:
         A joint that did not move keeps its direction.
         """
         way = np.zeros(self.motor.shape)
-        if not self.ordered:
-            return way
-        for i in range(1, len(self)):
-            if self.group is not None and self.group[i] != self.group[i - 1]:
-                continue
-            step = self.motor[i] - self.motor[i - 1]
-            way[i] = np.where(np.abs(step) > 1e-6, np.sign(step), way[i - 1])
+        group = self.group or (None,) * len(self)
+        for i in range(1, len(self) if self.ordered else 1):
+            if group[i] == group[i - 1]:
+                step = self.motor[i] - self.motor[i - 1]
+                way[i] = np.where(np.abs(step) > 1e-6, np.sign(step), way[i - 1])
         return way
 
     @classmethod
@@ -188,32 +169,23 @@ class StaticPoses:
             markers: positions, shape (n, m, 3) [m], m of at least 3.
             tool: the marker that is the tool's point.
             more: further fields of the class.
-
-        Raises:
-            JointplayError: fewer than three markers; see also the class.
         """
         markers, exchanged = same_labels(markers)
         shape, rotations, origins, _ = rigid_body(markers)
-        return cls(
-            tuple(joints),
-            motor,
-            position=origins + rotations @ shape[tool],
-            orientation=rotations,
-            exchanged=exchanged,
-            **more,
-        )
+        position = origins + rotations @ shape[tool]
+        measured = {"position": position, "orientation": rotations, "exchanged": exchanged}
+        return cls(tuple(joints), motor, **measured, **more)
 
     @classmethod
     def from_csv(cls, path: str | Path, joints: Mapping[str, bool]) -> StaticPoses:
-        """Read a CSV file; lines beginning with # are comments.
+        """Read a CSV file, with columns as listed in docs/real_robots.md.
 
         Args:
-            path: the file, with columns as listed in docs/real_robots.md.
+            path: the file.
             joints: the robot's joints, and whether each slides.
 
         Raises:
-            JointplayError: no such file; a column without unit, of an unknown name or given twice;
-                a cell that is not a number (with its line); see also the class.
+            JointplayError: see `columns.read` and the class.
         """
         path = Path(path)
 
@@ -234,7 +206,6 @@ class StaticPoses:
         )
 
         def block(kind: str, parts: Sequence[str], missing: float | None = None) -> np.ndarray:
-            """Columns of a kind side by side, shape (n, parts)."""
             for name in parts:
                 if (kind, name) not in numbers and missing is None:
                     raise JointplayError(f"{path}: the column '{kind} {name}' is missing")

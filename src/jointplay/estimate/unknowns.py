@@ -93,27 +93,27 @@ class Estimate:
 
     @property
     def low(self) -> float:
-        """Lower end of the interval."""
         return self.interval[0]
 
     @property
     def high(self) -> float:
-        """Upper end of the interval."""
         return self.interval[1]
 
     @property
     def label(self) -> str:
-        """Of the unknown."""
         return self.unknown.label
 
     @property
     def joint(self) -> str:
-        """Of the unknown."""
         return self.unknown.joint
 
     @property
+    def deviation(self) -> float:
+        """Standard deviation by the interval."""
+        return self.half_width / NORMAL
+
+    @property
     def identified(self) -> bool:
-        """Whether the measurement tells it."""
         return not self.reason
 
     def words(self) -> tuple[str, str]:
@@ -128,32 +128,27 @@ class Estimate:
         return shown(self.value), f"{shown(low)} to {shown(high)}{note}"
 
     def __str__(self) -> str:
-        """One line."""
         value, interval = self.words()
         return f"{self.label}: " + ": ".join(filter(None, [value, interval, self.reason]))
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]; without numbers where the measurement cannot tell."""
-        one = self.unknown
-        row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
-        row |= {"why_not": self.reason, "note": self.note}
-        numbers = {"scenario": one.nominal}
+        one, numbers = self.unknown, {"scenario": self.unknown.nominal}
         if not self.reason:
             numbers |= {"found": self.value, "low": self.low, "high": self.high}
             numbers |= {"upper": self.upper}
+        row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
+        row |= {"why_not": self.reason, "note": self.note}
         return row | {name: float(x) for name, x in numbers.items() if np.isfinite(x)}
 
 
 def listed(
     found: Sequence[Estimate], head: str = "unknown", vague: str = "", scenario: bool = False
 ) -> str:
-    """Estimates as a table, and why what cannot be told cannot.
+    """Estimates as a table under a head, and why what cannot be told cannot.
 
-    Args:
-        found: what to list.
-        head: of the first column.
-        vague: if given, estimates without an interval are named in a line that begins so.
-        scenario: whether there is a column of what was expected.
+    With `vague`, those without an interval are named in a line that begins so; with `scenario`
+    there is a column of what was expected.
     """
     dark = [one for one in found if one.reason]
     rows = [["95 % interval", "found", *(["scenario"] if scenario else []), head][::-1]]

@@ -20,24 +20,21 @@ from jointplay.base.units import displayed
 from jointplay.estimate.identification import Identification, spreads
 from jointplay.estimate.least_squares import basis
 from jointplay.estimate.machine import known_gears
-from jointplay.estimate.measurement import SHOWN, tool_positions
-from jointplay.estimate.restitution import Instruments, channels, run, sampled_joint
-from jointplay.estimate.unknowns import NORMAL
+from jointplay.estimate.measurement import SHOWN, departures, histories
+from jointplay.estimate.restitution import RUN, Instruments, channels, sampled_joint
 from jointplay.physics.joints import SlidingClearance
-from jointplay.simulation.result.result import AXES, Result
+from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.study import Study
+from jointplay.study.study import Study, run_to_the_end
 
 RUNS = 6
-"""Runs with which a measurement is compared."""
 FEWEST_RUNS = 3
 LEVEL = 0.05
 """How often a measurement of just this machine would be said to disagree, in all checks."""
 _LEAST_SPREAD = 0.02
 """Scatter of the logarithm of a statistic below which runs are not taken to agree."""
 
-_ByKind = dict[str, float]
-_Parts = tuple[_ByKind, _ByKind, _ByKind, _ByKind]
+_Parts = tuple[dict[str, float], dict[str, float], dict[str, float], dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,6 @@ class Check:
 
     @property
     def agrees(self) -> bool:
-        """Whether the measurement could be one more of the runs."""
         return self.low <= self.measured <= self.high
 
 
@@ -68,7 +64,6 @@ class Verification:
     dynamic: dict[str, float]
     """Of the mean of the runs of the full model with it."""
     error: dict[str, float]
-    """Standard error of the means."""
     checks: tuple[Check, ...]
     runs: int
     not_identified: tuple[str, ...]
@@ -76,11 +71,9 @@ class Verification:
 
     @property
     def agrees(self) -> bool:
-        """Whether the measurement could be one more of the runs."""
         return all(one.agrees for one in self.checks)
 
     def __str__(self) -> str:
-        """A line for each kind of signal and each statistic, and the verdict."""
         lines = []
         if self.measured:
             heads = ("without play", "static model", "simulated", "standard error of the means")
@@ -90,7 +83,8 @@ class Verification:
                 [f"{kind} [{unit}]", *(f"{factor * part[kind]:.4g}" for part in parts)]
                 for kind, (factor, unit) in kinds
             ]
-            lines.append(str(Table.of_texts([["RMS residual", *heads], *rows])))
+            lines.append(Table.of_texts([["RMS residual", *heads], *rows]))
+        head = ["statistic", "measured", f"of {self.runs} runs and their scatter", ""]
         found = [
             [
                 one.name + (f" [{one.unit}]" if one.unit else ""),
@@ -100,21 +94,13 @@ class Verification:
             ]
             for one in self.checks
         ]
-        head = ["statistic", "measured", f"of {self.runs} runs and their scatter", ""]
-        lines.append(str(Table.of_texts([head, *found])))
-        off = sum(not one.agrees for one in self.checks)
-        if off:
-            verdict = f"{off} of {len(self.checks)} statistics are off"
-            if self.not_identified:
-                verdict += (
-                    f"; not determined, taken from the scenario: {', '.join(self.not_identified)}"
-                )
-            lines.append(f"the identified machine does not reproduce the measurement: {verdict}")
-        else:
-            lines.append(
-                "the identified machine reproduces the measurement within scatter (simulated)"
-            )
-        return "\n".join(lines)
+        verdict = "the identified machine reproduces the measurement within scatter (simulated)"
+        if off := sum(not one.agrees for one in self.checks):
+            verdict = "the identified machine does not reproduce the measurement: "
+            verdict += f"{off} of {len(self.checks)} statistics are off"
+            if names := ", ".join(self.not_identified):
+                verdict += f"; not determined, taken from the scenario: {names}"
+        return "\n".join(map(str, [*lines, Table.of_texts([head, *found]), verdict]))
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
@@ -156,7 +142,7 @@ def verify(
     if not keys and not impacts:
         raise JointplayError("nothing to compare: no means over visits and no impacts")
     own = replace(simulation, duration=float(measured.time[-1]))
-    instruments = Instruments.of(measured) if impacts else None
+    instruments = Instruments(measured) if impacts else None
     if instruments is not None:
         own = instruments.settings(simulation)
     drawn = [_perturbed(own, identification, number) for number in range(runs)]
@@ -180,10 +166,9 @@ def verify(
 def _look(
     identification: Identification, instruments: Instruments | None, simulation: Simulation
 ) -> tuple[np.ndarray | None, dict[str, float]]:
-    """Means over visits of a run, and the statistics of its impacts, as far as they are asked."""
-    result = run(simulation)
+    result = run_to_the_end(simulation, RUN)
     means = _means(result, identification) if identification.observed.keys else None
-    return means, {} if instruments is None else instruments.statistics(instruments.look(result))
+    return means, {} if instruments is None else instruments.look(result)
 
 
 def _perturbed(simulation: Simulation, identification: Identification, number: int) -> Simulation:
@@ -195,14 +180,14 @@ def _perturbed(simulation: Simulation, identification: Identification, number: i
     for name, joint in mechanism.clearance.items():
         made = sampled_joint(joint, known.get(name, {}), random)
         if name in bounced and isinstance(joint, SlidingClearance):
-            shift = bounced[name].half_width / NORMAL * random.standard_normal()
+            shift = bounced[name].deviation * random.standard_normal()
             value = min(max(joint.restitution + shift, 0.02), 1.0)
             made = made.with_restitution(value)
         joints[name] = made
     gears = known_gears(mechanism)
     for one in identification.estimates:
         if one.unknown.name == "gear_play" and one.identified:
-            shift = one.half_width / NORMAL * random.standard_normal()
+            shift = one.deviation * random.standard_normal()
             play = max(gears[one.joint].play + shift, 0.0)
             gears[one.joint] = replace(gears[one.joint], play=float(play))
     made_of = mechanism.with_clearance(joints, gears)
@@ -210,15 +195,16 @@ def _perturbed(simulation: Simulation, identification: Identification, number: i
     return replace(simulation, mechanism=made_of, seed=seed)
 
 
-def _quantile(runs: int, checks: int) -> float:
-    """Spreads within which one more run lies, in all checks together."""
-    part = LEVEL / checks
-    return float(student.ppf(1.0 - part / 2.0, runs - 1)) * np.sqrt(1.0 + 1.0 / runs)
+def _width(scatter: np.ndarray, checks: int) -> float:
+    """How far off the runs' mean one more run may lie, in so many checks together; of logarithms
+    (runs,)."""
+    runs = len(scatter)
+    quantile = float(student.ppf(1.0 - LEVEL / checks / 2.0, runs - 1)) * np.sqrt(1.0 + 1.0 / runs)
+    return quantile * max(float(scatter.std(ddof=1)), _LEAST_SPREAD)
 
 
 def _impact_check(name: str, measured: float, runs: np.ndarray, number: int) -> Check:
-    """A statistic of impacts, of `number` checks in all; values are logarithms."""
-    wide = _quantile(len(runs), number) * max(float(runs.std(ddof=1)), _LEAST_SPREAD)
+    wide = _width(runs, number)
     ends = np.exp([measured, runs.mean() - wide, runs.mean() + wide]) - name.startswith("number")
     return Check(name, "", *(float(max(x, 0.0)) for x in ends))
 
@@ -230,78 +216,53 @@ def _compare_means(
 
     `means` are the runs', shape (runs, n, keys); there are `number` checks in all.
     """
-    left = _Residuals(identification, np.isfinite(means).all(axis=0))
-    measured, count = identification.observed.mean, len(means)
+    measured, error = identification.observed.mean, identification.error
+    use = np.isfinite(error) & np.isfinite(means).all(axis=0)
+    weights = np.where(use, 1.0 / error, 0.0).ravel()
+    span = basis(identification.nuisances.reshape(use.size, -1) * weights[:, None])
+    kinds = np.array([kind for kind, _ in identification.observed.keys])
+
+    def plain(values: np.ndarray) -> dict[str, float]:
+        """RMS by kind of signal, of values (n, keys) [SI]."""
+        shown = {kind: (values[:, kinds == kind], use[:, kinds == kind]) for kind in kinds}
+        return {
+            str(kind): float(np.sqrt(np.mean(mine[here] ** 2)))
+            for kind, (mine, here) in shown.items()
+            if here.any()
+        }
+
+    def rms(values: np.ndarray) -> dict[str, float]:
+        scaled = np.where(use, values, 0.0).ravel() * weights
+        return plain((scaled - span @ (span.T @ scaled)).reshape(use.shape) * error)
+
     parts = (
-        left.rms(measured),
-        left.rms(measured - identification.predicted),
-        left.rms(measured - means.mean(axis=0)),
-        left.plain(identification.error),
+        rms(measured),
+        rms(measured - identification.predicted),
+        rms(measured - means.mean(axis=0)),
+        plain(error),
     )
     random = np.random.default_rng(0)
-    others: list[dict[str, float]] = []
-    for k in range(count):
-        rest = np.delete(means, k, axis=0).mean(axis=0)
-        noise = identification.error * random.standard_normal(measured.shape)
-        others.append(left.rms(means[k] + noise - rest))
+    others = [
+        rms(own + error * random.standard_normal(measured.shape) - np.delete(means, k, 0).mean(0))
+        for k, own in enumerate(means)
+    ]
     checks = []
     for kind, value in parts[2].items():
         logs = np.log([max(other[kind], 1e-300) for other in others])
-        wide = _quantile(count, number) * max(float(logs.std(ddof=1)), _LEAST_SPREAD)
         factor, unit = displayed(SHOWN[kind], fine=True)
-        high = factor * float(np.exp(logs.mean() + wide))
-        checks.append(
-            Check(f"{kind}: RMS left of means over visits", unit, factor * value, 0.0, high)
-        )
+        high = factor * float(np.exp(logs.mean() + _width(logs, number)))
+        name = f"{kind}: RMS left of means over visits"
+        checks.append(Check(name, unit, factor * value, 0.0, high))
     return parts, checks
 
 
-class _Residuals:
-    """RMS of values at visits, nuisances projected out."""
-
-    def __init__(self, identification: Identification, there: np.ndarray) -> None:
-        """Find the nuisances of the signals at visits that are there, (n, keys)."""
-        self._error = identification.error
-        self.use = np.isfinite(self._error) & there
-        self._weights = np.where(self.use, 1.0 / self._error, 0.0).ravel()
-        design = identification.nuisances.reshape(self.use.size, -1) * self._weights[:, None]
-        self._basis = basis(design)
-        self._kinds = [kind for kind, _ in identification.observed.keys]
-
-    def rms(self, values: np.ndarray) -> dict[str, float]:
-        """By kind of signal, of values (n, keys) [SI]."""
-        scaled = np.where(self.use, values, 0.0).ravel() * self._weights
-        rest = (scaled - self._basis @ (self._basis.T @ scaled)).reshape(self.use.shape)
-        return self.plain(rest * self._error)
-
-    def plain(self, values: np.ndarray) -> dict[str, float]:
-        """The same, nuisances left in."""
-        shown = np.where(self.use, values, np.nan)
-        found = {}
-        for kind in dict.fromkeys(self._kinds):
-            mine = [k == kind for k in self._kinds]
-            if self.use[:, mine].any():
-                found[kind] = float(np.sqrt(np.nanmean(shown[:, mine] ** 2)))
-        return found
-
-
 def _means(result: Result, identification: Identification) -> np.ndarray:
-    """What a run shows at the visits, shape (n, keys)."""
-    mechanism, joints = identification.mechanism, identification.visits.joints
-    motors = result["q"].values[:, [mechanism.motor(name) for name in joints]]
-    ideal = tool_positions(mechanism, joints, motors)
-    values = []
-    for kind, name in identification.observed.keys:
-        if kind == "tool":
-            i = AXES.index(name)
-            values.append(result["tool_position"].values[:, i] - ideal[:, i])
-        elif kind == "link":
-            link = result["q"].values[:, mechanism.coordinate(name)]
-            values.append(link - motors[:, joints.index(name)])
-        else:
-            values.append(result["drive"].values[:, mechanism.motor(name)])
-    table = np.column_stack(values)
-    means = np.full((len(identification.visits), len(values)), np.nan)
+    joints, keys = identification.visits.joints, identification.observed.keys
+    motors = histories(result, "motor")
+    signals = {(kind, name): histories(result, kind)[name] for kind, name in keys}
+    q = np.column_stack([motors[name] for name in joints])
+    table = np.column_stack([*departures(identification.mechanism, joints, q, signals).values()])
+    means = np.full((len(identification.visits), len(keys)), np.nan)
     for i, (begin, end) in enumerate(identification.visits.time):
         inside = (result.time >= begin) & (result.time <= end)
         if inside.any():
