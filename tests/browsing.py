@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from io import BytesIO
 
 import pytest
@@ -42,11 +42,18 @@ def opened(browser, address, size=(1280, 800), **options):
     tab.on("pageerror", lambda error: tab.troubles.append(f"{error} {error.stack}"))
     tab.on("request", lambda request: requests.add(request.url.split("#")[0]))
     tab.goto(address)
+    until(tab, "() => !document.querySelector('#player') || document.querySelector('body.ready')")
     yield tab
     assert tab.troubles == []
     own = address.partition("#")[0]
     assert all(url.startswith((own, "data:", "blob:")) for url in requests)
     context.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    with ExitStack() as pages:
+        yield lambda *given, **options: pages.enter_context(opened(browser, *given, **options))
 
 
 def until(tab, script):

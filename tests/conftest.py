@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browsing import browser, open_page  # noqa: F401
 from hypothesis import HealthCheck, Phase, settings
 from scipy.spatial.transform import Rotation
 from sweep_scenario import GRID, SCENARIO

@@ -207,41 +207,6 @@ def test_mechanisms_are_equal_when_they_are_built_alike():
     assert jp.Mechanism.from_description(robot().describe()) == robot()
 
 
-OLD_JOINT = """{"kind": "revolute",
- "bearing_material": {"young": 207e9, "poisson": 0.3, "density": null, "yield_strength": null,
-                      "name": null},
- "journal_material": {"young": 207e9, "poisson": 0.3, "density": null, "yield_strength": null,
-                      "name": null},
- "restitution": 0.9, "normal": {"law": "hunt-crossley", "n": 1.2, "p": 1.5, "q": 0.9},
- "friction": {"law": "gonthier", "mu_d": 0.1, "mu_s": 0.15, "v_s": 0.001, "sigma0": 1e5,
-              "sigma1": 10.0, "sigma2": 0.0, "dwell_time": 0.1},
- "stiffness": null, "exchanged": false, "ideal": false, "bearing_radius": 0.01,
- "bearing_length": 0.04, "radial_clearance": 0.0002, "axial_clearance": 0.0002,
- "journal_radius": 0.0098, "journal_length": 0.0396, "axial_stiffness": null, "lock_tilt": false,
- "lock_axial": false, "open_ends": false, "lubricant": {"law": "short-bearing", "viscosity": 0.05,
- "hybrid": true, "transition": 1e-06, "least_thickness": 1e-06, "cavitation": "sommerfeld"},
- "wear_rate": 1e-14, "worn": null}"""
-
-
-def test_what_version_0_1_wrote_is_read():
-    assert schema.read(Clearance, json.loads(OLD_JOINT)) == jp.RevoluteClearance(
-        radial_clearance=2e-4,
-        axial_clearance=2e-4,
-        bearing_material=jp.Material(),
-        journal_material=jp.Material(),
-        normal=jp.contact.HuntCrossley(1.2, 1.5, 0.9),
-        friction=jp.contact.GonthierFriction(),
-        lubricant=jp.contact.ShortBearing(0.05, cavitation="sommerfeld"),
-        wear_rate=1e-14,
-    )
-
-
-def test_a_users_law_of_version_0_1_has_no_text():
-    old = {"law": "custom", "function": f"{__name__}:push", "parameters": [1e8]}
-    jp.contact.CustomNormalForce(push, (1e8,))  # known here from now on
-    assert schema.read(NormalForceLaw, old) == jp.contact.CustomNormalForce(push, (1e8,))
-
-
 def push(delta, ddelta, ddelta0, p):
     return p[0] * delta
 

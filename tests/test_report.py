@@ -2,17 +2,17 @@
 
 import shutil
 import subprocess
+from io import BytesIO
 
 import numpy as np
 import pytest
+from browsing import until
 from conftest import body, joint
 from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay.paper import scara
 from jointplay.show import reports
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="module")
@@ -67,17 +67,6 @@ def test_numbers_are_those_of_the_results(page, folder):
     assert f"{1e6 * worn.audit.largest_penetration:.3g}" in text
 
 
-def test_any_mechanism_can_be_reported(tmp_path):
-    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
-    results = {}
-    for case in ("ideal", "0.2 mm"):
-        simulation = scenario.simulation(case, {"integration": {"duration": "0.014 s"}})
-        results[case] = simulation.run()
-    reports.report(results, tmp_path / "a.html", impacts=1, pdf=False)
-    text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert "piston_pin" in text
-
-
 def test_balls_oil_and_wear_without_a_motion(urdf, tmp_path):
     path = urdf(
         body("a"), body("b", com="0.1 0 0"), joint("one", "base", "a"),
@@ -115,22 +104,15 @@ def test_what_is_no_result_is_named(make, text, tmp_path):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def certified(folder, peak, error):
-    """The run with 0.2 mm, whose certificate says so of its peak force."""
+@pytest.mark.parametrize(("error", "marked"), [(5.0, False), (400.0, True)])
+def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, error, marked):
     from jointplay.simulation.result.certificate import Certificate, CertifiedFigure
 
     result = jp.Result.load(folder / "worn.nc")
-    figure = CertifiedFigure("peak joint force", peak, error, "N")
-    result.certificate = Certificate((figure,), ("a further run",))
-    return result
-
-
-@pytest.mark.parametrize(("error", "marked"), [(5.0, False), (400.0, True)])
-def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, error, marked):
-    result = certified(folder, 793.0, error)
     late = result.time >= result.judge_from
     peak = np.linalg.norm(result["joint_force_peak"].values[late], axis=2).max()
-    result = certified(folder, float(peak), error)
+    figure = CertifiedFigure("peak joint force", float(peak), error, "N")
+    result.certificate = Certificate((figure,), ("a further run",))
     reports.report({"0.2 mm": result}, tmp_path / "a.html", impacts=0, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     seen = text[text.index('id="glance"') : text.index("<h2>Parameters")]
@@ -170,48 +152,40 @@ def test_nothing_is_overwritten(page, folder):
     assert "exists" in done.stderr
 
 
-PATIENCE_MS = 900_000
-"""A deadline for pages that never get ready, not a measure of speed."""
-
 ZOOMED = """() => {
     const [low, high] = document.getElementById("chart-contacts").layout.xaxis.range;
     return Math.abs(low - 0.2) < 1e-9 && Math.abs(high - 0.201) < 1e-9;
 }"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
-def test_page_works_in_a_browser_without_a_network(page, tmp_path):
-    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+@pytest.fixture
+def open_report(open_page):
+    """Opens a report in a browser once all its charts are drawn."""
+
+    def opened(page, width, scheme="light"):
+        tab = open_page(page.as_uri(), (width, 900), color_scheme=scheme)
+        until(tab, "() => Boolean(window.jointplayReport?.whole)")
+        return tab
+
+    return opened
+
+
+def test_page_works_in_a_browser_without_a_network(page, open_report):
     from matplotlib.image import imread
 
-    troubles, requests = [], []
-    with sync.sync_playwright() as tools:
-        browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        tab = browser.new_page(viewport={"width": 1100, "height": 900})
-        tab.set_default_timeout(PATIENCE_MS)
-        tab.on("console", lambda message: troubles.append(message.text))
-        tab.on("pageerror", lambda error: troubles.append(str(error)))
-        tab.on("request", lambda request: requests.append(request.url))
-        tab.goto(page.as_uri())
-        tab.wait_for_function("window.jointplayReport && window.jointplayReport.ready")
-        shots = []
-        for name in ("tool_displacement", "journal_orbit", "contacts"):
-            tab.evaluate(f"document.getElementById('chart-{name}').scrollIntoView()")
-            tab.wait_for_selector(f"#chart-{name}.drawn")
-            shots.append(tmp_path / f"{name}.png")
-            tab.locator(f"#chart-{name}").screenshot(path=shots[-1])
-        # Zooming one chart in time zooms all, down to single steps.
-        tab.evaluate("window.jointplayReport.show([0.2, 0.201])")
-        tab.wait_for_function(ZOOMED)
-        ranges = tab.evaluate("document.getElementById('chart-contacts').layout.xaxis.range")
-        tab.locator("#chart-contacts").screenshot(path=tmp_path / "zoomed.png")
-        drawn = tab.evaluate("window.jointplayReport.drawn")
-        browser.close()
-    assert not troubles
-    assert requests == [page.as_uri()]
-    assert ranges == pytest.approx([0.2, 0.201])
-    assert drawn >= 3
-    images = [imread(shot)[..., :3] for shot in [*shots, tmp_path / "zoomed.png"]]
+    tab = open_report(page, 1100)
+    images = []
+
+    def take(name):
+        tab.evaluate(f"document.getElementById('chart-{name}').scrollIntoView()")
+        images.append(imread(BytesIO(tab.locator(f"#chart-{name}").screenshot()))[..., :3])
+
+    for name in ("tool_displacement", "journal_orbit", "contacts"):
+        take(name)
+    # Zooming one chart in time zooms all, down to single steps.
+    tab.evaluate("window.jointplayReport.show([0.2, 0.201])")
+    until(tab, ZOOMED)
+    take("contacts")
     assert all(image.std() > 0.02 for image in images)
     before, after = images[-2:]
     assert before.shape != after.shape or np.abs(before - after).mean() > 1e-3
@@ -230,27 +204,7 @@ LINES = """() => {
 }"""
 
 
-@pytest.fixture
-def open_report():
-    """Opens a report in a browser once all its charts are drawn."""
-    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync.sync_playwright() as tools:
-        browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-
-        def opened(page, width, scheme="light"):
-            view = {"width": width, "height": 900}
-            tab = browser.new_context(viewport=view, color_scheme=scheme).new_page()
-            tab.goto(page.as_uri())
-            while not tab.evaluate("() => Boolean(window.jointplayReport?.whole)"):
-                tab.wait_for_timeout(50)
-            return tab
-
-        yield opened
-        browser.close()
-
-
 @pytest.mark.thorough
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_report):
     tab = open_report(page, 1280)
     show_whole_run(tab)
@@ -272,9 +226,7 @@ def show_whole_run(tab):
     """By the button, with the chart of velocities in view."""
     tab.evaluate("document.getElementById('chart-tool_velocity').scrollIntoView()")
     tab.click("#whole")
-    begin = "() => document.getElementById('chart-tool_velocity').layout.xaxis.range[0]"
-    while tab.evaluate(begin) != 0:
-        tab.wait_for_timeout(50)
+    until(tab, "() => !document.getElementById('chart-tool_velocity').layout.xaxis.range[0]")
     tab.wait_for_timeout(300)
 
 
@@ -325,7 +277,6 @@ SEEN = """() => {
 }"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 @pytest.mark.parametrize("width", [400, 1280])
 def test_a_report_fits_the_screen_light_and_dark(page, open_report, width):
     papers = {}
@@ -344,7 +295,6 @@ def test_a_report_fits_the_screen_light_and_dark(page, open_report, width):
     assert papers["dark"] != papers["light"]
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 def test_charts_and_tables_show_the_same_time(page, open_report):
     tab = open_report(page, 1280)
     assert tab.evaluate("document.getElementById('chart-tool_velocity').layout.xaxis.range") == [
@@ -377,20 +327,13 @@ IN_PRINT = """() => {
 }"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
-def test_a_print_has_whole_words_whole_tables_and_all_charts(page, tmp_path):
-    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync.sync_playwright() as tools:
-        browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        tab = browser.new_page(viewport={"width": 1100, "height": 900})
-        tab.set_default_timeout(PATIENCE_MS)
-        tab.goto(page.as_uri())
-        tab.wait_for_function("window.jointplayReport && window.jointplayReport.ready")
-        tab.pdf(path=tmp_path / "at_once.pdf")  # draws what was not yet on the screen
-        tab.emulate_media(media="print")
-        tab.set_viewport_size({"width": 703, "height": 1000})  # A4 between its margins
-        seen = tab.evaluate(IN_PRINT)
-        browser.close()
+def test_a_print_has_whole_words_whole_tables_and_all_charts(page, open_page, tmp_path):
+    tab = open_page(page.as_uri(), (1100, 900))
+    until(tab, "() => Boolean(window.jointplayReport?.ready)")
+    tab.pdf(path=tmp_path / "at_once.pdf")  # draws what was not yet on the screen
+    tab.emulate_media(media="print")
+    tab.set_viewport_size({"width": 703, "height": 1000})  # A4 between its margins
+    seen = tab.evaluate(IN_PRINT)
     assert seen["tables"] > 8
     assert seen["charts"] > 10
     assert seen["broken"] == []

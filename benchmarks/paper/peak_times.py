@@ -36,8 +36,7 @@ SEARCHED, JUDGED = (0, 1), range(2, 10)
 class Timings:
     """A cycle; its phases take these parts of it, in proportion."""
 
-    first: int
-    """Index of the phase that it begins with."""
+    first: int  # index of the phase that it begins with
     stroke: float
     swings: tuple[float, float]
     dwells: tuple[float, float]

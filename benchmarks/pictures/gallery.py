@@ -16,13 +16,13 @@ from common import DOCS
 
 import jointplay as jp
 from jointplay import analysis
+from jointplay.base.tables import Table
 from jointplay.show.picture import picture
 
 FOLDER = DOCS / "gallery"
 SHIPPED = ("scara", "slider_crank", "four_bar", "delta", "three_rrr")
 """Scenarios that lie in the package; the others are in the gallery's own folder."""
-QUICK = "gate"
-"""The mechanism of a quick run."""
+QUICK = "gate"  # the mechanism of a quick run
 VIEWS = {
     "oil_pendulum": (-65.0, 18.0),
     "spline": (-60.0, 22.0),
@@ -32,7 +32,7 @@ VIEWS = {
     "three_rrr": (-90.0, 80.0),
 }
 """Directions from which some are drawn: azimuth and elevation [deg]."""
-FIELDS = (
+FIELDS = [
     "mechanism",
     "case",
     "tool_peak_mm",
@@ -40,7 +40,7 @@ FIELDS = (
     "force_peak_N",
     "contacts",
     "residual",
-)
+]
 
 
 def names() -> list[str]:
@@ -49,9 +49,8 @@ def names() -> list[str]:
 
 
 def scenario(name: str) -> jp.Scenario:
-    return jp.Scenario.load(
-        f"jointplay:{name}.toml" if name in SHIPPED else FOLDER / f"{name}.toml"
-    )
+    shipped = name in SHIPPED
+    return jp.Scenario.load(f"jointplay:{name}.toml" if shipped else FOLDER / f"{name}.toml")
 
 
 def numbers(name: str) -> list[dict[str, str]]:
@@ -68,32 +67,18 @@ def numbers(name: str) -> list[dict[str, str]]:
         start = result.simulation.judged_from
         error = analysis.deviation(result, ideal)
         sizes = np.linalg.norm(error.sel(time=error["time"] >= start).values, axis=1)
-        judged = result.time >= start
-        force = max(
-            (
-                float(np.linalg.norm(
-                    result["joint_force_peak"].sel(joint=joint).values[judged], axis=1).max())
-                for joint in result.joints
-            ),
-            default=float("nan"),
-        )  # fmt: skip
-        found = analysis.contacts(result, start) if result.joints else ()
-        count = sum(len(one.start) for one in found)
+        force, count = float("nan"), 0
+        if result.joints:
+            peaks = result["joint_force_peak"].values[result.time >= start]
+            force = float(f"{np.linalg.norm(peaks, axis=2).max():.3g}")
+            count = sum(len(one.start) for one in analysis.contacts(result, start))
         residual = f"{result.audit.relative_energy_residual:.1e}"
         peak, rms = (f"{1e3 * s:.3g}" for s in (sizes.max(), np.sqrt((sizes**2).mean())))
         if sizes.max() < 1e-12:  # a tool frame that does not move
             peak = rms = "-"
-        rows.append(
-            dict(zip(FIELDS, (
-                name, case, peak, rms, _round(force), str(count), residual,
-            ), strict=True))
-        )  # fmt: skip
+        row = (name, case, peak, rms, f"{force:g}", str(count), residual)
+        rows.append(dict(zip(FIELDS, row, strict=True)))
     return rows
-
-
-def _round(value: float) -> str:
-    """Three digits that count, no power of ten."""
-    return f"{float(f'{value:.3g}'):g}"
 
 
 def draw(name: str) -> None:
@@ -111,30 +96,25 @@ def draw(name: str) -> None:
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    lines = [
-        "| case | tool error, largest / RMS [mm] | largest joint force [N] | contacts |",
-        "| --- | --- | --- | --- |",
-    ]
+    lines = [("case", "tool error, largest / RMS [mm]", "largest joint force [N]", "contacts")]
     for row in rows:
-        force = "-" if row["force_peak_N"] == "nan" else row["force_peak_N"]
-        lines.append(
-            f"| {row['case']} | {row['tool_peak_mm']} / {row['tool_rms_mm']} | {force} | "
-            f"{row['contacts']} |"
-        )
-    return "\n".join(lines)
+        force = row["force_peak_N"].replace("nan", "-")
+        error = f"{row['tool_peak_mm']} / {row['tool_rms_mm']}"
+        lines.append((row["case"], error, force, row["contacts"]))
+    return Table.of_texts(lines).markdown()
 
 
 def fill(rows: list[dict[str, str]]) -> None:
     """Write the tables into the page, each after its mark."""
-    page = FOLDER / "README.md"
-    text = page.read_text(encoding="utf-8")
     for name in dict.fromkeys(row["mechanism"] for row in rows):
-        own = table([row for row in rows if row["mechanism"] == name])
-        text = re.sub(
-            rf"(<!-- numbers: {name} -->\n)\n?(?:\|.*\n)*",
-            lambda m, own=own: f"{m[1]}\n{own}\n",
-            text,
-        )
+        put(f"numbers: {name}", table([row for row in rows if row["mechanism"] == name]))
+
+
+def put(mark: str, table: str) -> None:
+    """Write a table into the page, after its mark."""
+    page = FOLDER / "README.md"
+    after = rf"(<!-- {mark} -->\n)\n?(?:\|.*\n)*"
+    text = re.sub(after, lambda m: f"{m[1]}\n{table}\n", page.read_text(encoding="utf-8"))
     page.write_text(text, encoding="utf-8")
 
 
@@ -143,9 +123,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", help="mechanisms")
     parser.add_argument("--pictures", action="store_true", help="draw only")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument(
-        "--quick", action="store_true", help="the numbers of one mechanism; nothing is written"
-    )
+    parser.add_argument("--quick", action="store_true", help="one mechanism; nothing is written")
     options = parser.parse_args()
     if options.quick:
         print(table(numbers(QUICK)))

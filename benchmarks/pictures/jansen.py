@@ -38,40 +38,31 @@ RANGES = {
     "load [N]": (10.0, 30.0),
 }
 PARTS_OF_WEAR = (0.5, 0.9)
-DRAWN = 4
-"""Runs whose wear is drawn."""
+DRAWN = 4  # runs whose wear is drawn
 
 
 def machine(
-    case: str,
-    begin: float = 0.0,
-    clearance: float = 1e-4,
-    friction: float = 0.1,
-    rate: float = 1.0,
-    load: float = LOAD_N,
+    case: str, begin=0.0, clearance=1e-4, friction=0.1, rate=1.0, load=LOAD_N
 ) -> jp.Simulation:
     """The leg from a part of a turn on, `begin`: a turn to settle, and one that counts."""
     turns = [k + angle / 360.0 for k in range(-1, 4) for angle in STANCE]
     forces = [0.0, load, load, 0.0] * 5
     ends = np.array([begin, begin + 2.0])
     at = np.unique([*ends, *(turn for turn in turns if ends[0] < turn < ends[1])])
+    ground = {
+        "times": ((at - begin) / rate).tolist(),
+        "forces": [[0.0, float(force), 0.0] for force in np.interp(at, turns, forces)],
+    }
     changes = {
         "start": {"crank_pin": 2.0 * np.pi * (begin % 1.0)},
         "motion": {"speeds": {"crank_pin": 2.0 * np.pi * rate}},
         "integration": {"duration": 2.0 / rate, "settle": 1.0 / rate},
-        "loads": {
-            "ground": {
-                "times": ((at - begin) / rate).tolist(),
-                "forces": [[0.0, float(force), 0.0] for force in np.interp(at, turns, forces)],
-            }
-        },
+        "loads": {"ground": ground},
     }
     base = jp.Scenario.load(SCENARIO).simulation(case, changes)
-    law = Ambrosio(friction, 1e-3, 1e-2)
+    size, law = {"radial_clearance": clearance}, Ambrosio(friction, 1e-3, 1e-2)
     joints = {
-        name: one
-        if one.ideal
-        else one.with_clearances({"radial_clearance": clearance}).with_friction(law)
+        name: one if one.ideal else one.with_clearances(size).with_friction(law)
         for name, one in base.mechanism.clearance.items()
     }
     return replace(base, mechanism=base.mechanism.with_clearance(joints, base.mechanism.gears))
@@ -90,13 +81,6 @@ def measures(work: tuple[jp.Simulation, tuple[str, ...]]) -> dict[str, np.ndarra
     return found
 
 
-def gather(
-    work: Sequence[tuple[jp.Simulation, tuple[str, ...]]], jobs: int, words: str
-) -> list[dict[str, np.ndarray]]:
-    """`measures` of all, in order."""
-    return jp.Study(work, measures).run(jobs, progress=True, desc=words)
-
-
 def arc(depth: np.ndarray, part: float) -> float:
     """Angle of the least part of a bore that holds a part of its wear [deg]."""
     sizes = np.sort(depth)[::-1].cumsum()
@@ -106,9 +90,8 @@ def arc(depth: np.ndarray, part: float) -> float:
 
 def ensemble(case: str, runs: int, jobs: int, **options: float) -> list[dict[str, np.ndarray]]:
     """Runs that begin evenly spread over a turn."""
-    joints = CASES[case]
-    work = [(machine(case, k / runs, **options), joints) for k in range(runs)]
-    return gather(work, jobs, case)
+    work = [(machine(case, k / runs, **options), CASES[case]) for k in range(runs)]
+    return jp.Study(work, measures).run(jobs, progress=True, desc=case)
 
 
 def ideal_forces() -> dict[str, float]:
@@ -130,26 +113,17 @@ def interval(values: np.ndarray, factor: float = 1.0) -> str:
     )
 
 
-def feedback(case: str, runs: int, jobs: int) -> str:
-    """Cycles until the knee's clearance has doubled where it is worn most."""
-    life = jp.wear(machine(case), "knee", 1e-4, blocks=5, cycles_per_run=2.0, runs=runs, jobs=jobs)
-    return str(life)
-
-
 def sensitivity(samples: int, phases: int, jobs: int) -> list[str]:
     """Sobol indices of force and wear: means of a few runs of other phases at each point."""
     names = tuple(RANGES)
     low, high = np.array(list(RANGES.values())).T
     drawn = low + points("saltelli", samples, len(names), seed=0) * (high - low)
     work = [
-        (
-            machine("knee", k / phases, clearance=1e-3 * c, friction=mu, rate=rate, load=load),
-            CASES["knee"],
-        )
+        (machine("knee", k / phases, 1e-3 * c, mu, rate, load), CASES["knee"])
         for c, mu, rate, load in drawn
         for k in range(phases)
     ]
-    found = gather(work, jobs, "sensitivity")
+    found = jp.Study(work, measures).run(jobs, progress=True, desc="sensitivity")
     lines = []
     for words, values in (
         ("largest force", np.array([one["knee force"] for one in found])),
@@ -194,10 +168,8 @@ def draw(found: dict[str, list[dict[str, np.ndarray]]], ideal: float, path: Path
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run and write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--runs", type=int, default=16)
-    parser.add_argument("--samples", type=int, default=64)
-    parser.add_argument("--phases", type=int, default=4)
-    parser.add_argument("--jobs", type=int, default=2)
+    for name, number in {"runs": 16, "samples": 64, "phases": 4, "jobs": 2}.items():
+        parser.add_argument(f"--{name}", type=int, default=number)
     parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
     parser.add_argument("--quick", action="store_true", help="two runs, two points, one phase")
     options = parser.parse_args(arguments)
@@ -206,10 +178,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options.runs, options.samples, options.phases = 2, 2, 1
     out = folder_of(options, "jansen", DOCS)
     ideal = ideal_forces()
-    lines = [
-        "largest force without clearance [N]: "
-        + ", ".join(f"{name} {force:.1f}" for name, force in ideal.items())
-    ]
+    forces = ", ".join(f"{name} {force:.1f}" for name, force in ideal.items())
+    lines = [f"largest force without clearance [N]: {forces}"]
     found = {case: ensemble(case, options.runs, options.jobs) for case in CASES}
     for case, runs in found.items():
         lines.append(f"clearance 0.1 mm in {case}, {options.runs} runs that begin at other phases")
@@ -217,21 +187,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
             force = np.array([one[f"{joint} force"] for one in runs])
             depths = np.array([one[f"{joint} depth"] for one in runs])
             mean = depths.mean(axis=0)
+            worn = ", ".join(
+                f"{100 * part:g} % of the wear on {arc(mean, part):.0f} deg"
+                for part in PARTS_OF_WEAR
+            )
             lines += [
                 f"  {joint}: largest force [N] {interval(force)}; {force.mean() / ideal[joint]:.3g}"
                 " times that without clearance",
                 f"  {joint}: wear a turn, mean depth [nm] {interval(depths.mean(axis=1), 1e9)}",
-                f"  {joint}: "
-                + ", ".join(
-                    f"{100 * part:g} % of the wear on {arc(mean, part):.0f} deg"
-                    for part in PARTS_OF_WEAR
-                )
-                + f" of the bore; deepest over mean {mean.max() / mean.mean():.3g}",
+                f"  {joint}: {worn} of the bore; deepest over mean {mean.max() / mean.mean():.3g}",
             ]
-    lines += [
-        "wear and clearance coupled, knee:",
-        feedback("knee", 1 if options.quick else 4, options.jobs),
-    ]
+    # Cycles until the knee's clearance has doubled where it is worn most.
+    how = {"runs": 1 if options.quick else 4, "jobs": options.jobs}
+    life = jp.wear(machine("knee"), "knee", 1e-4, blocks=5, cycles_per_run=2.0, **how)
+    lines += ["wear and clearance coupled, knee:", str(life)]
     lines += sensitivity(options.samples, options.phases, options.jobs)
     text = "\n".join(lines) + "\n"
     (out / "jansen.txt").write_text(text)

@@ -45,11 +45,9 @@ ROUGH = (0.3, 0.5, 0.9)
 """Nominal restitutions: of the hysteresis loops, of the dots, of the dots with --quick."""
 ECCENTRICITIES = np.append(np.linspace(0.01, 0.95, 95), (0.96, 0.97))
 PAPER_STYLE = {"color": "0.6", "lw": 1.8}
-NEAR_REST = 3.0
-"""Speed to which friction's second panel looks [mm/s]."""
+NEAR_REST = 3.0  # speed to which friction's second panel looks [mm/s]
 DPI = 100
-SIGNIFICANT = 0.01
-"""Welch's p below which a figure counts as different from the paper's laws'."""
+SIGNIFICANT = 0.01  # welch's p below which a figure counts as different from the paper's laws'
 
 
 class Card(NamedTuple):

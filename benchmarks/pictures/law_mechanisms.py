@@ -14,15 +14,12 @@ from jointplay.model.impact import effective_mass
 SCARA, CRANK = "SCARA", "slider-crank"
 PAPER = ("normal", "lankarani-nikravesh")
 """With eq. 21: the paper's laws, to which all others are compared."""
-DRY = "dry"
-"""Family of the trials without the oil that a film's joint is compared to."""
+DRY = "dry"  # family of the trials without the oil that a film's joint is compared to
 
 TURNS, TURN = 5, 2 * np.pi / SPEED
 """Turns of the crank, the first of which is start-up, and the duration of one [s]."""
-QUICK = 0.2
-"""Duration of a quick run of the SCARA [s]."""
-BINS = 400
-"""Places in time at which a card's histories are kept."""
+QUICK = 0.2  # duration of a quick run of the SCARA [s]
+BINS = 400  # places in time at which a card's histories are kept
 
 STEEL = replace(jp.Material(), density=jp.material("carbon-steel").density)
 """The paper's, with the density that it leaves out: the laws can then judge the approach speeds."""
@@ -49,8 +46,7 @@ OILED = {
     ("pinkus-sternlicht", CRANK): {"bearing_length": 42e-3, "radial_clearance": 0.05e-3},
 }
 """Dimensions within each film's slenderness [m]; a pin that runs in oil fits more closely."""
-OIL = {SCARA: ("ISO VG 460", 40.0), CRANK: ("ISO VG 46", 40.0)}
-"""Oil and its temperature [deg C]."""
+OIL = {SCARA: ("ISO VG 460", 40.0), CRANK: ("ISO VG 46", 40.0)}  # oil and its temperature [deg C]
 
 SCALES = {"mu": 0.1, "sigma": 0.1, "xi": 0.1, "v": 10.0}
 """Friction of the slider-crank by the first letters of its parameters, relative to the defaults.
@@ -90,11 +86,9 @@ class Trial:
     mechanism: str
     family: str
     name: str
-    quick: bool = False
-    """The first `QUICK` of the SCARA's cycle, two turns of the crank."""
+    quick: bool = False  # the first `QUICK` of the SCARA's cycle, two turns of the crank
 
-    ideal = False
-    """For `common.ensembles`: a journal can be displaced."""
+    ideal = False  # for `common.ensembles`: a journal can be displaced
 
     @property
     def turns(self):

@@ -31,8 +31,7 @@ Kelvin-Voigt has none for its damping; Hunt-Crossley's default is the paper's la
 of its own.
 """
 
-MASS = 1.0
-"""Of the body in the impact [kg]."""
+MASS = 1.0  # of the body in the impact [kg]
 RADIAL, LENGTH = 0.2e-3, 20e-3
 """Radial clearance and length of the bore that it hits: about one half of the SCARA's joint [m]."""
 LOOP_SPEED, SPEEDS = 0.1, (0.02, 0.2)

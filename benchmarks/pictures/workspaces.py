@@ -7,30 +7,24 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 
 import numpy as np
-from common import DOCS
+from pictures.gallery import put
 
 import jointplay as jp
 from jointplay.accuracy import budget
+from jointplay.base.tables import Table
 from jointplay.simulation.motion import cartesian_motion, reachable
 
-FOLDER = DOCS / "gallery"
-
-REPEATABILITY_MM = 0.1
-"""Of an ABB IRB 360, as its data sheet has it."""
-DIAMETER_MM = 1600.0
-"""Of the working range of an IRB 360-1/1600, as its data sheet has it."""
+REPEATABILITY_MM = 0.1  # of an ABB IRB 360, as its data sheet has it
+DIAMETER_MM = 1600.0  # of the working range of an IRB 360-1/1600, as its data sheet has it
 PUBLISHED_ARMS = (
     ((0.0, 0.0, -0.9), (-20.5, -20.5, -20.5)),
     ((0.3, 0.5, -1.1), (47.5, -11.6, 21.4)),
 )
 """Places of the tool [m] and angles of the arms [deg] in Williams, The Delta Parallel Robot."""
-ROUND = 24
-"""Points on a circle."""
-FINE_M = 0.01
-"""To which the edge of a workspace is found."""
+ROUND = 24  # points on a circle
+FINE_M = 0.01  # to which the edge of a workspace is found
 
 
 def mechanism(name: str, case: str = "ideal") -> jp.Mechanism:
@@ -57,9 +51,9 @@ def edge(able: object, inside: float, outside: float) -> float:
     return inside
 
 
-def delta() -> list[tuple[str, str, str, str]]:
+def delta() -> list[tuple[str, ...]]:
     robot = mechanism("delta").ideal()
-    rows = []
+    rows: list[tuple[str, ...]] = [("figure", "published", "this model", "off by")]
     for place, angles in PUBLISHED_ARMS:
         found = np.rad2deg(cartesian_motion(robot, [0, 1], [place, place]).positions[0])
         off = np.abs(found - angles).max()
@@ -70,47 +64,27 @@ def delta() -> list[tuple[str, str, str, str]]:
         rows.append((f"arms with the tool at ({at}) m [deg]", wanted, got, f"{off:.2f}"))
     radius = edge(lambda r: whole_circle(robot, r, -1.1), 0.5, 1.2)
     over = 100.0 * (2e3 * radius / DIAMETER_MM - 1.0)
-    rows.append(
-        (
-            "diameter of the working range, at z = -1.1 m [mm]",
-            f"{DIAMETER_MM:.0f}",
-            f"{2e3 * radius:.0f}",
-            f"{over:+.0f} %",
-        )
-    )
+    words, size = "diameter of the working range, at z = -1.1 m [mm]", f"{DIAMETER_MM:.0f}"
+    rows.append((words, size, f"{2e3 * radius:.0f}", f"{over:+.0f} %"))
     half = 0.5e-3 * DIAMETER_MM
-    high = edge(lambda z: whole_circle(robot, half, z), -1.1, -0.7)
-    low = edge(lambda z: whole_circle(robot, half, z), -1.1, -1.5)
-    rows.append(
-        (
-            f"z between which {DIAMETER_MM:.0f} mm are reached [m]",
-            "-",
-            f"{low:.2f} to {high:.2f}",
-            "-",
-        )
-    )
+    high, low = (edge(lambda z: whole_circle(robot, half, z), -1.1, end) for end in (-0.7, -1.5))
+    reached = f"{low:.2f} to {high:.2f}"
+    rows.append((f"z between which {size} mm are reached [m]", "-", reached, "-"))
     places = np.array([(0, 0, -0.95), (0.4, 0, -1.1), (-0.4, 0.4, -1.1), (0, 0, -1.2)], float)
     motion = cartesian_motion(robot, np.arange(len(places)), places)
     loose = mechanism("delta", "0.02 mm")
     poses = [dict(zip(motion.joints, row, strict=True)) for row in motion.positions]
     worst = [1e3 * float(budget(loose, pose, driven=motion.joints).worst.max()) for pose in poses]
-    allowed = 0.02 * REPEATABILITY_MM / max(worst)
-    rows.append(
-        (
-            "repeatability; worst case of 0.02 mm of play in six balls, at four poses [mm]",
-            f"{REPEATABILITY_MM:g}",
-            f"{min(worst):.3f} to {max(worst):.3f}",
-            f"{allowed:.3f} mm of play alone would take all of it",
-        )
-    )
-    return rows
+    words = "repeatability; worst case of 0.02 mm of play in six balls, at four poses [mm]"
+    found = f"{min(worst):.3f} to {max(worst):.3f}"
+    allowed = f"{0.02 * REPEATABILITY_MM / max(worst):.3f} mm of play alone would take all of it"
+    return [*rows, (words, f"{REPEATABILITY_MM:g}", found, allowed)]
 
 
-def three_rrr(coarse: int) -> list[tuple[str, str, str, str]]:
+def three_rrr(coarse: int) -> list[tuple[str, ...]]:
     """The area by reach, and that of three overlapping rings, with the platform not turned.
 
-    Args:
-        coarse: how many times as far apart the points are whose reach is asked.
+    Points whose reach is asked are `coarse` times as far apart.
     """
     robot = mechanism("three_rrr").ideal()
     angles = np.array([math.pi / 2, math.pi * 7 / 6, -math.pi / 6])
@@ -130,38 +104,23 @@ def three_rrr(coarse: int) -> list[tuple[str, str, str, str]]:
     points = points[np.argsort(np.linalg.norm(points, axis=1), kind="stable")]
     turns = np.zeros((len(points), 3))
     found = int(reachable(robot, points, turns, progress=True).sum()) * (grid[1] - grid[0]) ** 2
-    return [
-        (
-            "area of the workspace, platform not turned [cm²]",
-            f"{1e4 * area:.0f}",
-            f"{1e4 * found:.0f}",
-            f"{100.0 * (found / area - 1.0):+.1f} %",
-        )
-    ]
-
-
-HEADS = {"delta": "published", "three_rrr": "three rings"}
-
-
-def fill(name: str, lines: list[str]) -> None:
-    """Write a table into the page, after its mark."""
-    page = FOLDER / "README.md"
-    text = page.read_text(encoding="utf-8")
-    mark = rf"(<!-- figures: {name} -->\n)\n?(?:\|.*\n)*"
-    page.write_text(re.sub(mark, lambda m: f"{m[1]}\n" + "\n".join(lines) + "\n", text), "utf-8")
+    off = f"{100.0 * (found / area - 1.0):+.1f} %"
+    words = "area of the workspace, platform not turned [cm²]"
+    head = ("figure", "three rings", "this model", "off by")
+    return [head, (words, f"{1e4 * area:.0f}", f"{1e4 * found:.0f}", off)]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", choices=HEADS, default=[*HEADS])
+    names = ("delta", "three_rrr")
+    parser.add_argument("--only", nargs="*", choices=names, default=names)
     parser.add_argument(
         "--quick", action="store_true", help="one robot on a coarse grid; nothing is written"
     )
     options = parser.parse_args()
     for name in ["three_rrr"] if options.quick else options.only:
         rows = delta() if name == "delta" else three_rrr(3 if options.quick else 1)
-        lines = [f"| figure | {HEADS[name]} | this model | off by |", "| --- | --- | --- | --- |"]
-        lines += ["| " + " | ".join(row) + " |" for row in rows]
-        print("\n".join(lines), flush=True)
+        table = Table.of_texts(rows).markdown()
+        print(table, flush=True)
         if not options.quick:
-            fill(name, lines)
+            put(f"figures: {name}", table)

@@ -140,10 +140,8 @@ def run_case(
 class Found:
     """What a method finds of a case."""
 
-    figures: dict[str, float]
-    """By the names of certificates, and `EARLY`."""
-    warnings: tuple[str, ...]
-    """Of the run's audit."""
+    figures: dict[str, float]  # by the names of certificates, and `EARLY`
+    warnings: tuple[str, ...]  # of the run's audit
 
 
 def early_peak(result: Result) -> float:

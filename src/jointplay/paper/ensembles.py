@@ -34,8 +34,7 @@ from jointplay.simulation.result.settings import START_UP
 from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Memory, Study
 
-_LOOK_S = 0.2
-"""Interval at which progress is looked at."""
+_LOOK_S = 0.2  # interval at which progress is looked at
 
 
 class Ensembles:
@@ -69,8 +68,7 @@ class Ensembles:
         plan |= {key: partial(perturbed, *key, integrator) for key in self.plan}
         self._found = Memory[Any]()
         self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._found)
-        self.to_simulate = len(plan) * length()
-        """What its runs simulate [s]."""
+        self.to_simulate = len(plan) * length()  # what its runs simulate [s]
 
     @property
     def measures(self) -> dict[tuple[Condition, str, int], Measures]:

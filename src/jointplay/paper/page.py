@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 PRINTED_PEAKS = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the force peaks in the paper, along world axes (Section 5, Figures 13-15) [s]."""
-PEAKS_APART_S = 0.1
-"""Peaks that are nearer to each other count as one."""
+PEAKS_APART_S = 0.1  # peaks that are nearer to each other count as one
 Rows = list[tuple[str, ...]]
 
 

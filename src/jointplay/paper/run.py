@@ -110,14 +110,10 @@ def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -
 class Findings:
     """What `run_study` found."""
 
-    cases: dict[str, Result]
-    """By label."""
-    rows: Rows
-    """Of `errors_table`, its head first."""
-    warnings: list[str]
-    """Of other methods' runs, a line each."""
-    verdicts: list[Verdict]
-    """On the claims."""
+    cases: dict[str, Result]  # by label
+    rows: Rows  # of `errors_table`, its head first
+    warnings: list[str]  # of other methods' runs, a line each
+    verdicts: list[Verdict]  # on the claims
 
 
 def run_study(

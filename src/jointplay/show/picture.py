@@ -23,29 +23,21 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.model.scene import Scene
 from jointplay.model.visuals import Look
 
-_LIGHT = np.array([0.35, -0.6, 0.72])
-"""Towards the light, in world axes."""
+_LIGHT = np.array([0.35, -0.6, 0.72])  # towards the light, in world axes
 _OTHERS = "#c9d3df"
 """Of bodies of which a colouring says nothing."""
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
 _TYPE, _LINE, _LETTER = 8.0, 10.5, 4.8
 """Size of words, of a line of them and about that of a letter [points]."""
-_HEIGHT = 390.0
-"""About that of the picture within the figure [points]."""
-_Note = tuple[np.ndarray, str, str]
-"""A place (3,) [m], words and their colour."""
-_RING = 0.06
-"""Radius of the marks, relative to the mechanism's size."""
-_PIECE = 0.03
-"""Longest side of a triangle, relative to the mechanism's size."""
-_FINE = 2000
-"""A body of this many triangles needs no cutting."""
+_HEIGHT = 390.0  # about that of the picture within the figure [points]
+_Note = tuple[np.ndarray, str, str]  # a place (3,) [m], words and their colour
+_RING = 0.06  # radius of the marks, relative to the mechanism's size
+_PIECE = 0.03  # longest side of a triangle, relative to the mechanism's size
+_FINE = 2000  # a body of this many triangles needs no cutting
 _FINEST = 1.0 / 300.0
 """Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
-_FARTHEST = 1e6
-"""From the origin; shapes that reach farther are mistakes [m]."""
-_FLAT = 0.4
-"""Height relative to the largest extent below which a mechanism is flat."""
+_FARTHEST = 1e6  # from the origin; shapes that reach farther are mistakes [m]
+_FLAT = 0.4  # height relative to the largest extent below which a mechanism is flat
 
 
 @mpl.rc_context({"text.parse_math": False})  # names stand as they are, $ and all

@@ -73,8 +73,9 @@ def run(options: argparse.Namespace) -> int:
 def _play(options: argparse.Namespace, shot: Any) -> None:
     """Make the page; serve, write or film it."""
     from jointplay.show import player
+    from jointplay.show.plots.names import load
 
-    results = player.load(options.result, options.trust)
+    results = load(options.result, trust=options.trust)
     shown: dict[str, Any] = {
         "joint": options.joint,
         "magnification": options.magnify,

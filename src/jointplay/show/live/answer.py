@@ -39,18 +39,15 @@ if TYPE_CHECKING:
     from jointplay.physics.joints import Clearance
     from jointplay.simulation.simulation import Simulation
 
-Message = tuple[dict[str, Any], bytes]
-"""Plain data, and a block of bytes to which it refers."""
+Message = tuple[dict[str, Any], bytes]  # plain data, and a block of bytes to which it refers
 
-QUICK = (0.1, 1e-3)
-"""Tolerance of the steps of a quick run, and macro step [s]."""
+QUICK = (0.1, 1e-3)  # tolerance of the steps of a quick run, and macro step [s]
 QUICK_LOOPS = (1e-2, 2e-4)
 """With closed loops, whose contacts stand against each other: with longer steps journals break out.
 """
 QUICK_RECORDS = 2000
 """Records of a quick run, about; a macro step is no longer than the time between two."""
-SHOWN = 1500
-"""Records that are sent, about; peaks among those that are not are kept."""
+SHOWN = 1500  # records that are sent, about; peaks among those that are not are kept
 QUICK_MOMENTS, MOMENTS = 120, 600
 """Moments at which the picture shows the machine; between them it is interpolated."""
 _TWINS = 6
@@ -64,25 +61,17 @@ class Superseded(Exception):
 class Machine:
     """One case of a scenario, kept warm: what it answers to changed numbers.
 
-    Args:
-        state: what can be changed.
-
-    Attributes:
-        superseded: says whether there is a newer question; a run then ends.
+    A run ends as soon as `superseded` says that there is a newer question.
     """
 
     def __init__(self, state: State) -> None:
         self.state = state
         self.superseded: Callable[[], bool] = lambda: False
         self._twins: OrderedDict[str, Result] = OrderedDict()
-        self._worst: dict[str, np.ndarray] = {}
+        self._worst: np.ndarray | None = None
 
     def simulation(self, values: Mapping[str, float]) -> Simulation:
-        """The case with these numbers.
-
-        Raises:
-            JointplayError: as `jointplay run` says it.
-        """
+        """The case with these numbers; errors as of `jointplay run`."""
         state = self.state
         return state.scenario.simulation(state.case, state.changes(values))
 
@@ -117,9 +106,8 @@ class Machine:
         if mechanism.loops:
             near = poses.start_of(simulation)
             driven = poses.standing(mechanism, motion, near)
-        key = "whole" if whole else "one"
-        if not whole and self._worst.get(key) is not None:
-            q = self._worst[key]
+        if not whole and self._worst is not None:
+            q = self._worst
         elif motion is None:
             q = poses.at_pose(mechanism, {}, driven, near)
         else:
@@ -129,18 +117,22 @@ class Machine:
         errors = budget(mechanism, q, driven=driven, drive=drive)
         at = errors.worst_pose
         if not whole and len(q) > 1:  # from now on at this pose
-            self._worst[key] = q[at : at + 1]
+            self._worst = q[at : at + 1]
         return budget_message(errors, whole, motion is not None), b""
 
-    def _cycle(self, simulation: Simulation, moments: int, quick: bool) -> Iterator[Message]:
-        run = Run(simulation)
+    def _to_end(self, run: Run) -> Status:
+        """How a run ended that no newer question did."""
         self._continue()
         run.stop_checks.append(self.superseded)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
-            run.run_to_end()
+            status = run.run_to_end()
         self._continue()
-        if quick and run.workspace.status != Status.COMPLETED:
+        return status
+
+    def _cycle(self, simulation: Simulation, moments: int, quick: bool) -> Iterator[Message]:
+        run = Run(simulation)
+        if self._to_end(run) != Status.COMPLETED and quick:
             return  # its steps were too long for this machine
         result = run.result()
         self._continue()
@@ -163,11 +155,7 @@ class Machine:
         found = self._twins.pop(key, None)
         if found is None:
             run = Run(ideal)
-            run.stop_checks.append(self.superseded)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)
-                status = run.run_to_end()
-            self._continue()
+            status = self._to_end(run)
             if status != Status.COMPLETED:
                 raise JointplayError(run.message(status))
             found = run.result(status, reactions=False, only=("q", *COMPARED))
@@ -274,16 +262,8 @@ def cycle_message(
 ) -> Message:
     """A run as the page shows it: figures of all its records, curves of some, and the picture.
 
-    Args:
-        result, twin: of the run and of its ideal twin, if there is one.
-        moments: of the picture, about.
-        steps: of a quick run, how long they were, in words.
-        reason: why there is no twin.
+    `steps` say in words how long those of a quick run were, `reason` why there is no twin.
     """
-    full_error = full_turn = None
-    if twin is not None:
-        full_error = np.linalg.norm(deviation(result, twin).values, axis=1)
-        full_turn = np.linalg.norm(deviation(result, twin, "tool_orientation").values, axis=1)
     few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
     kept = np.searchsorted(result.time, few.time)
     curves, error = Curves(), None
@@ -294,15 +274,17 @@ def cycle_message(
         figures.append({"name": name, "value": float(value), "unit": unit})
 
     since = result.time >= result.judge_from
-    if full_error is not None and full_turn is not None:
-        begin = np.append(0, kept[:-1] + 1)
-        largest = np.maximum.reduceat(full_error, np.minimum(begin, len(full_error) - 1))
-        error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
-        for what, sizes, unit in (("error", full_error, "m"), ("turn", full_turn, "rad")):
-            judged = sizes[since[: len(sizes)]]
-            figure(f"largest tool {what}", judged.max(initial=0.0), unit)
-            rms = np.sqrt(np.mean(judged**2)) if len(judged) else 0.0
-            figure(f"RMS tool {what}", rms, unit)
+    begin = np.append(0, kept[:-1] + 1)
+    for what, of, unit in (("error", "tool_position", "m"), ("turn", "tool_orientation", "rad")):
+        if twin is None:
+            break
+        sizes = np.linalg.norm(deviation(result, twin, of).values, axis=1)
+        if what == "error":
+            largest = np.maximum.reduceat(sizes, np.minimum(begin, len(sizes) - 1))
+            error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
+        judged = sizes[since[: len(sizes)]]
+        figure(f"largest tool {what}", judged.max(initial=0.0), unit)
+        figure(f"RMS tool {what}", np.sqrt(np.mean(judged**2)) if len(judged) else 0.0, unit)
     for j, name in enumerate(result.joints):
         shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
         joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
@@ -340,10 +322,9 @@ def cycle_message(
 
 
 def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> float | None:
-    """How far the contacts of a joint gave way, over their clearance; None: they are not free.
+    """How far contacts gave way, over their clearance; None: they are not free.
 
-    A journal that sinks in by so much has that much more play: its free travel scales with the
-    clearance.
+    A journal that sinks in by so much has that much more play.
     """
     if joint.springs is not None or joint.resultant is not None:
         return None

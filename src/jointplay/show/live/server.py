@@ -2,46 +2,43 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import queue
 import struct
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from jointplay.base.errors import JointplayError, require_finite
 from jointplay.show.live.answer import look
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
-from jointplay.show.player.pages import as_data, as_script, components, licences, policy
-from jointplay.show.player.server import HOST, PORT, Server, open_browser
+from jointplay.show.player.pages import components, filled, viewer
+from jointplay.show.player.server import PORT
+from jointplay.show.player.server import serve as serve_page
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
-_OWN = ("chart.js", "robot.js", "live.js")
+
+def own(name: str) -> str:
+    """The text of a file of the front end."""
+    return (resources.files("jointplay.show.live") / "static" / name).read_text("utf-8")
 
 
-@cache
-def scripts() -> tuple[str, str]:
-    """Meshcat's viewer, and the front end: a function of it that gives ``mount``."""
-    bundle = resources.files("meshcat") / "viewer" / "dist" / "main.min.js"
-    own = resources.files("jointplay.show.live") / "static"
-    front = "\n".join((components(), *((own / name).read_text("utf-8") for name in _OWN)))
-    body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{front}\nreturn {{mount, overHttp}};'
-    return bundle.read_text("utf-8"), f"function jointplayLive(MeshCat) {{\n{body}\n}}"
+def front() -> str:
+    """The front end: a function of meshcat's viewer that gives ``mount``."""
+    parts = "\n".join((components(), *map(own, ("chart.js", "robot.js", "live.js"))))
+    body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{parts}\nreturn {{mount, overHttp}};'
+    return f"function jointplayLive(MeshCat) {{\n{body}\n}}"
 
 
-@cache
 def style() -> str:
     """Of the front end, which touches nothing outside its own element."""
-    return (resources.files("jointplay.show.live") / "static" / "live.css").read_text("utf-8")
+    return own("live.css")
 
 
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:
@@ -59,31 +56,14 @@ def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str
 
 def page(said: Mapping[str, Any], block: bytes) -> bytes:
     """The page, HTML in UTF-8; its policy lets it ask the server that it comes from."""
-    viewer, front = scripts()
     start = (
         'window.jointplay = jointplayLive(MeshCat).mount(document.getElementById("live"), '
         'JSON.parse(document.getElementById("contents").textContent), '
         'document.getElementById("block").textContent, null);'
     )
-    run = [as_script(viewer), as_script(f"{front}\n{start}")]
-    made = Environment(
-        loader=PackageLoader("jointplay.show.live", "static"),
-        autoescape=True,
-        undefined=StrictUndefined,
-    )
-    return (
-        made.get_template("page.html")
-        .render(
-            policy=policy(run, connect="'self' data: blob:"),
-            title=said["title"],
-            style=as_script(style()),
-            contents=as_data(json.dumps(said, separators=(",", ":"))),
-            block=base64.b64encode(block).decode("ascii"),
-            licences=licences(),
-            scripts=run,
-        )
-        .encode("utf-8")
-    )
+    package, more = "jointplay.show.live", "'self' data: blob:"
+    run = [viewer(), f"{front()}\n{start}"]
+    return filled(package, said["title"], style(), said, block, run, more)
 
 
 def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:
@@ -104,11 +84,7 @@ def plain(value: Any) -> Any:
 
 
 def values_of(asked: Any) -> dict[str, float]:
-    """Values by control, of what a page sent.
-
-    Raises:
-        JointplayError: it is something else.
-    """
+    """Values by control, of what a page sent; JointplayError if it is something else."""
     values = asked.get("values") if isinstance(asked, dict) else None
     if not isinstance(values, dict) or not all(
         isinstance(one, int | float) and not isinstance(one, bool) for one in values.values()
@@ -118,12 +94,7 @@ def values_of(asked: Any) -> dict[str, float]:
 
 
 class Routes:
-    """What the page can ask.
-
-    Args:
-        state: what can be changed.
-        workers: who answer.
-    """
+    """What the page can ask, and who answers."""
 
     def __init__(self, state: State, workers: Workers) -> None:
         self._state, self._workers = state, workers
@@ -188,29 +159,15 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve the page and open it in the browser; returns after Ctrl-C.
+    """Serve the page and open it in the browser; returns after Ctrl-C. Errors as of `Server`.
 
-    Args:
-        state: what can be changed.
-        simulation: of its case.
-        title: of the page.
-        port: where; if it is taken, another. Other machines cannot connect.
-        browser: whether to open one.
-        say: receives one line for each thing the user should know.
-
-    Raises:
-        JointplayError: see `Server`.
+    `say` receives one line for each thing the user should know.
     """
     shown = page(*contents(state, simulation, title))
     workers = Workers(state)
     try:
-        with Server(shown, HOST, port, Routes(state, workers).posts) as server:
-            if port and server.port != port:
-                say(f"port {port} is in use; using {server.port}")
-            say(f"live at {server.url} (stop with Ctrl-C)")
-            if browser and not open_browser(server.url):
-                say("no browser could be opened; open this address yourself")
-            server.serve_forever(poll_interval=0.2)
+        posts = Routes(state, workers).posts
+        serve_page(shown, "live", port=port, posts=posts, browser=browser, say=say)
     except KeyboardInterrupt:
         say("")
     finally:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,8 +27,7 @@ from jointplay.scenario.settings import as_toml
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
-WHOLE = "the machine"
-"""Group of what no single joint has."""
+WHOLE = "the machine"  # group of what no single joint has
 
 _PARTS = {
     "radial_clearance": ("radial clearance", "mm"),
@@ -40,17 +39,12 @@ _PARTS = {
 }
 """Numbers of a joint with play that can be changed, by key: what they are called, and the unit."""
 
-_TIMES = 20.0
-"""A clearance goes from its value divided by this to its value times this."""
-_WIDEST = 0.2
-"""Clearance at most, part of the bearing's radius."""
+_TIMES = 20.0  # a clearance goes from its value divided by this to its value times this
+_WIDEST = 0.2  # clearance at most, part of the bearing's radius
 _LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}
-_FASTEST = 3.0
-"""Factor of the speed: up to this, and down to its inverse."""
-_HEAVIEST = 0.3
-"""Payload at most, part of the mass of the machine."""
-_STRONGEST = 20.0
-"""Gravity at most [m/s^2]."""
+_FASTEST = 3.0  # factor of the speed: up to this, and down to its inverse
+_HEAVIEST = 0.3  # payload at most, part of the mass of the machine
+_STRONGEST = 20.0  # gravity at most [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -66,7 +60,7 @@ class Control:
         low, high: range of the slider; a field takes what lies outside, if the scenario does.
         logarithmic: whether the slider's steps are factors.
         help: what the scenario's tables say of it.
-        keys: of the scenario that receive it, the first one names it in errors.
+        key: of the scenario that receives it, and names it in errors.
         along: for vectors, the direction (3,) that it is multiplied by; else empty.
     """
 
@@ -79,7 +73,7 @@ class Control:
     high: float
     logarithmic: bool
     help: str
-    keys: tuple[tuple[str, ...], ...]
+    key: tuple[str, ...]
     along: tuple[float, ...] = ()
 
     def written(self, value: float) -> Any:
@@ -90,12 +84,7 @@ class Control:
 
 @dataclass(frozen=True)
 class State:
-    """What can be changed of one case of a scenario, and what it says to begin with.
-
-    Attributes:
-        scenario, case: whose.
-        controls: by name, in the order in which they stand.
-    """
+    """What can be changed of one case of a scenario, and what it says to begin with."""
 
     scenario: Scenario
     case: str
@@ -104,16 +93,12 @@ class State:
     @classmethod
     def of(cls, scenario: Scenario, case: str, simulation: Simulation) -> State:
         """Find what can be changed; `simulation` is that of the case."""
-        controls: dict[str, Control] = {}
-        for one in _controls(scenario.data(case), simulation):
-            controls[one.name] = one
-        return cls(scenario, case, controls)
+        controls = _controls(scenario.data(case), simulation)
+        return cls(scenario, case, {one.name: one for one in controls})
 
     def described(self) -> list[dict[str, Any]]:
-        return [
-            {key: value for key, value in asdict(one).items() if key not in ("keys", "along")}
-            for one in self.controls.values()
-        ]
+        kept = [one.name for one in fields(Control) if one.name not in ("key", "along")]
+        return [{name: getattr(one, name) for name in kept} for one in self.controls.values()]
 
     def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Changes of the case, nested as in its file, that give the controls these values.
@@ -121,34 +106,35 @@ class State:
         Controls that are not named, or have the value of the beginning, change nothing.
 
         Raises:
-            MissingName: no such control.
-            JointplayError: not a finite number; `where` is the key.
+            JointplayError: no such control, or not a finite number; `where` is the key.
         """
         made: dict[str, Any] = {}
-        for name, value in {**self._beside(values), **values}.items():
+        beside = self._beside(values)
+        for name, value in {**beside, **values}.items():
             control = self.controls.get(name)
             if control is None:
                 raise MissingName("control", name, self.controls)
-            value = require_finite(control.label, value, control.unit, where=control.keys[0])
-            if value == control.value and name not in self._beside(values):
-                continue
-            for key in control.keys:
-                _put(
-                    made, key, self._payloads(value) if key == _PAYLOAD else control.written(value)
-                )
+            *tables, key = control.key
+            value = require_finite(control.label, value, control.unit, where=control.key)
+            if value != control.value or name in beside:
+                table = made
+                for part in tables:
+                    table = table.setdefault(part, {})
+                is_payload = control.key == _PAYLOAD
+                table[key] = self._payloads(value) if is_payload else control.written(value)
         return made
 
     def _beside(self, values: Mapping[str, float]) -> dict[str, float]:
         """The shown clearances of joints of which one changes: none is to follow another."""
         changed = {
-            control.keys[0][:2]
+            control.key[:2]
             for name, value in values.items()
             if (control := self.controls.get(name)) is not None and value != control.value
         }
         return {
             name: values.get(name, control.value)
             for name, control in self.controls.items()
-            if str(control.keys[0][-1]).endswith("_clearance") and control.keys[0][:2] in changed
+            if control.key[-1].endswith("_clearance") and control.key[:2] in changed
         }
 
     def _payloads(self, mass: float) -> list[dict[str, Any]]:
@@ -163,11 +149,7 @@ class State:
         return merge(self.scenario.data(self.case), self.changes(values))
 
     def text(self, values: Mapping[str, float]) -> str:
-        """A scenario file with these values, which `jointplay run` runs from any folder.
-
-        Raises:
-            JointplayError: what `changes` refuses.
-        """
+        """A scenario file with these values, which `jointplay run` runs from any folder."""
         data, folder = self.data(values), self.scenario.path.parent
         for table, key in (("robot", "urdf"), ("motion", "file")):
             given = data.get(table, {}).get(key)
@@ -177,19 +159,12 @@ class State:
 
     def control_at(self, where: Sequence[str | int]) -> str | None:
         """Name of the control whose key an error is at; None if it is at none of them."""
-        for one in self.controls.values():
-            if any(tuple(where[: len(key)]) == key for key in one.keys):
-                return one.name
-        return None
+        controls = self.controls.values()
+        found = (one.name for one in controls if tuple(where[: len(one.key)]) == one.key)
+        return next(found, None)
 
 
 _PAYLOAD = ("payloads",)
-
-
-def _put(table: dict[str, Any], key: Sequence[str], value: Any) -> None:
-    for part in key[:-1]:
-        table = table.setdefault(part, {})
-    table[key[-1]] = value
 
 
 def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Control]:
@@ -210,35 +185,26 @@ def _of_machine(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Con
         value = float(now[0, column]) if not isinstance(speed, int | float) else float(speed)
         unit = "m/s" if mechanism.description.joints[name].slides else "rad/s"
         low, high = sorted((value / _FASTEST, value * _FASTEST))
-        key = ("motion", "speeds", name)
-        words = f"speed of {name}"
+        at, words = ("motion", "speeds", name), f"speed of {name}"
         yield Control(
-            f"speed.{name}", WHOLE, words, unit, value, low, high, False, texts["speeds"], (key,)
+            f"speed.{name}", WHOLE, words, unit, value, low, high, False, texts["speeds"], at
         )
     if motion and "speeds" not in motion:
         value = float(motion.get("faster", 1.0))
         span = value / _FASTEST, value * _FASTEST
-        yield Control(
-            *("speed", WHOLE, "speed of the motion, factor", "", value, *span, True),
-            *(" ".join(texts["faster"].split()), (("motion", "faster"),)),
-        )
+        words, key = "speed of the motion, factor", ("motion", "faster")
+        text = " ".join(texts["faster"].split())
+        yield Control("speed", WHOLE, words, "", value, *span, True, text, key)
     mass = pin.computeTotalMass(mechanism.ideal().model)
-    held = [payload.mass for payload in simulation.payloads]
-    most = _nice(_HEAVIEST * mass)
-    yield Control(
-        *("payload", WHOLE, "payload", "kg", held[0] if held else 0.0, 0.0),
-        *(max(most, 2.0 * held[0] if held else 0.0), False),
-        *("Mass held by the tool, in its origin if the scenario says no more.", (_PAYLOAD,)),
-    )
-    gravity = np.array(mechanism.gravity, float)
-    size = float(np.linalg.norm(gravity))
-    along = (
-        gravity / size if size else np.array(STANDARD_GRAVITY) / np.linalg.norm(STANDARD_GRAVITY)
-    )
-    yield Control(
-        *("gravity", WHOLE, "gravity", "m/s^2", size, 0.0, max(_STRONGEST, size), False),
-        *("Its direction is the scenario's, or down.", (("robot", "gravity"),), tuple(along)),
-    )
+    held = next((payload.mass for payload in simulation.payloads), 0.0)
+    most = max(_nice(_HEAVIEST * mass), 2.0 * held)
+    text = "Mass held by the tool, in its origin if the scenario says no more."
+    yield Control("payload", WHOLE, "payload", "kg", held, 0.0, most, False, text, _PAYLOAD)
+    size = float(np.linalg.norm(mechanism.gravity))
+    down = np.array(mechanism.gravity if size else STANDARD_GRAVITY, float)
+    along, most = tuple(down / np.linalg.norm(down)), max(_STRONGEST, size)
+    text, key = "Its direction is the scenario's, or down.", ("robot", "gravity")
+    yield Control("gravity", WHOLE, "gravity", "m/s^2", size, 0.0, most, False, text, key, along)
 
 
 def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
@@ -258,17 +224,14 @@ def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
             low, high, logarithmic = _clearances(shown, widest)
         elif key == "temperature_difference":
             low, high = min(-high, shown), max(high, shown)
-        words = " ".join(texts.get(key, "").split())
-        at = (("joints", name, key),)
+        words, at = " ".join(texts.get(key, "").split()), ("joints", name, key)
         yield Control(f"{name}.{key}", name, label, unit, shown, low, high, logarithmic, words, at)
-    friction = getattr(joint, "friction", None)
-    if friction is not None and hasattr(friction, "mu_d"):
-        mu = ("joints", name, "friction", "mu_d")
-        words = "Coefficient of friction of the joint's law."
-        high = max(_LARGEST["mu_d"], friction.mu_d)
+    mu = getattr(getattr(joint, "friction", None), "mu_d", None)
+    if mu is not None:
+        label, words = "coefficient of friction", "Coefficient of friction of the joint's law."
+        place, high = ("joints", name, "friction", "mu_d"), max(_LARGEST["mu_d"], mu)
         yield Control(
-            *(f"{name}.friction", name, "coefficient of friction", "", float(friction.mu_d)),
-            *(0.0, high, False, words, (mu,)),
+            f"{name}.friction", name, label, "", float(mu), 0.0, high, False, words, place
         )
 
 

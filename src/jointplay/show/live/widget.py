@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +9,17 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
 from jointplay.scenario.load import Scenario
 from jointplay.show.live import server
-from jointplay.show.live.server import plain, scripts, style, values_of
+from jointplay.show.live.server import plain, style, values_of
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
+from jointplay.show.player.pages import viewer
 
 
 def module() -> str:
     """The front end as the module that a notebook loads."""
-    viewer, front = scripts()
-    bundle = f"const bundle = {{exports: {{}}}};\n(function (module, exports) {{{viewer}\n}})"
-    comm = (resources.files("jointplay.show.live") / "static" / "comm.js").read_text("utf-8")
-    return (
-        f"{bundle}.call(globalThis, bundle, bundle.exports);\nconst MeshCat = bundle.exports;\n"
-        f"{front}\n{comm}"
-    )
+    bundle = f"const bundle = {{exports: {{}}}};\n(function (module, exports) {{{viewer()}\n}})"
+    bundle += ".call(globalThis, bundle, bundle.exports);\nconst MeshCat = bundle.exports;"
+    return "\n".join((bundle, server.front(), server.own("comm.js")))
 
 
 def widget(scenario: Scenario | str | Path, case: str | None = None) -> Any:

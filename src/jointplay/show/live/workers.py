@@ -25,19 +25,11 @@ Receive = Callable[[dict[str, Any], bytes], None]
 """Receives a part of an answer, in a thread of the workers."""
 
 _METHOD = "fork" if sys.platform == "linux" else "spawn"
-ROUNDS = ("quick", "fine")
-"""Methods of `Machine`; each has a process."""
+ROUNDS = ("quick", "fine")  # methods of `Machine`; each has a process
 
 
 class Workers:
-    """Processes that answer questions on one state, the newest only.
-
-    Args:
-        state: what can be changed.
-
-    Attributes:
-        processes: by what they do.
-    """
+    """Processes that answer questions on one state, the newest only."""
 
     def __init__(self, state: State) -> None:
         self.state = state
@@ -69,12 +61,8 @@ class Workers:
     def ask(self, values: Mapping[str, float], receive: Receive) -> int:
         """Have a question answered; what is asked before gets no further answers.
 
-        Args:
-            values: of controls, by name.
-            receive: for each part of the answer; the last one is of the kind ``end``.
-
-        Returns:
-            The question's number, which all parts of its answer have.
+        `receive` gets each part of the answer, the last one of the kind ``end``. Returns the
+        question's number, which all parts have.
         """
         with self._lock:
             before, self._receive = self._receive, receive

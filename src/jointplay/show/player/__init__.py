@@ -6,62 +6,32 @@ with a player of its own, and everything it plays. So the server's memory is tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, require_a
-from jointplay.show.player.server import HOST, PORT, Server, check_host, open_browser
+from jointplay.base.errors import require_a
+from jointplay.show.player.server import HOST, PORT, check_host, serve
 
 if TYPE_CHECKING:
     from jointplay.show.player.movie import MovieFile, Shot
     from jointplay.show.player.scene import Packed
     from jointplay.simulation.result.result import Result
 
-MOST_BYTES = 15_000_000
-"""Size that a page does not exceed, meshes permitting."""
+MOST_BYTES = 15_000_000  # size that a page does not exceed, meshes permitting
 
 
 def _silent(text: str) -> None:
     """Say nothing."""
 
 
-def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, Result]:
-    """Results by label: cases of a scenario as it names them, where that tells them apart.
-
-    Else the files' names, with as many of their folders as tell them apart.
-
-    Laws of the user's own are taken from the modules of `trust` only; see `Result.load`.
-
-    Raises:
-        JointplayError: no such file, the same file twice, damaged, or not a result.
-    """
-    resolved = [Path(path).resolve() for path in paths]
-    for path, again in zip(paths, resolved, strict=True):
-        if resolved.count(again) > 1:
-            raise JointplayError(f"result {str(path)!r} is given twice")
-    labels: list[str] = []
-    for depth in range(1, max((len(file.parts) for file in resolved), default=0) + 1):
-        labels = ["/".join((*file.parent.parts[1:], file.stem)[-depth:]) for file in resolved]
-        if len(set(labels)) == len(labels):
-            break
-    from jointplay.show.plots.names import case_names
-    from jointplay.simulation.result.result import Result
-
-    results = [Result.load(path, trust) for path in paths]
-    return dict(zip(case_names(results) or labels, results, strict=True))
-
-
 def page(
     cases: Mapping[str, Result], title: str | None = None, **options: Any
 ) -> tuple[bytes, Packed]:
-    """The page that plays `cases`, and the scene in it.
+    """The page that plays `cases`, and the scene in it; options and errors as of `scene.build`.
 
     Moments between impacts are left out until the page has no more than `MOST_BYTES`.
-
-    Raises:
-        JointplayError: see `scene.build`.
     """
     from jointplay.show.player.pages import render
     from jointplay.show.player.scene import BUDGET, build
@@ -86,10 +56,8 @@ def save_html(
 ) -> Path:
     """Write one self-contained page that plays `cases`; it needs no server and no network.
 
-    `say` receives a line for each thing that the user should know; `options` are those of `page`.
-
-    Raises:
-        JointplayError: the file exists or cannot be written; see also `scene.build`.
+    `say` receives a line for each thing that the user should know; `options` and errors are those
+    of `page`. An existing file is refused.
     """
     files.check_new(path)
     content, scene = page(cases, **options)
@@ -106,10 +74,7 @@ def save_movie(
 ) -> MovieFile:
     """Make a picture (.png) or a film (.gif, .mp4, .webm, .webp) of results.
 
-    `say` and `options` are as for `save_html`.
-
-    Raises:
-        JointplayError: see `movie.check`, `movie.Shot` and `page`; there is no Chromium.
+    `say` and `options` are as for `save_html`; without Chromium, or what films need, it is refused.
     """
     from jointplay.show.player import movie
 
@@ -147,18 +112,7 @@ def play(
     content, scene = page(cases, **options)
     del cases
     _tell(scene, say)
-    with Server(content, host, port) as server:
-        if port and server.port != port:
-            say(f"port {port} is in use; using {server.port}")
-        if host not in ("localhost", "::1") and not host.startswith("127."):
-            say(f"listening on {host}: other machines can see this page")
-        say(f"playing at {server.url} (stop with Ctrl-C)")
-        if browser and not open_browser(server.url):
-            say("no browser could be opened; open this address yourself")
-        try:
-            server.serve_forever(poll_interval=0.2)
-        except KeyboardInterrupt:
-            say("")
+    serve(content, "playing", host, port, browser=browser, say=say)
 
 
 def _tell(scene: Packed, say: Callable[[str], None]) -> None:

@@ -31,22 +31,17 @@ from jointplay.base.errors import (
 )
 from jointplay.base.imports import how_to_install
 
-KINDS = (".png", ".gif", ".mp4", ".webm", ".webp")
-"""Files that can be made, by their ending."""
+KINDS = (".png", ".gif", ".mp4", ".webm", ".webp")  # files that can be made, by their ending
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9", ".webp": "libwebp_anim"}
 
-VIEWS = ("both", "robot", "closeup")
-"""Robot and close-up, or one of them."""
+VIEWS = ("both", "robot", "closeup")  # robot and close-up, or one of them
 
-CHROMIUM = "JOINTPLAY_CHROMIUM"
-"""Variable of the environment that names a browser."""
+CHROMIUM = "JOINTPLAY_CHROMIUM"  # variable of the environment that names a browser
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 _SPEEDS = tuple(float(f"{step}e{power}") for power in range(-5, 2) for step in (1, 2, 5))
-_SHORTEST_S, _LONGEST_S = 4.0, 20.0
-"""Length that a film has by itself."""
-_HOLD_S = 0.1
-"""Time of viewing for which forces show, as in the player."""
+_SHORTEST_S, _LONGEST_S = 4.0, 20.0  # length that a film has by itself
+_HOLD_S = 0.1  # time of viewing for which forces show, as in the player
 _MOST_FRAMES = 20_000
 _DRAWING = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """Has Chromium draw by software: no graphics card is needed, and none makes a difference."""
@@ -55,23 +50,16 @@ _READY_MS = 300_000
 
 @dataclass(frozen=True)
 class Shot:
-    """What a picture or film shows, and how.
-
-    Raises:
-        JointplayError: numbers that make no sense.
-    """
+    """What a picture or film shows, and how; numbers that make no sense are refused."""
 
     speed: float | None = None
     """Relative to real time; None chooses one with which the film lasts 4 to 20 s."""
     begin: float | None = None
     """From when on [s]; None: from the start. Of a picture the moment; None: the hardest impact."""
-    end: float | None = None
-    """Until when [s]; None: to the end."""
+    end: float | None = None  # until when [s]; None: to the end
     frames_per_second: float = 25.0
-    size: tuple[int, int] = (1280, 720)
-    """Width and height [pixels], even."""
-    view: str = "both"
-    """One of `VIEWS`."""
+    size: tuple[int, int] = (1280, 720)  # width and height [pixels], even
+    view: str = "both"  # one of `VIEWS`
     signal: str | None = None
     """Drawn over time below the picture, by its name in the player: ``tool error``,
     ``contact force, JOINT`` and so on; None draws nothing."""
@@ -98,11 +86,7 @@ class Shot:
             raise MissingName("view", self.view, VIEWS)
 
     def times(self, begin: float, end: float) -> tuple[np.ndarray, float]:
-        """Times of the frames of a run from `begin` to `end` [s], and the speed.
-
-        Raises:
-            JointplayError: nothing lies between, or far too many frames.
-        """
+        """Times of the frames of a run from `begin` to `end` [s], and the speed."""
         first = begin if self.begin is None else self.begin
         last = end if self.end is None else min(self.end, end)
         if not first < last:

@@ -6,10 +6,10 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterable
-from functools import cache
 from importlib import resources
+from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from jointplay.show.player.scene import Packed
@@ -25,9 +25,7 @@ from jointplay.show.plots.palette import MODE_COLOURS
 def policy(scripts: Iterable[str], connect: str = "") -> Markup:
     """The content security policy of a page with just these scripts.
 
-    Args:
-        scripts: text of each of its script elements that is run.
-        connect: what it may fetch besides: schemes of its own content, such as ``data:``.
+    `connect`: what it may fetch besides, such as ``data:``.
     """
     hashes = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
     rules = {
@@ -60,13 +58,11 @@ def as_data(json: str) -> Markup:
 
 _COMPONENTS = ("tracks.js", "stage.js", "closeup.js", "rolling.js")
 _OWN = resources.files("jointplay.show.player") / "static"
+_VIEWER = resources.files("meshcat") / "viewer" / "dist"
 
 
 def components() -> str:
-    """Scripts that show robots and close-ups, without a player: tracks, stage, close-ups.
-
-    With what they share with figures and reports: the modes of joints, by name and colour.
-    """
+    """Scripts that show robots and close-ups, without a player; with the modes of joints."""
     modes = [
         {"name": name, "term": term, "meaning": meaning, "colour": int(colour[1:], 16)}
         for name, term, meaning, colour in zip(
@@ -77,53 +73,49 @@ def components() -> str:
     return "\n".join((f"const MODES = {json.dumps(modes)};", *sources))
 
 
+def viewer() -> str:
+    """Meshcat's viewer, with three.js in it."""
+    return (_VIEWER / "main.min.js").read_text("utf-8")
+
+
 def render(scene: Packed, title: str) -> bytes:
     """The page that plays `scene`, HTML in UTF-8.
 
     Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content
     security policy forbids the browser any request.
     """
-    bundle = resources.files("meshcat") / "viewer" / "dist"
     player = "\n".join((components(), (_OWN / "player.js").read_text("utf-8")))
-    scripts = [
-        as_script((bundle / "main.min.js").read_text("utf-8")),
-        as_script(f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}'),
-    ]
-    page = _template().render(
-        policy=policy(scripts, connect="data: blob:"),
+    scripts = [viewer(), f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}']
+    look = (_OWN / "player.css").read_text("utf-8")
+    package, more = "jointplay.show.player", "data: blob:"
+    return filled(package, title, look, scene.contents, scene.block, scripts, more)
+
+
+def filled(
+    package: str, title: str, style: str, contents: Any, block: bytes, scripts: list[str], more: str
+) -> bytes:
+    """The page of a package with meshcat's viewer in it; `more` is what it may fetch."""
+    loader = PackageLoader(package, "static")
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
+    run = [as_script(one) for one in scripts]
+    page = made.get_template("page.html").render(
+        policy=policy(run, connect=more),
         title=title,
-        style=as_script((_OWN / "player.css").read_text("utf-8")),
-        contents=as_data(json.dumps(scene.contents, separators=(",", ":"))),
-        block=base64.b64encode(scene.block).decode("ascii"),
+        style=as_script(style),
+        contents=as_data(json.dumps(contents, separators=(",", ":"))),
+        block=base64.b64encode(block).decode("ascii"),
         licences=licences(),
-        scripts=scripts,
+        scripts=run,
     )
     return page.encode("utf-8")
 
 
-@cache
-def _template() -> Template:
-    made = Environment(
-        loader=PackageLoader("jointplay.show.player", "static"),
-        autoescape=True,
-        undefined=StrictUndefined,
-    )
-    return made.get_template("page.html")
-
-
 def licences() -> Markup:
     """Licences of meshcat's viewer and what it bundles, to stand in a comment of a page."""
-    bundle = resources.files("meshcat") / "viewer" / "dist"
-    texts = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8") + _licence_texts(
-        (bundle / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8")
+    packages = json.loads((_VIEWER / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8"))
+    texts = (_VIEWER / "main.min.js.LICENSE.txt").read_text("utf-8") + "\n\n".join(
+        f"{one.get('name')} {one.get('version')}\n"
+        f"{one.get('licenseText') or one.get('license') or ''}"
+        for one in packages
     )
     return Markup(texts.replace("--", "- -"))
-
-
-def _licence_texts(text: str) -> str:
-    """Each bundled package with its licence, which asks to be passed on."""
-    blocks = []
-    for package in json.loads(text):
-        words = package.get("licenseText") or package.get("license") or ""
-        blocks.append(f"{package.get('name')} {package.get('version')}\n{words}")
-    return "\n\n".join(blocks)

@@ -31,7 +31,7 @@ from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.geometry import touch
 from jointplay.physics.joints import Clearance, Coordinate, RollingBearing
 from jointplay.physics.kernel import Status
-from jointplay.show.player.tracks import ImpactTrack, Packer, impacts, select_records, strongest
+from jointplay.show.player.tracks import Impacts, Packer, impacts, select_records, strongest
 from jointplay.show.plots.palette import colours
 from jointplay.simulation.analysis.twins import ideal_simulation, is_twin
 from jointplay.simulation.result.result import Result
@@ -50,33 +50,6 @@ from jointplay.simulation.result.result import Result
 # which is below 0.03 rad in the joints simulated here, every gap then appears M times as large.
 
 
-@dataclass
-class CloseUp:
-    """A journal in its bearing over n records, in bearing axes; m contacts.
-
-    Attributes:
-        turn: quaternions (x, y, z, w) of Q, shape (n, 4).
-        slide: t, shape (n, 3) [m]; zero but along the guide of a slider.
-        displacement: d, shape (n, 3) [m].
-        tilt: w, shape (n, 3) [rad].
-        place: x of each contact's point on the journal, shape (n, m, 3) [m].
-        shift: d + w x x of that point, shape (n, m, 3) [m].
-        normal_force: on the journal, shape (n, m, 3) [N].
-        friction_force: on the journal, shape (n, m, 3) [N].
-        loads: of each rolling element, row by row, shape (n, rows * Z) [N]; None without any.
-    """
-
-    turn: np.ndarray
-    slide: np.ndarray
-    displacement: np.ndarray
-    tilt: np.ndarray
-    place: np.ndarray
-    shift: np.ndarray
-    normal_force: np.ndarray
-    friction_force: np.ndarray
-    loads: np.ndarray | None = None
-
-
 def close_up(
     mechanism: Mechanism,
     joint: str,
@@ -87,8 +60,8 @@ def close_up(
     normal: np.ndarray,
     friction: np.ndarray,
     cage: np.ndarray | None = None,
-) -> CloseUp:
-    """How the journal of `joint` lies, and what acts on it, at some records of a run.
+) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """How the journal of `joint` lies, and what acts on it, at n records of a run; m contacts.
 
     Args:
         mechanism: with clearance in `joint`.
@@ -99,6 +72,13 @@ def close_up(
             the last one that is wanted, say), shape (n, m).
         normal, friction: magnitudes of those forces, shape (n, m) [N].
         cage: azimuth of a rolling bearing's first element at all records, shape (all,) [rad].
+
+    Returns:
+        In bearing axes: `turn`, quaternions (x, y, z, w) of Q (n, 4); `slide`, t (n, 3) [m], zero
+        but along the guide of a slider; `displacement`, d (n, 3) [m]; `tilt`, w (n, 3) [rad];
+        `place`, x of each contact's point on the journal, and `shift`, d + w x x of that point
+        (n, m, 3) [m]; `normal` and `friction`, forces on the journal (n, m, 3) [N]. And loads of
+        rolling elements, row by row, shape (n, rows * Z) [N]; None without any.
     """
     clearance = mechanism.clearance[joint]
     n, m = acting.shape
@@ -142,26 +122,18 @@ def close_up(
         loads, _ = bearing.element_loads(centre[now], rotation[now][:, :, 2], azimuth[now])
     turn = quaternions(ideal[now])
     continuous(turn)
-    return CloseUp(
-        turn,
-        slide[now],
-        displacement[now],
-        tilt[now],
-        place,
-        shift,
-        normal[:, :, None] * direction,
-        friction[:, :, None] * against,
-        loads,
-    )
+    found = {"turn": turn, "slide": slide[now], "displacement": displacement[now]}
+    found |= {"tilt": tilt[now], "place": place, "shift": shift}
+    found |= {"normal": normal[:, :, None] * direction, "friction": friction[:, :, None] * against}
+    return found, loads
 
 
 def _most_loaded(
     bearing: RollingBearing, rotation: np.ndarray, centre: np.ndarray, cage: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the element that bears most touches the inner ring, and which way it pushes it.
+    """Where the most loaded element touches the inner ring, and which way it pushes it.
 
-    Returns:
-        Both in bearing axes, the place from the ring's centre, shape (n, 3) [m].
+    Both in bearing axes, the place from the ring's centre, shape (n, 3) [m].
     """
     pose = np.hstack([centre, rotation.reshape(-1, 9)])
     found = elastic.answers(bearing.law, bearing.resultant, pose, cage)
@@ -175,11 +147,9 @@ def _most_loaded(
 def _relative_motion(
     mechanism: Mechanism, joint: str, q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pose and motion of the journal relative to the bearing, in bearing axes.
+    """Rotation (n, 3, 3), centre (n, 3) [m] and twist (n, 6) [m/s, rad/s] of a journal.
 
-    Returns:
-        Rotation (n, 3, 3), centre (n, 3) [m], velocity of the journal's centre and angular velocity
-        (n, 6) [m/s, rad/s].
+    Relative to the bearing, in bearing axes; the velocity is that of the journal's centre.
     """
     model, data = mechanism.model, mechanism.data
     (i, bearing), (j, journal) = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
@@ -215,8 +185,7 @@ def _turned(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 # What play lets the tool do at rest, as the track of an ellipsoid about the ideal tool.
 
 
-MOMENTS = 61
-"""At which the set is reckoned; between them the ellipsoid is interpolated."""
+MOMENTS = 61  # at which the set is reckoned; between them the ellipsoid is interpolated
 _QUANTUM = 1e-8
 _PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -228,21 +197,14 @@ def static_error(
     driven: Sequence[str] | None,
     packer: Packer,
 ) -> dict[str, Any]:
-    """Pack the static error set of a run's tool.
+    """Pack the static error set of a run's tool; errors as of `error_model.play_model`.
 
-    Args:
-        mechanism: with play.
-        time: of the records, shape (n,) [s].
-        q: configurations there, shape (n, nq); journals count as centred.
-        driven: joints that the motion moves, which stand in closed loops.
-        packer: receives the tables.
+    Of configurations q (n, nq) at times (n,) [s], whose journals count as centred. `driven` joints
+    stand in closed loops.
 
     Returns:
         `time` [s], and `set`: the matrix that makes a unit sphere the ellipsoid, its six numbers,
         and the worst and the RMS distance [m].
-
-    Raises:
-        JointplayError: see `error_model.play_model`.
     """
     moments = np.linspace(time[0], time[-1], MOMENTS)
     poses = np.column_stack([np.interp(moments, time, column) for column in q.T])
@@ -267,13 +229,16 @@ A single minute of motion then has one each millisecond or more, and every recor
 """
 
 MICRON, MICRORADIAN = 1e-6, 1e-6
-TWIN_RECORD_S = 1e-3
-"""Time between two records of an ideal twin [s]."""
+_QUANTA = {
+    **{"turn": 10 * MICRORADIAN, "tilt": MICRORADIAN, "slide": MICRON, "place": 10 * MICRON},
+    **{"displacement": 0.1 * MICRON, "shift": 0.2 * MICRON},
+}
+"""To which tracks of the close-up are rounded."""
+TWIN_RECORD_S = 1e-3  # time between two records of an ideal twin [s]
 
 MOST_MAGNIFIED = 1e4
 
-SHARPNESS = 2**14
-"""Places of a surface's points along its largest extent."""
+SHARPNESS = 2**14  # places of a surface's points along its largest extent
 
 Notes = list[str]
 
@@ -366,15 +331,7 @@ def build(
 
 
 def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Packed:
-    """What does not move: surfaces of a mechanism's bodies, and where they stand.
-
-    Args:
-        mechanism: whose URDF has the shapes.
-        meshes: folders in which meshes are looked for first.
-
-    Raises:
-        JointplayError: see `visuals.look`.
-    """
+    """What does not move: surfaces of a mechanism's bodies, and where they stand."""
     packer = Packer()
     surfaces, visuals = _Surfaces(packer), Scene(mechanism, meshes).look
     objects = surfaces.objects(visuals)
@@ -384,17 +341,7 @@ def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Packed:
 
 
 def motion(label: str, result: Result, twin: Result, budget: int) -> Packed:
-    """What moves: tracks of a result and of its ideal twin, as a case of `build` has them.
-
-    Args:
-        label: what the case is called.
-        result: with at least two records.
-        twin: the ideal twin's, with its coordinates; see `analysis.twin`.
-        budget: most moments.
-
-    Raises:
-        JointplayError: see `build`.
-    """
+    """What moves: tracks of a result and of its ideal twin, as a case of `build` has them."""
     packer = Packer()
     case = _Case(label, result)
     entry = case.pack(packer, max(budget, 4))
@@ -492,19 +439,13 @@ class _Case:
             "poses": _pack_poses(packer, poses),
             "tool": packer.table(tool, 0.1 * MICRON),
             "joints": [
-                self._joint(packer, name, j, sizes[:, j], peaks[:, j], hits[j])
+                self._joint(packer, name, j, peaks[:, j], sizes[:, j], hits[j])
                 for j, name in enumerate(joints)
             ],
         }
 
     def _joint(
-        self,
-        packer: Packer,
-        name: str,
-        j: int,
-        size: np.ndarray,
-        peak: np.ndarray,
-        hits: ImpactTrack,
+        self, packer: Packer, name: str, j: int, peak: np.ndarray, size: np.ndarray, hits: Impacts
     ) -> dict[str, Any]:
         mechanism, clearance = self.mechanism, self.mechanism.clearance[name]
         contacts = [str(contact) for contact in self.result["contact"].values]
@@ -523,14 +464,24 @@ class _Case:
         cage = None
         if isinstance(clearance, RollingBearing):
             cage = np.ascontiguousarray(self.values("cage_angle")[:, j])
-        view = close_up(mechanism, name, self.q, self.v, self.records, acting, held, rubbing, cage)
+        view, loads = close_up(
+            mechanism, name, self.q, self.v, self.records, acting, held, rubbing, cage
+        )
         largest = float(size.max(initial=0.0))
         pressing = normal.max(axis=1)
         newton = max(1e-4 * largest, 1e-9)
         n = len(self.records)
         force = peak[strongest(size[:, None], self.records)[:, 0]]
         seen = self.scene.joints[j]
-        return {
+        quanta = _QUANTA | {"normal": newton, "friction": newton}
+        packed = {
+            "force": packer.table(force, newton),
+            "mode": packer.table(self.values("mode")[self.records, j], 1.0),
+            "tilt_angle": packer.table(self.values("tilt")[self.records, j], MICRORADIAN),
+        }
+        for key, values in view.items():
+            packed[key] = packer.table(values.reshape(n, -1), quanta[key])
+        return packed | {
             "name": name,
             "kind": clearance.kind,
             "marked": not seen.hinge,
@@ -546,27 +497,12 @@ class _Case:
                 "time": self.time[hits.records].tolist(),
                 "force": [float(f"{value:.4g}") for value in hits.force],
             },
-            "force": packer.table(force, newton),
-            "mode": packer.table(self.values("mode")[self.records, j], 1.0),
-            "tilt_angle": packer.table(self.values("tilt")[self.records, j], MICRORADIAN),
-            "turn": packer.table(view.turn, 10 * MICRORADIAN),
-            "slide": packer.table(view.slide, MICRON),
-            "displacement": packer.table(view.displacement, 0.1 * MICRON),
-            "tilt": packer.table(view.tilt, MICRORADIAN),
-            "place": packer.table(view.place.reshape(n, -1), 10 * MICRON),
-            "shift": packer.table(view.shift.reshape(n, -1), 0.2 * MICRON),
-            "normal": packer.table(view.normal_force.reshape(n, -1), newton),
-            "friction": packer.table(view.friction_force.reshape(n, -1), newton),
             "magnification": self.magnification(name, j),
-            "elements": self._elements(packer, clearance, cage, view.loads),
+            "elements": self._elements(packer, clearance, cage, loads),
         }
 
     def _elements(
-        self,
-        packer: Packer,
-        clearance: Clearance,
-        cage: np.ndarray | None,
-        loads: np.ndarray | None,
+        self, packer: Packer, clearance: Clearance, cage: Any, loads: np.ndarray | None
     ) -> dict[str, Any] | None:
         """Rings and elements of a rolling bearing, and what they do; None of other kinds."""
         if not isinstance(clearance, RollingBearing) or cage is None or loads is None:
@@ -603,8 +539,8 @@ class _Case:
             size, tilt = clearance.d_element, np.abs(self.values("tilt")[:, j]).max()
             away = np.abs(self.values("journal_centre")[:, j]).max(axis=0)
             went = max(float(np.hypot(away[0], away[1])), float(away[2]))
-            pairs = [(0.35 * size, clearance.radial_room)]
-            pairs.append((0.5 * size, went + float(tilt) * clearance.outline.size[0]))
+            far = went + float(tilt) * clearance.outline.size[0]
+            pairs = [(0.35 * size, clearance.radial_room), (0.5 * size, far)]
         else:
             outline = clearance.outline
             pairs = [(1.1 * a, b) for a, b in zip(outline.size, outline.room, strict=True)]
@@ -612,7 +548,7 @@ class _Case:
         return min(round_below(factor), MOST_MAGNIFIED)
 
 
-def _typical(force: np.ndarray, hits: ImpactTrack) -> float:
+def _typical(force: np.ndarray, hits: Impacts) -> float:
     """Force that an arrow of ordinary length shows [N]: half of the impacts exceed it."""
     values = force[hits.records] if len(hits.records) else force
     values = values[values > 0.0]

@@ -17,14 +17,12 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from jointplay.base.errors import JointplayError, require_whole
 
 HOST = "127.0.0.1"
-PORT = 7000
-"""Meshcat's own default."""
+PORT = 7000  # meshcat's own default
 _ATTEMPTS = 20
 _TIMEOUT_S = 30.0
 
 
-MOST_ASKED = 100_000
-"""Bytes of a question at most."""
+MOST_ASKED = 100_000  # bytes of a question at most
 
 Post = Callable[[bytes], Iterator[bytes]]
 """Answers what a page asks: receives the body, gives the parts of the answer as they come. Closed
@@ -45,9 +43,6 @@ class Server(ThreadingHTTPServer):
         posts: what answers questions that the page posts, by name. With any, the address has a
             random token, without which nothing is answered; and no other site's page can ask.
 
-    Attributes:
-        wanted: the port that was asked for.
-
     Raises:
         JointplayError: a host that is none of this machine's, or a port that is none.
     """
@@ -63,7 +58,7 @@ class Server(ThreadingHTTPServer):
         posts: Mapping[str, Post] | None = None,
     ) -> None:
         port = require_whole("the port", port, 0, 65535)
-        self.page, self.wanted, self.posts = page, port, dict(posts or {})
+        self.page, self.posts = page, dict(posts or {})
         self.root = f"/{secrets.token_urlsafe(24)}/" if posts else "/"
         try:
             addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
@@ -197,6 +192,35 @@ class _Handler(BaseHTTPRequestHandler):
         pass
 
 
+def serve(
+    page: bytes,
+    words: str,
+    host: str = HOST,
+    port: int = PORT,
+    posts: Mapping[str, Post] | None = None,
+    *,
+    browser: bool = True,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serve a page, open it in the browser, and say so in `words`; returns after Ctrl-C.
+
+    Raises:
+        JointplayError: see `Server`.
+    """
+    with Server(page, host, port, posts) as server:
+        if port and server.port != port:
+            say(f"port {port} is in use; using {server.port}")
+        if host not in ("localhost", "::1") and not host.startswith("127."):
+            say(f"listening on {host}: other machines can see this page")
+        say(f"{words} at {server.url} (stop with Ctrl-C)")
+        if browser and not open_browser(server.url):
+            say("no browser could be opened; open this address yourself")
+        try:
+            server.serve_forever(poll_interval=0.2)
+        except KeyboardInterrupt:
+            say("")
+
+
 def open_browser(url: str) -> bool:
     """Open `url` in the user's browser; False if there is no display to show one on."""
     windows = sys.platform in ("darwin", "win32")
@@ -209,9 +233,5 @@ def open_browser(url: str) -> bool:
 
 
 def check_host(host: str) -> None:
-    """Refuse a host on which this machine cannot listen.
-
-    Raises:
-        JointplayError: see `Server`.
-    """
+    """Refuse a host on which this machine cannot listen."""
     Server(b"", host, 0).server_close()

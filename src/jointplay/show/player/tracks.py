@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 PROMINENCE = 0.05
 """A peak of the contact force is an impact if it stands out by this much of the largest."""
-MOST_IMPACTS = 1000
-"""Weaker ones of a joint are not offered for jumping to."""
+MOST_IMPACTS = 1000  # weaker ones of a joint are not offered for jumping to
 BEFORE_S, AFTER_S = 1e-3, 5e-3
 """Every record is kept this long before and after an impact, the strongest first [s]."""
 
 
-@dataclass
-class ImpactTrack:
-    """Impacts of a joint, in the order of time.
+class Impacts(NamedTuple):
+    """Impacts of a joint, in the order of time."""
 
-    Attributes:
-        records: number of the record of each, shape (n,).
-        force: the peak of each, shape (n,) [N].
-    """
-
-    records: np.ndarray
-    force: np.ndarray
+    records: np.ndarray  # number of the record of each, shape (n,)
+    force: np.ndarray  # the peak of each, shape (n,) [N]
 
 
-def impacts(force: np.ndarray) -> ImpactTrack:
+def impacts(force: np.ndarray) -> Impacts:
     """Peaks of a contact force, shape (n,) [N], that stand out by `PROMINENCE` of the largest.
 
     A journal that hits after free flight makes such a peak, and so does one that is knocked about
@@ -37,7 +29,7 @@ def impacts(force: np.ndarray) -> ImpactTrack:
     """
     largest = float(force.max(initial=0.0))
     if largest <= 0.0:
-        return ImpactTrack(np.zeros(0, int), np.zeros(0))
+        return Impacts(np.zeros(0, int), np.zeros(0))
     # Zeros around: a peak may be the last record.
     at, prominence = peaks(np.concatenate([[0.0], force, [0.0]]))
     out = prominence >= PROMINENCE * largest
@@ -45,7 +37,7 @@ def impacts(force: np.ndarray) -> ImpactTrack:
     strongest = np.sort(np.argsort(-prominence, kind="stable")[:MOST_IMPACTS])
     at = at[strongest] - 1
     at = at[at > 0]
-    return ImpactTrack(at, force[at])
+    return Impacts(at, force[at])
 
 
 def peaks(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -76,25 +68,19 @@ def peaks(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (begin[top] + end[top]) // 2, level[top] - low.max(axis=0)
 
 
-def select_records(time: np.ndarray, hits: list[ImpactTrack], budget: int) -> np.ndarray:
-    """Numbers of the records that are played.
+def select_records(time: np.ndarray, hits: list[Impacts], budget: int) -> np.ndarray:
+    """Numbers of the records that are played, ascending; `budget` of them, at least 4.
 
-    Args:
-        time: of the records, ascending, shape (n,) [s].
-        hits: impacts of each joint.
-        budget: most records, at least 4.
-
-    Returns:
-        Ascending numbers: all, if the budget allows; else the record of each impact and, strongest
-        first, all records around it, which take up to half the budget; and as many of the rest, at
-        equal distances, as the other half allows, the first and the last among them.
+    All, if the budget allows; else the record of each impact and, strongest first, all records
+    around it, which take up to half the budget; and as many of the rest, at equal distances, as
+    the other half allows, the first and the last among them.
     """
     n = len(time)
     if n <= budget:
         return np.arange(n)
     wanted = np.zeros(n, bool)
-    records = np.concatenate([hit.records for hit in hits]) if hits else np.zeros(0, int)
-    force = np.concatenate([hit.force for hit in hits]) if hits else np.zeros(0)
+    records = np.concatenate([np.zeros(0, int), *(hit.records for hit in hits)])
+    force = np.concatenate([np.zeros(0), *(hit.force for hit in hits)])
     order = records[np.argsort(-force, kind="stable")]
     wanted[order[: budget // 4]] = True
     left = budget // 2 - int(wanted.sum())
@@ -111,15 +97,9 @@ def select_records(time: np.ndarray, hits: list[ImpactTrack], budget: int) -> np
 
 
 def strongest(values: np.ndarray, records: np.ndarray) -> np.ndarray:
-    """Record of the largest value since the record kept before.
+    """Record of the largest value of each column (all, m) since the record kept before.
 
-    Args:
-        values: shape (all, m).
-        records: kept ones, ascending, shape (n,).
-
-    Returns:
-        Shape (n, m): for each kept record and column the number of the record in
-        (previous kept, kept] that has the largest value.
+    Shape (n, m): for each kept record the number of the one in (previous kept, kept].
     """
     numbers = np.empty((len(records), values.shape[1]), int)
     begin = np.concatenate([[0], records[:-1] + 1])
@@ -147,14 +127,9 @@ class Packer:
         return entry
 
     def table(self, values: np.ndarray, quantum: float) -> dict[str, Any]:
-        """Append a table, one row a moment.
+        """Append a table, one row a moment; returns what the reader needs to decode it.
 
-        Args:
-            values: shape (n,) or (n, columns), finite.
-            quantum: what it is rounded to, in its unit; made coarser if 32 bits do not suffice.
-
-        Returns:
-            What the reader needs to find and decode it.
+        Values (n,) or (n, columns) are rounded to `quantum`, made coarser if 32 bits are too few.
         """
         table = np.asarray(values, float).reshape(len(values), -1)
         largest = float(np.abs(table).max(initial=0.0))

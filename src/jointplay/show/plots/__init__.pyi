@@ -1,10 +1,4 @@
-from .figures import is_paper as is_paper
 from .figures import save as save
-from .figures import save_pdf as save_pdf
 from .names import file_names as file_names
 from .names import is_paper_robot as is_paper_robot
-from .palette import COLOURS as COLOURS
-from .palette import Cases as Cases
-from .palette import reference as reference
 from .result import Plots as Plots
-from .style import STYLES as STYLES

@@ -20,22 +20,16 @@ from jointplay.show.plots.palette import COLOURS, GREY
 class Axis:
     """What an axis shows, and from where to where."""
 
-    name: str = ""
-    """In words."""
-    unit: str = ""
-    """The SI unit of the numbers."""
-    size: str = ""
-    """``"fine"`` of clearances and the like, ``"large"`` of paths: `units.displayed`."""
+    name: str = ""  # in words
+    unit: str = ""  # the SI unit of the numbers
+    size: str = ""  # "fine" of clearances and the like, "large" of paths: `units.displayed`
     log: bool = False
-    low: float | None = None
-    """Where it begins; None: at the data."""
+    low: float | None = None  # where it begins; None: at the data
     high: float | None = None
-    rows: Sequence[str] | None = None
-    """Words at 0, 1, ...; up an axis the first stands at the top."""
+    rows: Sequence[str] | None = None  # words at 0, 1, ...; up an axis the first stands at the top
     ticks: int | None = None
     """Intervals between ticks, at most; as many on both sides of 0 unless it has limits."""
-    whole: bool = False
-    """Whether it counts."""
+    whole: bool = False  # whether it counts
 
     @property
     def shown(self) -> tuple[float, str]:
@@ -57,11 +51,9 @@ class Curve:
 
     x: np.ndarray | Sequence[float]
     y: np.ndarray | Sequence[float]
-    name: str = ""
-    """In the legend; without one it is not there."""
+    name: str = ""  # in the legend; without one it is not there
     colour: str = COLOURS[1]
-    line: str = "-"
-    """``-``, ``--``, ``:``, ``-.`` or, of points alone, nothing."""
+    line: str = "-"  # -, --, :, -. or, of points alone, nothing
     width: float | None = None
     marker: str = ""
     size: float = 3.0
@@ -71,16 +63,11 @@ class Curve:
     """Of the error band of a line, or of the bars of points, with `high`; numbers that are none
     have no error."""
     high: np.ndarray | None = None
-    aside: np.ndarray | None = None
-    """Errors along x."""
-    at: np.ndarray | None = None
-    """Time of each point of a curve in a plane [s]."""
-    steps: bool = False
-    """Whether it jumps from one value to the next."""
-    frame: bool = False
-    """Whether it is no data: the outline of a clearance, a reference."""
-    order: float = 2.0
-    """What is drawn above what."""
+    aside: np.ndarray | None = None  # errors along x
+    at: np.ndarray | None = None  # time of each point of a curve in a plane [s]
+    steps: bool = False  # whether it jumps from one value to the next
+    frame: bool = False  # whether it is no data: the outline of a clearance, a reference
+    order: float = 2.0  # what is drawn above what
 
 
 @dataclass(frozen=True)
@@ -91,13 +78,11 @@ class Bars:
     name: str = ""
     colour: str = COLOURS[1]
     left: np.ndarray | float = 0.0
-    shift: float = 0.0
-    """Of the bars from their rows."""
+    shift: float = 0.0  # of the bars from their rows
     height: float = 0.6
     opacity: float = 1.0
     error: np.ndarray | None = None
-    rows: np.ndarray | Sequence[int] | None = None
-    """None: every one."""
+    rows: np.ndarray | Sequence[int] | None = None  # None: every one
 
 
 @dataclass(frozen=True)
@@ -116,8 +101,7 @@ class Rule:
     """A line across all of a chart, or with an end a band."""
 
     at: float
-    along: str = "y"
-    """The axis that has this value: of ``y`` the line is level."""
+    along: str = "y"  # the axis that has this value: of y the line is level
     name: str = ""
     colour: str = "black"
     line: str = "-"
@@ -154,15 +138,13 @@ class Dots:
 class Map:
     """A value, by its colour, at the places of a grid; all places are as wide without `x`, `y`."""
 
-    values: np.ndarray
-    """Rows from below."""
+    values: np.ndarray  # rows from below
     scale: Axis | None = None
     x: np.ndarray | None = None
     y: np.ndarray | None = None
     extent: tuple[float, float, float, float] | None = None
     palette: str = "cividis"
-    written: bool = False
-    """Whether the numbers stand in it."""
+    written: bool = False  # whether the numbers stand in it
 
 
 @dataclass(frozen=True)
@@ -185,15 +167,12 @@ class Panel:
     y: Axis
     marks: Sequence[Mark] = ()
     title: str = ""
-    colour: str = ""
-    """Of a title that names a case, which stands at the left."""
+    colour: str = ""  # of a title that names a case, which stands at the left
     equal: str = ""
     """Whether x and y have the same scale: ``"box"`` fits the panel to what is shown, ``"data"``
     shows more."""
-    columns: int = 0
-    """Of its own legend, above it; 0: it has none."""
-    legend: str = ""
-    """Where its own legend is otherwise, as matplotlib calls it."""
+    columns: int = 0  # of its own legend, above it; 0: it has none
+    legend: str = ""  # where its own legend is otherwise, as matplotlib calls it
     legend_title: str = ""
 
     def styled(self, **fields: Any) -> Panel:
@@ -225,21 +204,15 @@ class Chart:
     """Panels in rows, and what stands around them."""
 
     rows: Sequence[Sequence[Panel | None]]
-    size: tuple[float, float]
-    """Width and height [inches]."""
+    size: tuple[float, float]  # width and height [inches]
     title: str = ""
-    colour: str = "black"
-    """Of the title."""
-    note: str = ""
-    """In small print below."""
-    key: int = 0
-    """Columns of the legend of all panels, above them; 0: there is none."""
+    colour: str = "black"  # of the title
+    note: str = ""  # in small print below
+    key: int = 0  # columns of the legend of all panels, above them; 0: there is none
     key_at: str = "outside upper center"
-    same_x: bool | str = False
-    """Whether panels share the x axis; ``"col"``: those of a column."""
+    same_x: bool | str = False  # whether panels share the x axis; "col": those of a column
     same_y: bool | str = False
-    wide: Sequence[float] | None = None
-    """Widths of columns relative to each other."""
+    wide: Sequence[float] | None = None  # widths of columns relative to each other
     high: Sequence[float] | None = None
 
     @property

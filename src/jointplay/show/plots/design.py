@@ -55,20 +55,14 @@ def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
     """What each joint adds to the tool's error at a pose, by default the worst one."""
     at = budget.worst_pose if pose is None else pose
     rests, whole, _ = budget.rest_positions.at(at)
-    groups = (
-        ("worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
-        ("RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
-        ("at rest", np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1), COLOURS[3]),
-    )
+    size, sizes = np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1)
     marks = [
-        Bars(
-            values,
-            f"{words}, all {1e3 * total:.3g} mm",
-            colour,
-            shift=0.27 * (index - 1),
-            height=0.25,
+        Bars(values, f"{words}, all {1e3 * total:.3g} mm", colour, shift=shift, height=0.25)
+        for shift, words, total, values, colour in (
+            (-0.27, "worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
+            (0.0, "RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
+            (0.27, "at rest", size, sizes, COLOURS[3]),
         )
-        for index, (words, total, values, colour) in enumerate(groups)
     ]
     across = Axis(f"contribution of the joint to the error of {budget.tool!r}", "m")
     panel = Panel(across, Axis(rows=budget.joints), marks)
@@ -119,25 +113,17 @@ def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
     for name, value in zip(budget.joints, budget.shares, strict=True):
         joint = gears.get(name, name)
         share[joint] = share.get(joint, 0.0) + float(value)
-    scale = Normalize(0.0, 100.0 * max(max(share.values()), 1e-9))
-    palette = mpl.colormaps[_SHARES]
+    scale, palette = Normalize(0.0, 100.0 * max(*share.values(), 1e-9)), mpl.colormaps[_SHARES]
     colours = {name: to_hex(palette(scale(100.0 * value))) for name, value in share.items()}
     labels = {name: f"{name}: {100 * value:.1f} %" for name, value in share.items()}
-    worst = 1e3 * budget.worst[budget.worst_pose]
-    figure = picture(
-        mechanism,
-        q[budget.worst_pose],
-        title=f"origin of the worst case of {worst:.3g} mm at {budget.tool!r} (static)",
-        colours=colours,
-        labels=labels,
-    )
+    at = budget.worst_pose
+    title = f"origin of the worst case of {1e3 * budget.worst[at]:.3g} mm at {budget.tool!r}"
+    look: dict[str, Any] = {"title": f"{title} (static)", "colours": colours, "labels": labels}
+    figure = picture(mechanism, q[at], **look)
     figure.set_dpi(130)
-    figure.colorbar(
-        ScalarMappable(scale, palette),
-        ax=figure.axes[0],
-        shrink=0.6,
-        label="share of the joint that carries the body [%]",
-    )
+    label = "share of the joint that carries the body [%]"
+    bar = ScalarMappable(scale, palette)
+    figure.colorbar(bar, ax=figure.axes[0], shrink=0.6, label=label)
     return figure
 
 
@@ -178,9 +164,7 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
 def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
     """Error along a motion: worst case by joint, stacked; and at rest, and RMS.
 
-    Args:
-        budget: along the motion.
-        time: of its poses [s], shape (n,); None counts them.
+    `time` of its poses [s], shape (n,); None counts them.
     """
     x = np.arange(len(budget.worst)) if time is None else time
     tops = np.cumsum(np.column_stack([np.zeros(len(x)), budget.worst_parts]), axis=1).T
@@ -204,44 +188,34 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
 
 def workspace_map(budget: PlayBudget) -> Figure:
     """Where in the workspace the worst case is large: from the side and from above."""
-    x, y, z = budget.positions.T
-    scale = Axis(f"worst-case error of {budget.tool!r}", "m")
     order = np.argsort(budget.worst)
-    views = (
+    (x, y, z), worst = budget.positions[order].T, budget.worst[order]
+    scale = Axis(f"worst-case error of {budget.tool!r}", "m")
+    panels = []
+    for across, up, *words in (
         (np.hypot(x, y), z, "distance from the z axis", "z"),
         (x, y, "x", "y"),
-    )
-    panels = [
-        Panel(
-            Axis(word, "m", "large"),
-            Axis(other, "m", "large"),
-            [Dots(across[order], up[order], budget.worst[order], scale)],
-            equal="data",
-        )
-        for across, up, word, other in views
-    ]
+    ):
+        sideways, upwards = (Axis(word, "m", "large") for word in words)
+        panels.append(Panel(sideways, upwards, [Dots(across, up, worst, scale)], equal="data"))
     return _row(panels, (8.0, 4.0), note=budget.accuracy)
 
 
 def allocation(allotment: Allocation) -> Figure:
     """Clearances, what they add to the error, and what another micrometre of each would save."""
+    saved = Axis(f"saved by one µm more\n[cost, {allotment.cost}]")
     shown = (
         (allotment.clearance, Axis("clearance", "m", "fine"), COLOURS[1]),
         (allotment.each("after"), Axis("adds to the error", "m", "fine"), COLOURS[0]),
-        (
-            allotment.each("saved"),
-            Axis(f"saved by one µm more\n[cost, {allotment.cost}]"),
-            COLOURS[3],
-        ),
+        (allotment.each("saved"), saved, COLOURS[3]),
     )
     panels = [
         Panel(axis, Axis(rows=allotment.joints), [Bars(values, colour=colour)])
         for values, axis, colour in shown
     ]
-    title = (
-        f"{allotment.kind} {1e6 * allotment.error:.4g} µm, target {1e6 * allotment.target:.4g} µm"
-    )
-    return _row(panels, (9.0, 1.6 + 0.35 * len(allotment.joints)), title=title, same_y=True)
+    reached, target = (f"{1e6 * one:.4g} µm" for one in (allotment.error, allotment.target))
+    title, size = f"{allotment.kind} {reached}, target {target}", 1.6 + 0.35 * len(allotment.joints)
+    return _row(panels, (9.0, size), title=title, same_y=True)
 
 
 def cause_allocation(allotment: Allocation) -> Figure:
@@ -369,8 +343,7 @@ def calibration(fit: Calibration) -> Figure:
 # Figures of accuracy and repeatability: attained poses around the command, and the path.
 
 
-MOST_POSES = 6
-"""Stops that are drawn: the worst."""
+MOST_POSES = 6  # stops that are drawn: the worst
 
 
 def poses(performance: Iso9283) -> Figure:
@@ -403,21 +376,14 @@ def poses(performance: Iso9283) -> Figure:
 
 def path(performance: Iso9283) -> Figure:
     """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
-    marks = [
-        Curve(
-            performance.path_times,
-            values,
-            f"{name} = {performance.path[name].words(1e3, 'mm')}",
-            colour,
-            width=0.8,
-            marker="o",
-            size=2.5,
-        )
-        for values, name, colour in (
-            (performance.path_accuracy, "AT_p", COLOURS[0]),
-            (performance.path_repeatability, "RT_p", COLOURS[1]),
-        )
-    ]
+    look: dict[str, Any] = {"width": 0.8, "marker": "o", "size": 2.5}
+    marks = []
+    for values, name, colour in (
+        (performance.path_accuracy, "AT_p", COLOURS[0]),
+        (performance.path_repeatability, "RT_p", COLOURS[1]),
+    ):
+        words = f"{name} = {performance.path[name].words(1e3, 'mm')}"
+        marks.append(Curve(performance.path_times, values, words, colour, **look))
     up = Axis("across the command path", "m", low=0.0)
     panel = Panel(Axis("time in the cycle", "s"), up, marks)
     return _row([panel], (6.5, 3.4), note=_note(performance), key=2)
@@ -433,16 +399,10 @@ def wear_course(estimate: Maintenance) -> Figure:
     """The tool's error up to its tolerance, and each joint's growth of clearance."""
     aside = 2.0 * np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
     course = Curve(estimate.cycles, estimate.error, "worst case, static", COLOURS[0], marker="o")
-    errors: list[Mark] = [
-        replace(course, aside=aside),
-        Rule(estimate.target, "y", "tolerance", "black", "--", 0.9),
-    ]
-    depths = [
-        Curve(estimate.cycles, depth, name, colour, marker="o")
-        for name, depth, colour in zip(
-            estimate.joints, estimate.growth.T, many(len(estimate.joints)), strict=False
-        )
-    ]
+    tolerance = Rule(estimate.target, "y", "tolerance", "black", "--", 0.9)
+    errors: list[Mark] = [replace(course, aside=aside), tolerance]
+    joints = zip(estimate.joints, estimate.growth.T, many(len(estimate.joints)), strict=False)
+    depths = [Curve(estimate.cycles, d, name, colour, marker="o") for name, d, colour in joints]
     cycles, (low, high) = Axis("cycles"), estimate.spread
     panels = [
         Panel(cycles, Axis("error of the tool", "m", low=0.0), errors, legend="best"),

@@ -35,22 +35,13 @@ from jointplay.show.plots.style import (
     style,
 )
 
-_MANY_POINTS = 20_000
-"""So many are an image, also in vector graphics."""
-_MOST_WRITTEN = 120
-"""Places of a map whose numbers can be read."""
-_MOST_NAMED = 9
-"""Columns or rows of a map that are named."""
+_MANY_POINTS = 20_000  # so many are an image, also in vector graphics
+_MOST_WRITTEN = 120  # places of a map whose numbers can be read
+_MOST_NAMED = 9  # columns or rows of a map that are named
 
 
 def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigure:
-    """A figure of a chart.
-
-    Args:
-        chart: what to draw.
-        look: a style of `style.STYLES`.
-        whole: whether it is as wide as on the screen, whatever its style.
-    """
+    """A figure of a chart in a style of `style.STYLES`; `whole`: as wide as on the screen."""
     with style(look):
         figure = new_figure(*chart.size, look, whole)
         share: dict[str, Any] = {"sharex": chart.same_x, "sharey": chart.same_y}
@@ -100,10 +91,7 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
 def draw_panel(panel: Panel, axes: Axes, **own: Any) -> None:
     """Draw into a pair of axes, in the style that they have.
 
-    Args:
-        panel: what to draw.
-        axes: where.
-        own: matplotlib's options for all that is data: ``color``, ``lw``, ``label`` ...
+    `own` are matplotlib's options for all that is data: ``color``, ``lw``, ``label`` ...
     """
     for mark in panel.marks:
         framed = isinstance(mark, Curve) and mark.frame

@@ -14,10 +14,8 @@ from jointplay.physics.geometry import Form
 from jointplay.show.plots.palette import COLOURS
 from jointplay.show.plots.style import StyledFigure, footnote, new_figure, style
 
-_RADIUS, _HALF = 0.7, 1.5
-"""Of the drawn journal."""
-_ROOM = 0.16
-"""Between the journal and a wall that it does not touch."""
+_RADIUS, _HALF = 0.7, 1.5  # of the drawn journal
+_ROOM = 0.16  # between the journal and a wall that it does not touch
 _TILT = 0.09
 _SIDES = ("radial_A", "radial_B", "axial_A", "axial_B")
 

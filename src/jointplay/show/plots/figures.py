@@ -25,10 +25,8 @@ from jointplay.simulation.analysis.vibration import TooShort
 from jointplay.simulation.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3
-_ORBITS = 3
-"""Columns of a legend, and of orbits, at most."""
-_STILL = 1e-6
-"""Motion along an axis relative to the largest, below which there is none."""
+_ORBITS = 3  # columns of a legend, and of orbits, at most
+_STILL = 1e-6  # motion along an axis relative to the largest, below which there is none
 
 
 def coloured(cases: Cases) -> list[tuple[str, Result, str]]:
@@ -428,26 +426,11 @@ def spectra(cases: Cases, start: float | None = None) -> Chart:
     return Chart(rows, (7.0, 6.5), title, key=_LEGEND_COLUMNS, same_x=True)
 
 
-def save_pdf(
-    cases: Cases, path: str | Path, start: float | None = None, look: str = "paper"
-) -> Path:
-    """Draw every figure of the cases into one PDF, vector graphics, a figure a page.
-
-    Args:
-        cases: results by label.
-        path: the file; an existing one is refused.
-        start: records before this are left out of spectra [s]; None: before each run is judged.
-        look: style of the pages' type; pages keep the size they have on screen.
-
-    Raises:
-        JointplayError: the file exists or cannot be written.
-    """
-    path = files.check_new(path)
-    return files.write(path, pdf(cases, start, look))
-
-
 def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
-    """The file that `save_pdf` writes."""
+    """Every figure of the cases in one PDF, vector graphics, a figure a page.
+
+    Records before `start` [s] are left out of spectra; None: before each run is judged.
+    """
     drawn = io.BytesIO()
     with PdfPages(drawn) as pages:
         pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"

@@ -1,11 +1,13 @@
-"""What figures are called; nothing is drawn here, and nothing that draws is imported."""
+"""What figures and results are called; nothing that draws is imported here."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jointplay.base.errors import JointplayError
 from jointplay.simulation import analysis
 
 if TYPE_CHECKING:
@@ -13,8 +15,7 @@ if TYPE_CHECKING:
 
 PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
 
-MARK = "jointplay figures"
-"""In the files' metadata: pictures that may be replaced."""
+MARK = "jointplay figures"  # in the files' metadata: pictures that may be replaced
 
 NAMES = (
     *("tool_displacement", "tool_velocity", "tool_path", "journal_orbit"),
@@ -47,21 +48,62 @@ def is_paper_robot(urdf: str) -> bool:
 
 
 def file_names(paper: bool, rolling: bool = True) -> list[str]:
-    """Names of all files that `figures.save` may write.
-
-    Args:
-        paper: for the paper's robot, whose figures have its numbers.
-        rolling: whether there may be rolling bearings.
-    """
+    """Names of all files that `figures.save` may write, of `paper` those with its numbers."""
     shown = NAMES if rolling else NAMES[:-1]
     names = [PAPER.get(name, name) if paper else name for name in shown]
     return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
 
 
-def case_names(results: Sequence[Result]) -> list[str] | None:
-    """Cases of a scenario as their author wrote them; None where they do not tell results apart."""
-    names = [str(result.dataset.attrs.get("case", "")) for result in results]
-    return names if all(names) and len(set(names)) == len(names) else None
+def load(
+    paths: Sequence[str | Path], labels: Sequence[str] = (), trust: Collection[str] = ()
+) -> dict[str, Result]:
+    """Read results by label; a folder stands for those in it, the ideal mechanism's first.
+
+    Labels are by default the cases of a scenario as its author wrote them, or the first that tell
+    the results apart: the files' names without suffix, their folders', or the whole paths. Laws of
+    the user's own are taken from the modules of `trust` only; see `Result.load`.
+
+    Raises:
+        JointplayError: a file that is missing, given twice, damaged or no result; a folder without
+            any; labels that do not fit.
+    """
+    from jointplay.simulation.result.result import Result
+
+    files: list[Path] = []
+    for path in map(Path, paths):
+        inside = sorted(path.glob("*.nc"), key=_place_in_folder) if path.is_dir() else [path]
+        if not inside:
+            raise JointplayError(f"the folder {str(path)!r} holds no results (*.nc)")
+        files += inside
+    resolved = [file.resolve() for file in files]
+    for file, again in zip(files, resolved, strict=True):
+        if resolved.count(again) > 1:
+            raise JointplayError(f"result {str(file)!r} is given twice")
+    if labels and len(labels) != len(files):
+        raise JointplayError(f"{len(labels)} labels for {len(files)} results; give one for each")
+    for label in labels:
+        if list(labels).count(label) > 1:
+            raise JointplayError(f"two results are called {label!r}; name them with --label")
+    results = [Result.load(file, trust) for file in files]
+    for file, result in zip(files, results, strict=True):
+        if not len(result.time):
+            raise JointplayError(f"{str(file)!r} holds no records")
+    cases = [str(result.dataset.attrs.get("case", "")) for result in results]
+    choices = [
+        labels,
+        cases if all(cases) else [],
+        [file.stem for file in files],
+        [file.parent.name for file in resolved],
+        [str(file.with_suffix("")) for file in resolved],
+    ]
+    names = next(one for one in choices if one and len(set(one)) == len(files))
+    return dict(zip(names, results, strict=True))
+
+
+def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
+    """The ideal mechanism stands first; numbers in names count as such."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", file.stem)
+    return file.stem != "ideal", [(float(p), "") if p[:1].isdigit() else (0.0, p) for p in parts]
 
 
 def title_of(results: Mapping[str, Result]) -> str:

@@ -12,8 +12,7 @@ from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, LINE, many
 from jointplay.study.nonlinear.lyapunov import Exponent
 
-_WIDE_PT = 480.0
-"""Width of a bifurcation diagram between its axes, about [points]."""
+_WIDE_PT = 480.0  # width of a bifurcation diagram between its axes, about [points]
 _POINTS_PT = (2.0, 5.0)
 """Smallest and largest diameter of its dots: half as large, they are not seen in print [points]."""
 
@@ -25,14 +24,7 @@ def turns(
     labels: Sequence[str],
     title: str = "",
 ) -> Figure:
-    """Quantities over the crank's angle, with clearance and without.
-
-    Args:
-        angle: in turns, shape (n,).
-        values, ideal: shape (n, quantities).
-        labels: of the quantities.
-        title: of the figure.
-    """
+    """Quantities (n, quantities) over the crank's angle in turns (n,), and without clearance."""
     x = Axis("turn", low=float(angle[0]), high=float(angle[-1]))
     rows: list[list[Panel | None]] = []
     for label, history, plain in zip(labels, values.T, ideal.T, strict=True):
@@ -54,15 +46,7 @@ def bifurcation(
     title: str = "",
     caption: str = "",
 ) -> Figure:
-    """Samples once a turn over a parameter.
-
-    Args:
-        values: of the parameter, shape (n,).
-        samples: for each, shape (n, turns); rows that are no numbers failed.
-        across, up: labels.
-        title: of the figure.
-        caption: beneath it: how samples were taken.
-    """
+    """Samples once a turn (n, turns) over a parameter (n,); rows that are no numbers failed."""
     size = float(np.clip(_WIDE_PT / max(len(values), 1), *_POINTS_PT))
     at = np.repeat(values, samples.shape[1])
     dots = Curve(at, samples.ravel(), line="", marker="o", size=size, opacity=0.7)
@@ -81,11 +65,7 @@ def poincare(points: np.ndarray, labels: Sequence[str], title: str = "") -> Figu
 def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = "") -> Figure:
     """How the exponent settles with the turns averaged over, and its interval of confidence.
 
-    Args:
-        growths: mean growth in each turn [1/s].
-        estimate: what follows from them.
-        turn: time of one [s].
-        title: of the figure.
+    `growths`: mean growth in each turn [1/s]; `turn`: time of one [s].
     """
     number = np.arange(1, len(growths) + 1)
     label = f"{100 * estimate.confidence:g} % interval: {estimate.verdict}"
@@ -131,13 +111,8 @@ def waterfall(
 ) -> Figure:  # fmt: skip
     """Spectra over a parameter: a line for each of some of the values, and all as a map.
 
-    Args:
-        values: of the parameter, shape (n,).
-        order: multiples of the turning speed, shape (m,).
-        amplitudes: shape (n, m); rows that are no numbers failed.
-        across: label of the parameter.
-        up: label of the amplitudes.
-        title: of the figure.
+    Amplitudes (n, m) of the parameter's values (n,), rows that are no numbers failed, over `order`:
+    multiples of the turning speed (m,).
     """
     good = np.isfinite(amplitudes).all(axis=1)
     values, amplitudes = values[good], amplitudes[good]
@@ -161,14 +136,10 @@ def waterfall(
 def basin(
     places: np.ndarray, labels: np.ndarray, periods: Sequence[int], joint: str, title: str = ""
 ) -> Figure:
-    """Where a journal's motion ends, over where it starts.
+    """Where a journal's motion ends, over where it starts (n, 2) [m].
 
-    Args:
-        places: starts, shape (n, 2) [m].
-        labels: index of the orbit, -1 where the motion does not repeat itself, -2 where it failed.
-        periods: of the orbits [turns].
-        joint: whose journal it is.
-        title: of the figure.
+    `labels`: index of the orbit, -1 where the motion does not repeat itself, -2 where it failed;
+    `periods` of the orbits [turns].
     """
     words = {-1: "does not repeat itself", -2: "failed"}
     colours = {-1: "#595959", -2: "#d9d9d9"}

@@ -30,8 +30,7 @@ CONTACT_COLOURS = (
     "#808080",
 )
 """For the contacts of a joint, and its coordinates."""
-_DASHES = ("-", "--", ":")
-"""Tell contacts apart that share a colour: a slider has up to sixteen."""
+_DASHES = ("-", "--", ":")  # tell contacts apart that share a colour: a slider has up to sixteen
 
 MODE_COLOURS = ("#B4BDC5", "#5AA5D0", "#34709F")
 """For the modes of a journal, `names.MODES`: the closer the contact, the deeper the blue."""

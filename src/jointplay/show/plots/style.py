@@ -72,11 +72,7 @@ SIZES = {"screen": 1.0, "paper": 0.58}
 
 @contextmanager
 def style(name: str = "screen") -> Iterator[None]:
-    """Use this package's look, leaving the user's own settings alone.
-
-    Raises:
-        MissingName: no such style.
-    """
+    """Use this package's look, leaving the user's own settings alone."""
     if name not in STYLES:
         raise MissingName("style", name, STYLES)
     own = STYLES[name]

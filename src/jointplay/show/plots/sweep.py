@@ -148,11 +148,7 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledF
 def draw_convergence(
     dataset: xr.Dataset, measure: str, precision: float = 0.05, look: str = "screen"
 ) -> StyledFigure:
-    """Mean and 95 % quantile of a measure after the first runs, up to all, and when it is enough.
-
-    Raises:
-        JointplayError: nothing is sampled, or no such measure.
-    """
+    """Mean and 95 % quantile of a measure after the first runs, up to all; when it is enough."""
     values = samples_of(dataset, measure)
     marks: list[Curve | Rule] = []
     for colour, (name, probability, text) in zip(

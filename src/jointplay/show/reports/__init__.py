@@ -14,10 +14,10 @@ from jointplay.base.files import write as write_file
 from jointplay.base.processes import in_parallel
 from jointplay.show.player.pages import as_data, as_script
 from jointplay.show.plots.figures import is_paper
+from jointplay.show.plots.names import load as load
 from jointplay.show.plots.names import robot_of, title_of
 from jointplay.show.reports import html
 from jointplay.show.reports.cases import Case, Say, build, dark, follow_impacts, settled
-from jointplay.show.reports.cases import load as load
 from jointplay.show.reports.charts import MAX_RECORDS, Chart, Pack, all_charts
 from jointplay.show.reports.html import Html, joined, markup, targets
 from jointplay.show.reports.inputs import parameters
@@ -39,8 +39,7 @@ from jointplay.show.reports.sections import impacts as impacts_section
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
 
-IMPACTS = 5
-"""Impacts of each case that are followed step by step, unless told otherwise."""
+IMPACTS = 5  # impacts of each case that are followed step by step, unless told otherwise
 
 
 def report(

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError
 from jointplay.show.plots.figures import coloured
-from jointplay.show.plots.names import case_names
 from jointplay.show.reports.html import Html, markup
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.replay import (
@@ -30,19 +27,17 @@ from jointplay.simulation.result.variables import contact_names
 Say = Callable[[str], None]
 
 
-@dataclass
+@dataclass(eq=False)
 class Case:
     """One result of a report."""
 
     label: str
     result: Result
     colour: str
-    ideal: Result | None = None
-    """What its tool is measured against; itself for an ideal run."""
+    ideal: Result | None = None  # what its tool is measured against; itself for an ideal run
     error: xr.DataArray | None = None
     """The tool's deviation from `ideal` (time, axis) [m]; None for an ideal run."""
-    turn: xr.DataArray | None = None
-    """The same of its orientation [rad]."""
+    turn: xr.DataArray | None = None  # the same of its orientation [rad]
     replay: Replay | None = None
     impacts: list[Impact] = field(default_factory=list)
     """The largest ones, step by step, one for each window of the replay."""
@@ -80,83 +75,22 @@ class Case:
         return Result(merged.isel(time=first))
 
 
-def load(
-    paths: Sequence[Path], labels: Sequence[str] | None = None, trust: Collection[str] = ()
-) -> dict[str, Result]:
-    """Read results by label, by default `case_names`, or the files' names without suffix,
-    or where these are the same, their folders'.
-
-    A folder stands for the NetCDF files in it, the ideal mechanism's first. Laws of the user's own
-    are taken from the modules of `trust` only; see `Result.load`.
-
-    Raises:
-        JointplayError: a file that is missing, damaged or no result; a folder without any; labels
-            that do not fit.
-    """
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            inside = sorted(path.glob("*.nc"))
-            if not inside:
-                raise JointplayError(f"the folder {str(path)!r} holds no results (*.nc)")
-            files += sorted(inside, key=_place_in_folder)
-        else:
-            files.append(path)
-    if labels and len(labels) != len(files):
-        raise JointplayError(f"{len(labels)} labels for {len(files)} results; give one for each")
-    results = [Result.load(file, trust) for file in files]
-    for file, result in zip(files, results, strict=True):
-        if not len(result.time):
-            raise JointplayError(f"{str(file)!r} holds no records")
-    names = list(labels or case_names(results) or [file.stem for file in files])
-    if not labels and len(set(names)) < len(names):  # such as "result" in folders of their own
-        names = [file.resolve().parent.name for file in files]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise JointplayError(f"two results are called {twice!r}; name them with --label")
-    return dict(zip(names, results, strict=True))
-
-
-def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
-    """The ideal mechanism stands first; numbers in names count as such."""
-    parts = re.split(r"(\d+(?:\.\d+)?)", file.stem)
-    return file.stem != "ideal", [(float(p), "") if p[:1].isdigit() else (0.0, p) for p in parts]
-
-
 def build(results: Mapping[str, Result], say: Say) -> list[Case]:
     """Find or simulate the ideal references."""
     cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
-    for case in cases:
-        if not analysis.has_play(case.result):
-            case.ideal = case.result
-    _refer(cases, say)
-    return cases
-
-
-def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
-    """Repeat the runs, and keep the largest impacts of each step by step."""
-    for case in cases:
-        if case.joints and number:
-            _follow(case, number, say)
-
-
-def _refer(cases: Iterable[Case], say: Say) -> None:
-    cases = list(cases)
     given = [case for case in cases if not analysis.has_play(case.result)]
     made: dict[str, Result] = {}
     for case in cases:
-        if not analysis.has_play(case.result) or len(case.result.time) < 2:
+        if case in given:
+            case.ideal = case.result
             continue
-        twin = next(
-            (
-                other
-                for other in given
-                if analysis.is_twin(case.result, other.result) and len(other.result.time) > 1
-            ),
-            None,
+        twins = (
+            other
+            for other in given
+            if analysis.is_twin(case.result, other.result) and len(other.result.time) > 1
         )
         try:
-            if twin is not None:
+            if (twin := next(twins, None)) is not None:
                 case.ideal = twin.result
                 case.notes.append(f"Tool errors are measured against {twin.label!r}.")
             else:
@@ -184,6 +118,14 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
         except JointplayError as error:
             case.ideal = case.error = case.turn = None
             case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
+    return cases
+
+
+def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
+    """Repeat the runs, and keep the largest impacts of each step by step."""
+    for case in cases:
+        if case.joints and number:
+            _follow(case, number, say)
 
 
 def _follows(result: Result) -> bool:

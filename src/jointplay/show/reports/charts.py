@@ -24,8 +24,7 @@ MAX_RECORDS = 40_000
 """More records than this are reduced to the smallest and the largest of each of a series of
 intervals, so that no peak is lost."""
 
-EXACT = 23
-"""Bits of a float32's mantissa."""
+EXACT = 23  # bits of a float32's mantissa
 
 
 class Pack:
@@ -42,9 +41,7 @@ class Pack:
     def add(self, values: np.ndarray, bits: int = EXACT) -> int:
         """Store a one-dimensional array, unsigned integers as uint32, others as float32.
 
-        Args:
-            values: what to store.
-            bits: of the mantissa that are kept, by rounding; the relative error is 2^-(bits + 1).
+        `bits` of the mantissa are kept, by rounding; the relative error is 2^-(bits + 1).
         """
         whole = values.dtype.kind == "u"
         packed = np.ascontiguousarray(values, "<u4" if whole else "<f4")
@@ -65,9 +62,7 @@ class Pack:
 class Thinning:
     """How the records of one case are reduced to about `MAX_RECORDS`.
 
-    Args:
-        sparse: which points are records of which there may be too many; the others, recorded step
-            by step, are all kept.
+    `sparse`: which points are records; others, recorded step by step, are all kept.
     """
 
     def __init__(self, sparse: np.ndarray) -> None:
@@ -76,8 +71,7 @@ class Thinning:
         """Records in an interval; one: nothing is left out."""
         self._step_by_step = np.flatnonzero(~sparse)
         self._intervals = np.split(records, range(self.size, len(records), self.size))
-        self.thins = self.size > 2
-        """Whether anything is left out."""
+        self.thins = self.size > 2  # whether anything is left out
 
     def kept(self, *series: np.ndarray) -> np.ndarray:
         """Indices that stay: of each interval those of the smallest and the largest of each series.
@@ -99,8 +93,7 @@ _FINE, _COARSE = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
 Chart = dict[str, Any]
-_DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
-"""What plotly calls them."""
+_DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}  # what plotly calls them
 
 
 class Times:
@@ -119,12 +112,7 @@ class Times:
 
 
 class Drawing:
-    """Charts in terms of a page; their series go into a `Pack`.
-
-    Args:
-        pack: receives the series.
-        times: of all cases.
-    """
+    """Charts in terms of a page; their series go into a `Pack`."""
 
     def __init__(self, pack: Pack, times: Sequence[Times]) -> None:
         self._pack, self._times = pack, times
@@ -133,47 +121,30 @@ class Drawing:
     def chart(self, name: str, title: str, panels: Sequence[Panel], *, same: bool = False) -> Chart:
         """A chart: panels over time or frequency below each other, others side by side.
 
-        Args:
-            name: by which the page knows it.
-            title: above it.
-            panels: of which it consists.
-            same: whether their y axes are the same.
+        `same`: whether their y axes are the same.
         """
         across = panels[0].x.name if panels else ""
-        return {
-            "id": name,
-            "title": title,
-            "stacked": across in ("time", "frequency"),
-            "time": across == "time",
-            "same": same,
-            "panels": [self._panel(panel) for panel in panels],
-        }
+        drawn = [
+            {
+                "x": _axis(panel.x),
+                "y": _axis(panel.y),
+                "title": panel.title,
+                "equal": bool(panel.equal),
+                "traces": [self._mark(mark, panel) for mark in panel.marks if _is_drawn(mark)],
+            }
+            for panel in panels
+        ]
+        kind = {"stacked": across in ("time", "frequency"), "time": across == "time", "same": same}
+        return {"id": name, "title": title, **kind, "panels": drawn}
 
-    def _panel(self, panel: Panel) -> Chart:
-        marks = (self._mark(mark, panel) for mark in panel.marks)
-        return {
-            "x": _axis(panel.x),
-            "y": _axis(panel.y),
-            "title": panel.title,
-            "equal": bool(panel.equal),
-            "traces": [mark for mark in marks if mark is not None],
-        }
-
-    def _mark(self, mark: Any, panel: Panel) -> dict[str, Any] | None:
-        look = {"name": getattr(mark, "name", ""), "color": getattr(mark, "colour", "")}
+    def _mark(self, mark: Any, panel: Panel) -> dict[str, Any]:
+        look = {"name": mark.name, "color": mark.colour}
         if isinstance(mark, Spans):
             owner = self._times[0]
             for one in self._times:
                 owner = one if np.isin(mark.begin, one.time).all() else owner
-            ends = (self._pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
-            return {
-                **dict(zip(("from", "to"), ends, strict=True)),
-                "dt": owner.step,
-                "row": mark.row,
-                **look,
-            }
-        if not isinstance(mark, Curve):
-            return None  # lines across are the page's own
+            begin, end = (self._pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
+            return {"from": begin, "to": end, "dt": owner.step, "row": mark.row, **look}
         x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
         look |= {"dash": _DASHES.get(mark.line, ""), "frame": mark.frame}
         bits = EXACT if panel.y.size == "large" else _COARSE if panel.y.unit in ("N", "") else _FINE
@@ -195,6 +166,10 @@ class Drawing:
         return self._packed[key]
 
 
+def _is_drawn(mark: Any) -> bool:
+    return isinstance(mark, Spans | Curve)  # lines across are the page's own
+
+
 def _axis(axis: Axis) -> dict[str, Any]:
     rows = None if axis.rows is None else list(axis.rows)
     return {"label": axis.label, "unit": axis.shown[1], "log": axis.log, "rows": rows}
@@ -213,7 +188,6 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     draw = Drawing(pack, times).chart
     paper = figures.is_paper(recorded)
     rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
-    kinds = tuple(sorted(rolls))
     charts = []
     axes = figures.moving_axes(results)
     along = f" (along {' and '.join(axes)}, the others are at rest)" if len(axes) < 3 else ""
@@ -230,13 +204,12 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         where = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
         panels = [figures.path_panel(results)]
         charts.append(draw("tool_path", f"Path of the tool in {where}", panels))
-    centre = {
-        (True,): "Inner ring's centre in the outer ring",
-        (False, True): "Centre in the bearing",
-    }.get(kinds, "Journal centre in its bearing")
+    centre, on = {
+        (True,): ("Inner ring's centre in the outer ring", "inner ring"),
+        (False, True): ("Centre in the bearing", "journal or inner ring"),
+    }.get(tuple(sorted(rolls)), ("Journal centre in its bearing", "journal"))
     orbits = [panel for panel, _ in figures.orbit_panels(results)]
     charts.append(draw("journal_orbit", f"{centre}, with its clearance", orbits))
-    on = {(True,): "inner ring", (False, True): "journal or inner ring"}.get(kinds, "journal")
     for axis in AXES:
         title = f"Force on the {on} along world {axis}"
         forces = figures.force_panels(results, axis)
@@ -247,25 +220,21 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         if not ring
     ]
     charts.append(draw("modes", f"Contact mode{' (Table 1)' if paper else ''}", modes))
-    loaded = [panel for panel, ring in _of_joints(results, "loaded", rolling=True) if ring]
+    loaded = [panel for panel, _ in _of_joints(results, "loaded", rolling=True)]
     charts.append(draw("loaded", "Balls or rollers that bear load", loaded))
-    for name, title in (
-        ("contacts", "Normal force of each contact"),
-        ("gaps", "Gap of each contact"),
-    ):
+    for name, word in (("contacts", "Normal force"), ("gaps", "Gap")):
         panels = [panel for panel, _ in _of_joints(results, name)]
-        charts.append(draw(name, title, panels, same=True))
-    met = [panel for panel, _ in _of_joints(recorded, "impacts", start=start)]
+        charts.append(draw(name, f"{word} of each contact", panels, same=True))
     met = [
         replace(panel, marks=[replace(one, name=one.name.rpartition(", ")[0]) for one in found])
-        for panel in met
-        if (found := [mark for mark in _curves(panel) if len(mark.x)])
+        for panel, _ in _of_joints(recorded, "impacts", start=start)
+        if (found := _curves(panel))
     ]
     charts.append(draw("impacts", "Contacts by duration and peak force", met))
     density = [
         replace(panel, marks=found)
         for panel in figures.spectrum_panels(recorded, start)
-        if (found := [mark for mark in _curves(panel) if len(mark.x)])
+        if (found := _curves(panel))
     ]
     title = "Power spectral density of the tool's acceleration"
     charts.append(draw("spectrum", title, density))
@@ -278,20 +247,13 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
 
 
 def _curves(panel: Panel) -> list[Curve]:
-    return [mark for mark in panel.marks if isinstance(mark, Curve)]
+    return [mark for mark in panel.marks if isinstance(mark, Curve) and len(mark.x)]
 
 
 def _of_joints(
     results: Mapping[str, Result], name: str, rolling: bool = False, **options: Any
 ) -> list[tuple[Panel, bool]]:
-    """A plot of each joint with clearance, and whether it has a rolling bearing.
-
-    Args:
-        results: by label.
-        name: of the plot.
-        rolling: whether it is of rolling bearings alone.
-        options: of the plot.
-    """
+    """A plot of each joint with clearance, or of rolling bearings alone, and whether it is one."""
     found = []
     for label, result in results.items():
         for joint in result.joints:

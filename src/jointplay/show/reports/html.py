@@ -51,10 +51,7 @@ def render(template: str, **values: object) -> Html:
 
 
 def page(title: str, cases: object, made: Mapping[str, str], sections: object, **more: Any) -> Html:
-    """A report: its title, the cases, with which versions it was made, and sections by name.
-
-    `more` is what interactive charts need: their series, layout and scripts.
-    """
+    """A report; `more` is what interactive charts need: their series, layout and scripts."""
     look = (files("jointplay.show.reports") / "page" / "report.css").read_text(encoding="utf-8")
     scripts = more.get("scripts", [])
     return render(
@@ -70,11 +67,7 @@ def page(title: str, cases: object, made: Mapping[str, str], sections: object, *
 
 
 def targets(path: str | Path, pdf: bool) -> list[Path]:
-    """The files of a report, checked before any work is done: the page, and the PDF beside it.
-
-    Raises:
-        JointplayError: no name for a page, or a file that exists or cannot be written.
-    """
+    """The files of a report, checked before any work is done: the page, and the PDF beside it."""
     path = Path(path)
     if path.suffix != ".html":
         raise JointplayError(f"the report is a page: {str(path)!r} must end in .html")

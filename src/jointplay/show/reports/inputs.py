@@ -11,14 +11,14 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import family_of, fields_of
-from jointplay.base.tables import Head, Table
+from jointplay.base.tables import Table
 from jointplay.base.units import displayed, readable, typeset
 from jointplay.model.free_base import FREE
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import parse
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
-from jointplay.physics.joints import RollingBearing
+from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.base import Material
 from jointplay.show.reports.cases import Case, dark
 from jointplay.show.reports.html import (
@@ -54,49 +54,43 @@ def own_laws(cases: Sequence[Case]) -> Html:
     )
 
 
-_JOINT_FIELDS: dict[str, Head] = {
-    "clearance": ("clearance across x, each side", "m"),
-    "clearance_y": ("clearance across y, each side", "m"),
-    "length": ("length of the slider", "m"),
-    "width": ("width", "m"),
-    "height": ("height of the slider, along y", "m"),
-    "corner_radius": ("rounding of the corners", "m"),
-    "radial_clearance": ("radial clearance C_r", "m"),
-    "axial_clearance": ("axial clearance C_a, each side", "m"),
-    "bearing_radius": ("bearing radius R_i", "m"),
-    "bearing_length": ("bearing length L_i", "m"),
-    "journal_radius": ("journal radius R_j", "m"),
-    "journal_length": ("journal length L_j", "m"),
-    "restitution": ("restitution c_e", ""),
-    "stiffness": ("stiffness k", "N/m^1.5"),
-    "axial_stiffness": ("stiffness k, axial", "N/m^1.5"),
-    "bore": ("bore", "m"),
-    "outside_diameter": ("outside diameter", "m"),
-    "element_diameter": ("diameter of elements", "m"),
-    "pitch_diameter": ("pitch diameter", "m"),
-    "roller_length": ("length of rollers", "m"),
-    "spacing": ("distance of the rows", "m"),
-    "shaft_interference": ("interference of the shaft", "m", True),
-    "housing_interference": ("interference of the housing", "m", True),
-    "temperature_difference": ("inner ring warmer by", "K"),
-    "damping_time": ("damping over stiffness", "s"),
-    "cage_angle": ("azimuth of the first element", "rad"),
-    "contact_angle": ("contact angle", "rad"),
-    "preload": ("preload", "N"),
-    "dynamic_rating": ("basic dynamic load rating C", "N"),
-    "static_rating": ("basic static load rating C0", "N"),
-    "drag_torque": ("friction torque without load", "N*m"),
-    "rolling_friction": ("friction over load and half the bore", ""),
-    "inner_groove": ("radius of the inner groove over D", ""),
-    "outer_groove": ("radius of the outer groove over D", ""),
+_WORDS = {
+    "clearance": "clearance across x, each side",
+    "clearance_y": "clearance across y, each side",
+    "length": "length of the slider",
+    "height": "height of the slider, along y",
+    "radial_clearance": "radial clearance C_r",
+    "axial_clearance": "axial clearance C_a, each side",
+    "bearing_radius": "bearing radius R_i",
+    "bearing_length": "bearing length L_i",
+    "journal_radius": "journal radius R_j",
+    "journal_length": "journal length L_j",
+    "restitution": "restitution c_e",
+    "stiffness": "stiffness k",
+    "axial_stiffness": "stiffness k, axial",
+    "spacing": "distance of the rows",
+    "temperature_difference": "inner ring warmer by",
+    "damping_time": "damping over stiffness",
+    "cage_angle": "azimuth of the first element",
+    "dynamic_rating": "basic dynamic load rating C",
+    "static_rating": "basic static load rating C0",
+    "drag_torque": "friction torque without load",
+    "rolling_friction": "friction over load and half the bore",
+    "inner_groove": "radius of the inner groove over D",
+    "outer_groove": "radius of the outer groove over D",
 }
+"""What fields of joints are called that do not say it themselves."""
+
+
+def _word(field: str) -> str:
+    return _WORDS.get(field, field.replace("_", " "))
 
 
 def parameters(cases: Sequence[Case]) -> Html:
     """Every input, a column for each case, then motion and robot in full."""
-    columns = [_parameters(case.result) for case in cases]
     named: list[dict[str, Quantity]] = [
-        {_symbol(name): (one, "") for name, one in column.items()} for column in columns
+        {_symbol(name): (one, "") for name, one in _parameters(case.result).items()}
+        for case in cases
     ]
     overview = by_case("parameter", [*map(dark, cases)], named, left=1 + len(cases))
     return joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
@@ -121,25 +115,23 @@ def _parameters(result: Result) -> dict[str, Cell]:
         "tool (frame)": robot.get("tool"),
         "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
     }
-    if robot.get("base") == FREE:
-        cells["base"] = "free: nothing holds it"
-    if robot.get("allow_unphysical"):
-        cells["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
-    if robot.get("fix"):
-        cells["held joints"] = ", ".join(robot["fix"])
-    if robot.get("loops"):
-        cells["closed loops"] = "; ".join(
+    loops = (robot.get("loops") or {}).items()
+    said = {
+        "base": "free: nothing holds it" if robot.get("base") == FREE else "",
+        "links with an impossible inertia": ", ".join(robot.get("allow_unphysical") or ()),
+        "held joints": ", ".join(robot.get("fix") or ()),
+        "closed loops": "; ".join(
             f"{name}: {loop.get('bearing_link')} - {loop.get('journal_link')}"
-            for name, loop in robot["loops"].items()
-        )
+            for name, loop in loops
+        ),
+    }
+    cells |= {name: text for name, text in said.items() if text}
     for name, gear in robot.get("gears", {}).items():
         notes = Gearing.from_description(gear).notes
         given = {key: value for key, value in gear.items() if value is not None}
         cells[f"gear of {name}"] = "; ".join(filter(None, (_plain(given), notes)))
     motion, drives = inputs["motion"], inputs["drive"]
-    cells["motion"] = "none"
-    if motion is not None:
-        cells["motion"] = Motion.from_description(motion).summary
+    cells["motion"] = "none" if motion is None else Motion.from_description(motion).summary
     shared = isinstance(drives.get("kind"), str)
     for name, drive in ({"all joints": drives} if shared else drives).items():
         cells[f"drive of {name}"] = _drive(drive)
@@ -153,15 +145,20 @@ def _parameters(result: Result) -> dict[str, Cell]:
         if name not in known | {"joint_friction"} and value not in (None, [], {}):
             cells[name.replace("_", " ")] = _plain(value)
     derived, estimates, unknown = _derived(result)
+    family = family_of(Clearance)
+    assert family is not None
     for joint, fields in analysis.clearance_inputs(result).items():
         stiffness: Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
         if joint in derived:
             stiffness = markup("{} (eq. 11)", derived[joint])
         not_given = {"stiffness": stiffness, "axial_stiffness": "as radial"}
+        kind = fields["kind"]
+        units = fields_of(family.member(kind).kind) if kind in family.members else {}
         for name, value in fields.items():
-            label, unit, *fine = _JOINT_FIELDS.get(name, (name.replace("_", " "), ""))
-            scale, shown = displayed(unit, any(fine))
-            label = f"{joint}: {label}{f' [{typeset(shown)}]' if unit else ''}"
+            has_unit = name in units and not isinstance(value, list)
+            unit = units[name].units[0] if has_unit else ""
+            scale, shown = displayed(unit, name.endswith("interference"))
+            label = f"{joint}: {_word(name)}{f' [{typeset(shown)}]' if unit else ''}"
             if value is None:
                 cells[label] = not_given.get(name)
             elif isinstance(value, bool):
@@ -171,8 +168,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
             else:
                 cells[label] = _law(value) if isinstance(value, dict) else value
         for name, text in estimates.get(joint, {}).items():
-            label = _JOINT_FIELDS.get(name, (name.replace("_", " "), ""))[0]
-            cells[f"{joint}: {label} (estimated)"] = text
+            cells[f"{joint}: {_word(name)} (estimated)"] = text
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
     cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
     return cells

@@ -8,9 +8,8 @@ import io
 import json
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -22,7 +21,7 @@ from jointplay.base.files import read_text
 from jointplay.base.tables import Head, Table
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
-from jointplay.physics.geometry import Form
+from jointplay.physics.geometry import Form, Mode
 from jointplay.physics.joints import JOINT_KINDS
 from jointplay.show.plots.figures import is_paper
 from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
@@ -55,12 +54,11 @@ _MEASURES = {
     "deviation_mm": "tool deviation about its mean, RMS [mm]",
     "speed_mm_s": "velocity deviation, RMS [mm/s]",
     "path_mm": "distance from the ideal path in the XOY plane, RMS [mm]",
-    "free": f"{MODES[0]} [share of time]",
-    "continuous": f"{MODES[1]} [share of time]",
-    "penetration": f"{MODES[2]} [share of time]",
-    "fx": "largest |Fx| [N]",
-    "fy": "largest |Fy| [N]",
-    "fz": "largest |Fz| [N]",
+    **{
+        key: f"{mode} [share of time]"
+        for key, mode in zip(("free", "continuous", "penetration"), MODES, strict=True)
+    },
+    **{f"f{axis}": f"largest |F{axis}| [N]" for axis in AXES},
     "busy": "force above 20 % of its peak [share of time]",
     "crossings": "turning points of the tool's deviation [1/s]",
     "swing_mm": "mean excursion between them [mm]",
@@ -68,11 +66,7 @@ _MEASURES = {
 
 
 def claim_rows(source: Path | None) -> list[list[str]]:
-    """Rows of a claims table, its header first; nothing for no file.
-
-    Raises:
-        JointplayError: it cannot be read, or is no such table.
-    """
+    """Rows of a claims table, its header first; nothing for no file."""
     if source is None:
         return []
     try:
@@ -99,25 +93,22 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
         ]
         caption = f"Ensembles of perturbed runs ({source.name})"
         parts.append(table(Table.of_texts([lines[0], *rows]), caption))
-    names: list[Html] = []
-    found: list[dict[str, Quantity]] = []
+    found: dict[Html, dict[str, Quantity]] = {}
     for case in cases:
         if case.error is None or case.ideal is None or len(case.joints) != 1:
             continue
         same = np.array_equal(case.result.time, case.ideal.time)
         if same and case.duration > 2.0 * START_UP:
             values = measure(case.result, case.ideal)
-            names.append(dark(case))
-            found.append({label: (float(values[key]), "") for key, label in _MEASURES.items()})
+            found[dark(case)] = {name: (float(values[key]), "") for key, name in _MEASURES.items()}
     if found:
         caption = "What the claims are about, in these single runs"
-        parts.append(by_case("measure", names, found, caption=caption))
-        parts.append(
-            paragraph(
-                "No claim is decided on single runs: impacts magnify small differences. Ensembles "
-                "are judged by the command jointplay scara."
-            )
+        note = (
+            "No claim is decided on single runs: impacts magnify small differences. Ensembles are "
+            "judged by the command jointplay scara."
         )
+        made = by_case("measure", list(found), list(found.values()), caption=caption)
+        parts += [made, paragraph(note)]
     return joined(parts) or paragraph(
         "There are no claims to judge: no claims table was given, and no run with clearance is "
         f"longer than {2.0 * START_UP:g} s."
@@ -144,34 +135,30 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     if not pairs:
         return Html("")
     names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
-    mode_shares: list[dict[str, Quantity]] = []
-    form_shares: list[dict[str, Quantity]] = []
-    every_form = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
-    occurred = [
-        form for form in Form if any(one and one[form.name.lower()] > 0.0 for one in every_form)
-    ]
-    for (case, joint), forms in zip(pairs, every_form, strict=True):
-        shares = analysis.shares(case.result, joint, "mode", start).values()
-        mode_shares.append({name: (one, "1") for name, one in zip(MODES, shares, strict=True)})
-        form_shares.append({})
-        for one in occurred:
-            words = one.name.lower()
-            name = f"{one.letter}: {words.replace('_', ' ')}" if one else "no contact"
-            form_shares[-1][name] = forms[words] if forms else None, "1"
     paper = is_paper({case.label: case.result for case in cases})
-    mode, form = ("mode (Table 1)", "form (Figure 2)") if paper else ("mode", "form")
+
+    def shown(what: str, place: str, words: Mapping[str, str]) -> Html:
+        """A table of shares, a row for each of the words."""
+        every = [analysis.shares(case.result, joint, what, start) for case, joint in pairs]
+        rows: list[dict[str, Quantity]] = [
+            {text: (one.get(key), "1") for key, text in words.items()} for one in every
+        ]
+        caption = f"Share of the records in each {what}{since(start)}"
+        return by_case(f"{what} ({place})" if paper else what, names, rows, caption=caption)
+
     explained = (
         f"{name} (in the paper: {term}): {meaning}"
         for name, term, meaning in zip(MODES, MODE_TERMS, MODE_MEANINGS, strict=True)
     )
-    of = "Share of the records in each"
-    parts = [
-        by_case(mode, names, mode_shares, caption=f"{of} mode{since(start)}"),
-        paragraph("; ".join(explained) + "."),
-    ]
-    if occurred:
-        parts.append(by_case(form, names, form_shares, caption=f"{of} form{since(start)}"))
-    return joined(parts)
+    keys = (mode.name.lower() for mode in Mode)
+    parts = [shown("mode", "Table 1", dict(zip(keys, MODES, strict=True)))]
+    parts.append(paragraph("; ".join(explained) + "."))
+    forms = {}
+    for form in Form:
+        key = form.name.lower()
+        if any(analysis.shares(c.result, j, "form", start).get(key, 0.0) > 0.0 for c, j in pairs):
+            forms[key] = f"{form.letter}: {key.replace('_', ' ')}" if form else "no contact"
+    return joined([*parts, shown("form", "Figure 2", forms)] if forms else parts)
 
 
 def impacts(cases: Sequence[Case], start: float) -> Html:
@@ -179,24 +166,16 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
     rows: list[list[Cell]] = []
     for case in cases:
         for place in analysis.contacts(case.result, start):
-            onsets = impulse = shortest = None
+            exact: list[Cell] = [None] * 4
             if case.replay is not None:
                 one = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
-                onsets, impulse = int(one["onsets"]), float(one["impulse"])
-                steps = float(one["shortest_steps"])
+                onsets, steps = int(one["onsets"]), float(one["shortest_steps"])
                 shortest = int(steps) if math.isfinite(steps) else None
-            rows.append(
-                [
-                    place_of(case, place.joint, place.contact),
-                    onsets,
-                    None if onsets is None else onsets / case.duration,
-                    impulse,
-                    shortest,
-                    place.share,
-                    *(_percentile(place.duration, percent) for percent in (50, 95)),
-                    *(_percentile(place.peak, percent) for percent in (50, 95, 100)),
-                ]
-            )
+                exact = [onsets, onsets / case.duration, float(one["impulse"]), shortest]
+            durations = (_percentile(place.duration, percent) for percent in (50, 95))
+            peaks = (_percentile(place.peak, percent) for percent in (50, 95, 100))
+            label = place_of(case, place.joint, place.contact)
+            rows.append([label, *exact, place.share, *durations, *peaks])
     if not rows:
         return paragraph("No case has clearance.")
     heads: list[Head] = [
@@ -228,15 +207,15 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
             life = analysis.bearing_life(case.result, joint, start)
             loaded = case.result["loaded_elements"].sel(joint=joint).values[late]
             swings = swings or life.oscillates
-            rows.append(
-                [
-                    markup("{}, {}", dark(case), joint),
-                    bearing.designation or bearing.kind.replace("-", " "),
-                    *(life.largest_load, life.rated_load),
-                    *(int(loaded.min()), float(loaded.mean()), life.most_loaded, life.elements),
-                    *(life.turned, life.lasting, life.mean_torque, life.friction_power),
-                ]
-            )
+            name = bearing.designation or bearing.kind.replace("-", " ")
+            row: list[Cell] = [
+                markup("{}, {}", dark(case), joint),
+                name,
+                life.largest_load,
+                life.rated_load,
+            ]
+            row += [int(loaded.min()), float(loaded.mean()), life.most_loaded, life.elements]
+            rows.append([*row, life.turned, life.lasting, life.mean_torque, life.friction_power])
     if not rows:
         return Html("")
     note = (
@@ -274,18 +253,12 @@ def singles(cases: Sequence[Case]) -> Html:
             time = window["time"].values
             force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
             zoom = f"{float(time[0])!r},{float(time[-1])!r}"
-            rows.append(
-                [
-                    place_of(case, impact.joint, impact.contact),
-                    f"{float(time[int(force.values.argmax())]):.5f}",
-                    impact.peak_force,
-                    impact.penetration,
-                    impact.steps if impact.complete else f"> {impact.steps}",
-                    impact.approach_speed,
-                    impact.separation_speed,
-                    markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
-                ]
-            )
+            button = markup('<button type="button" data-zoom="{}">zoom</button>', zoom)
+            label = place_of(case, impact.joint, impact.contact)
+            moment = f"{float(time[int(force.values.argmax())]):.5f}"
+            steps = impact.steps if impact.complete else f"> {impact.steps}"
+            row: list[Cell] = [label, moment, impact.peak_force, impact.penetration, steps]
+            rows.append([*row, impact.approach_speed, impact.separation_speed, button])
     if not rows:
         return paragraph("No impact was followed step by step.")
     heads: tuple[Head, ...] = (
@@ -307,12 +280,8 @@ def audits(cases: Sequence[Case]) -> Html:
         for case in cases
         for warning in case.result.audit.warnings
     ]
-    return joined(
-        [
-            by_case("of the run", [*map(dark, cases)], given, name="audit-table"),
-            bullets(warnings) or paragraph("No run has warnings."),
-        ]
-    )
+    made = by_case("of the run", [*map(dark, cases)], given, name="audit-table")
+    return made + (bullets(warnings) or paragraph("No run has warnings."))
 
 
 def _judged(case: Case) -> dict[str, Quantity]:
@@ -356,16 +325,13 @@ def certificates(cases: Sequence[Case]) -> Html:
     ]
     points: list[str] = []
     for case, one in given:
-        others = [figure for figure in one.marked if figure not in one.headline]
-        if others:
-            text = ", ".join(figure.name for figure in others)
-            points.append(markup("{} of the claims' measures above 5 %: {}.", dark(case), text))
-    points += [markup("{} {}.", dark(case), one.note) for case, one in given if one.note]
-    points += [
-        markup("{} further runs: {}.", dark(case), "; ".join(one.runs))
-        for case, one in given
-        if one.runs
-    ]
+        others = ", ".join(figure.name for figure in one.marked if figure not in one.headline)
+        for words, text in (
+            ("of the claims' measures above 5 %:", others),
+            ("", one.note),
+            ("further runs:", "; ".join(one.runs)),
+        ):
+            points += [markup("{} {} {}.", dark(case), words, text)] if text else []
     note = (
         "Figures of the runs with their numerical errors, found by repeating the runs with steps "
         "chosen by their error: estimated from two further runs, certified by three. Those with "
@@ -639,26 +605,11 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
 # The same texts stand in docs/assumptions.md, written there by `python docs/site/assumptions.py`.
 
 
-@dataclass(frozen=True)
-class Assumption:
-    """A sentence or two."""
-
-    when: str
-    """In which runs it is made: a key of `conditions`."""
-    text: str
-
-
 @cache
-def all_assumptions() -> tuple[Assumption, ...]:
-    """All of them, in the order in which reports have them."""
+def all_assumptions() -> tuple[tuple[str, str], ...]:
+    """In which runs each is made, a key of `conditions`, and its text; in the reports' order."""
     text = (files("jointplay.show.reports") / "assumptions.toml").read_text(encoding="utf-8")
-    return tuple(Assumption(**one) for one in tomllib.loads(text)["assumption"])
-
-
-def assumptions_of(cases: Sequence[Case]) -> list[str]:
-    """Texts of those that are made in these runs."""
-    holds = conditions(cases)
-    return [one.text for one in all_assumptions() if holds[one.when]]
+    return tuple((one["when"], one["text"]) for one in tomllib.loads(text)["assumption"])
 
 
 def conditions(cases: Sequence[Case]) -> dict[str, bool]:
@@ -675,9 +626,8 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         "sliding": bool(kinds & analysis.SLIDING_KINDS),
         "rolling": bool(kinds & analysis.ROLLING_KINDS),
         "dry": any(
-            not joint.get("lubricant")
+            joint["kind"] in analysis.SLIDING_KINDS and not joint.get("lubricant")
             for joint in bearings
-            if joint["kind"] in analysis.SLIDING_KINDS
         ),
         "oil": any(joint.get("lubricant") for joint in bearings),
         "worn": any(joint.get("worn") for joint in bearings),
@@ -713,7 +663,8 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
 
 def assumed(cases: Sequence[Case], start: float) -> Html:
     """What is assumed in these runs and in their evaluation."""
-    points = assumptions_of(cases)
+    holds = conditions(cases)
+    points = [text for when, text in all_assumptions() if holds[when]]
     if start:
         points.append(
             f"Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "
@@ -731,5 +682,4 @@ def assumed(cases: Sequence[Case], start: float) -> Html:
 
 def page_section() -> str:
     """The table that docs/assumptions.md has of them."""
-    rows = [f"| {one.when} | {one.text} |" for one in all_assumptions()]
-    return "\n".join(["| runs with | assumed |", "| --- | --- |", *rows]) + "\n"
+    return Table.of_texts([("runs with", "assumed"), *all_assumptions()]).markdown() + "\n"

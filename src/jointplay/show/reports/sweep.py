@@ -39,14 +39,11 @@ from jointplay.study.journal import DONE, FAILED
 from jointplay.study.plan import REPEAT, SAMPLE
 from jointplay.study.table import columns_of, coordinate_text, label, measured, scale, uncertainty
 
-MOST_ROWS = 400
-"""Points of the grid, and failed cases, that the tables show."""
+MOST_ROWS = 400  # points of the grid, and failed cases, that the tables show
 
-PRECISION = 0.05
-"""Relative half width of a confidence interval that the page calls enough."""
+PRECISION = 0.05  # relative half width of a confidence interval that the page calls enough
 
-Drawn = tuple[str, Figure]
-"""Title and figure."""
+Drawn = tuple[str, Figure]  # title and figure
 
 
 def write(
@@ -57,15 +54,7 @@ def write(
     pdf: bool = True,
     say: Say = lambda _: None,
 ) -> list[Path]:
-    """Write a report on a sweep.
-
-    Returns:
-        The files written.
-
-    Raises:
-        JointplayError: no such sweep, none of its cases was run, or a file that exists or cannot
-            be written.
-    """
+    """Write a report on a sweep; returns the files written. Existing ones are refused."""
     store = Path(store)
     dataset = open_sweep(store)
     if not (dataset["state"].values != 0).any():
