@@ -7,7 +7,6 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from typing import Any
 
 from jointplay.base.errors import one_line
@@ -75,46 +74,39 @@ def forgiving() -> Iterator[None]:
         sys.stdout, sys.stderr = out, before
 
 
-@dataclass
-class _Notes:
-    """Remarks for the user beside what a command prints: held back until it is clear that the
-    command does something, for an error is to be one line, with nothing before it.
-    """
-
-    quiet: bool
-    """Whether they are not wanted at all."""
-    held: list[str] = field(default_factory=list)
-
-
-_notes = _Notes(quiet=False)
+# Remarks for the user beside what a command prints are held back until it is clear that the command
+# does something: an error is to be one line, with nothing before it.
+_held: list[str] = []
+_quiet = False
 
 
 @contextmanager
 def noting(quiet: bool) -> Iterator[None]:
     """Hold remarks and Python's warnings back in the block; after an error they are dropped."""
-    global _notes
-    outer, _notes = _notes, _Notes(quiet)
+    global _held, _quiet
+    outer = _held, _quiet
+    _held, _quiet = [], quiet
     try:
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: note(f"note: {message}")
             yield
         release()
     finally:
-        _notes = outer
+        _held, _quiet = outer
 
 
 def note(text: object) -> None:
     """Say something to the user once, as soon as it is clear that all goes well."""
     line = one_line(text)
-    if line not in _notes.held:
-        _notes.held.append(line)
+    if line not in _held:
+        _held.append(line)
 
 
 def release() -> None:
     """Say what was held back: the work begins."""
-    for line in [] if _notes.quiet else _notes.held:
+    for line in [] if _quiet else _held:
         print(line, file=sys.stderr)
-    _notes.held.clear()
+    _held.clear()
 
 
 def full(stream: Any) -> bool:
