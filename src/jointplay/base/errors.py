@@ -49,7 +49,6 @@ def one_line(text: object) -> str:
 
 
 def _shortened(text: str, most: int) -> str:
-    """A text without its middle, if it is long."""
     if len(text) <= most:
         return text
     return f"{text[: most * 2 // 3]}...{text[3 - most // 3 :]}"

@@ -135,7 +135,6 @@ def _confined(room: float) -> Iterator[None]:
 
 
 def _check(h5py: Any, file: Any) -> None:
-    """Refuse what is stored otherwise than in a result."""
     root = file["/"].id
     _check_attributes(h5py, root, "/")
     for name in root:
@@ -174,7 +173,6 @@ def _check_storage(h5py: Any, dataset: Any, name: str) -> None:
 
 
 def _check_attributes(h5py: Any, one: Any, name: str) -> None:
-    """Refuse attributes other than numbers, text, and the lists of dimensions."""
     for number in range(h5py.h5a.get_num_attrs(one)):
         attribute = h5py.h5a.open(one, index=number)
         label, kind = attribute.name.decode("utf-8", "replace"), attribute.get_type()
@@ -212,7 +210,6 @@ def _list_of_dimensions(h5py: Any, label: str, kind: Any) -> bool:
 
 
 def _read(opened: Any) -> None:
-    """Read all that there is, as who opens the file will."""
     dict(opened.attrs)
     for variable in opened.variables.values():
         dict(variable.attrs)

@@ -80,7 +80,6 @@ class SealedCacheFile(IndexDataCacheFile):  # type: ignore[misc]
             file.write(content.getvalue() + self._hash(filepath, content.getvalue()))
 
     def _whole(self, path: str) -> bool:
-        """Whether a file is there as it was written."""
         try:
             content = memoryview(Path(path).read_bytes())
         except OSError:
@@ -109,7 +108,6 @@ class _SealedCFunc(CFunc):  # type: ignore[misc]
     """A function for C with such a cache, which it reads as soon as it is made."""
 
     def enable_caching(self) -> None:
-        """Have a cache."""
         super().enable_caching()
         sealed(self)
 
@@ -152,7 +150,6 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     @property
     def codegen(self) -> Any:
-        """What made this."""
         return _NoCode(self._codegen)
 
     def get_pointer_to_function(self, name: str) -> int:

@@ -188,7 +188,6 @@ class Pool(Generic[Item, Value]):
 
     @property
     def busy(self) -> bool:
-        """Whether outcomes are to come."""
         return not self._closed and any(self._queues.values())
 
     def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
@@ -275,7 +274,6 @@ class Serial(Generic[Item, Value]):
         self._work, self._name = work, name
 
     def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
-        """Do the work for these items, one after the other."""
         for key, item in items:
             try:
                 with one_thread():

@@ -82,7 +82,6 @@ class ProgressBar:
                 self.update()
 
     def update(self, more: float = 1) -> None:
-        """So much more is done."""
         self.n += more
         if not self.disable and self._clock() >= self._next:
             self.refresh()
@@ -90,7 +89,6 @@ class ProgressBar:
             self._first = self._clock(), self.n
 
     def refresh(self) -> None:
-        """Show how far it is."""
         text = "" if self.disable else self._text()
         self._next = self._clock() + self._every
         if text != self._said:
@@ -107,7 +105,6 @@ class ProgressBar:
         self.disable, self._said = True, ""
 
     def clear(self) -> None:
-        """Leave the bar's line, until it is drawn anew."""
         if self._drawn and self._said:
             self._write(f"\r{' ' * len(self._said)}\r")
             self._said = ""
@@ -179,7 +176,6 @@ class Simulated(ProgressBar):
         super().update(max(more, 0.0))
 
     def say(self, words: str) -> None:
-        """What is being done now."""
         self._words = f"{words}, " if words else ""
 
 

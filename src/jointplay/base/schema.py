@@ -501,7 +501,6 @@ def _chosen(family: Family, data: Any) -> Draft:
 
 
 def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]) -> Draft:
-    """A dataclass from a table of its fields."""
     fields = {name: one for name, one in fields_of(kind).items() if name not in preset}
     selector = getattr(kind, "selector", None)
     if word is None and selector is not None and isinstance(data, Mapping) and selector[0] in data:
@@ -564,7 +563,6 @@ def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> 
 
 
 def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
-    """A mapping by name, a list, or a tuple."""
     if issubclass(origin, Mapping):
         if not isinstance(data, Mapping):
             raise JointplayError(f"expected a table, got {toml_text(data)}")
@@ -596,7 +594,6 @@ _EXPECTED = {
 
 
 def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
-    """A number with a unit, a whole number, text, a choice, yes or no."""
     if kind is float:
         try:
             measured = convert(data, *units)

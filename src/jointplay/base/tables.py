@@ -79,18 +79,15 @@ class Column:
 
     @property
     def shown(self) -> tuple[float, str]:
-        """Factor and unit in which numbers are shown."""
         return (100.0, "%") if self.unit == "1" else displayed(self.unit, self.fine)
 
     @property
     def title(self) -> str:
-        """Head with the unit in which numbers are shown."""
         unit = self.shown[1]
         return f"{self.head} [{unit}]" if unit else self.head
 
     @property
     def name(self) -> str:
-        """What it is called in data."""
         unit = re.sub(r"\W+", "_", self.unit.removesuffix("1")).strip("_")
         plain = re.sub(r"\W+", "_", self.head).strip("_").lower()
         return self.key or "_".join(filter(None, (plain, unit)))
@@ -164,7 +161,6 @@ class Table:
 
     @classmethod
     def of_texts(cls, rows: Sequence[Sequence[str]]) -> Self:
-        """The table of rows of text, the head first."""
         head, *others = rows
         return cls.of([(one, "") for one in head], others)
 
@@ -185,14 +181,12 @@ class Table:
         return ["  ".join(format(cell, form) for cell, form in line) for line in lines]
 
     def markdown(self) -> str:
-        """The table in Markdown."""
         head, rows = self._shown()
         lines = [" | ".join(cell.replace("|", "\\|") for cell in row) for row in (head, *rows)]
         first, *others = [f"| {line} |" for line in lines]
         return "\n".join([first, "|" + " --- |" * len(head), *others])
 
     def _repr_html_(self) -> str:
-        """The table for notebooks, without style sheet or script."""
         head, rows = self._shown()
 
         def line(cells: Sequence[str], tag: str) -> str:

@@ -199,7 +199,6 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
 
 
 def _interrupted(lost: str) -> int:
-    """Say that the command was told to stop, and what is there of it."""
     print(f"\ninterrupted{_kept(lost)}", file=sys.stderr)
     return INTERRUPTED
 
@@ -214,7 +213,6 @@ def _refuse(options: argparse.Namespace, reason: str) -> int:
 
 
 def _kept(lost: str) -> str:
-    """What was given up, and what is there."""
     from jointplay.base import files
 
     parts = [lost] if lost else []

@@ -111,7 +111,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _verify(options: argparse.Namespace, work: Task, allotment: Allocation) -> None:
-    """Simulate the motion with what was allocated, and print its peak error."""
     from jointplay.study.courses import dynamic_error
 
     assert work.motion is not None

@@ -95,7 +95,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: Outputs) -> int:
-    """Print the whole error budget."""
     from jointplay.accuracy.causes import CAUSES
     from jointplay.accuracy.error_budget import budget
 

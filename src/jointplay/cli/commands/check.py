@@ -66,7 +66,6 @@ def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]
 
 
 def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Run]) -> str:
-    """Draw the mechanism of the first case with clearance; says where."""
     from jointplay.show.picture import picture
 
     first = next(iter(runs.values()))

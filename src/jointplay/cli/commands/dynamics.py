@@ -119,7 +119,6 @@ def _study(options: argparse.Namespace) -> Observation:
 
 
 def _joint(options: argparse.Namespace, simulation: Any) -> str:
-    """The joint whose journal starts aside."""
     clearance = simulation.mechanism.clearance
     if options.kind != "basin":
         return ""
@@ -129,7 +128,6 @@ def _joint(options: argparse.Namespace, simulation: Any) -> str:
 
 
 def _names(options: argparse.Namespace, simulation: Any) -> tuple[str, ...]:
-    """Quantities that are looked at."""
     from jointplay.study.nonlinear.observables import usual
 
     kind, asked = options.kind, tuple(options.of)

@@ -51,7 +51,6 @@ class FigureJob:
 
     @property
     def title(self) -> str:
-        """Says where the figure comes from."""
         study, options = self.study, self.options
         case = f", case {options.case}" if options.case else ""
         case += " changed" if case and (options.vary or options.set) else ""
@@ -59,7 +58,6 @@ class FigureJob:
 
     @property
     def file(self) -> str:
-        """The scenario's name."""
         return Path(self.options.place.removeprefix("jointplay:")).stem
 
     @property
@@ -76,17 +74,14 @@ class FigureJob:
 
     @property
     def varied(self) -> Varied:
-        """The key whose values are taken."""
         assert self.study.varied is not None
         return self.study.varied
 
     @property
     def keys(self) -> list[tuple[float, ...]]:
-        """A key of the table for each value."""
         return [(value,) for value in self.varied.values]
 
     def labels(self) -> list[str]:
-        """Labels of the quantities, with their units."""
         first = None if self.study.varied is None else self.study.varied.values[0]
         mechanism = self.study.simulation(first).mechanism
         return [label(name, mechanism) for name in self.study.names]
@@ -107,7 +102,6 @@ def bifurcation(job: FigureJob) -> Figure:
 
 
 def _repeats(periods: list[int | None], near: float) -> str:
-    """How many values have which period."""
     counts = sorted(Counter(periods).items(), key=lambda item: (item[0] is None, item[0] or 0))
     parts = [
         f"{n} {'do not repeat' if p is None else f'repeat after {p} turn' + 's' * (p > 1)}"

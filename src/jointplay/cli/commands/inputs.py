@@ -77,11 +77,9 @@ class Flag:
 
     @property
     def attribute(self) -> str:
-        """Name of its value among the options."""
         return self.name.removeprefix("--").replace("-", "_")
 
     def read(self, text: Any) -> Any:
-        """From the text of the command line to a value of the scenario."""
         return _READERS.get(self.attribute, number)(text) if isinstance(text, str) else text
 
 
@@ -349,7 +347,6 @@ def for_joints(options: argparse.Namespace) -> list[Flag]:
 
 
 def _given(options: argparse.Namespace) -> list[Flag]:
-    """Options for keys of the scenario that were given."""
     flags = (flag for flag in (_CLEARANCE, *FLAGS) if flag.group in options.groups)
     return [flag for flag in flags if _value(options, flag.attribute) is not None]
 
@@ -389,7 +386,6 @@ def _tables(file: Scenario) -> dict[str, dict[str, Any]]:
 def _description(
     options: argparse.Namespace, wanted: Sequence[Setting], file: Scenario | None
 ) -> Description:
-    """The robot that is looked at."""
     from jointplay.model.robots import resolve
     from jointplay.scenario.robot import description_of, robot_path
 
@@ -503,7 +499,6 @@ def _gear_settings(
 
 
 def _other_settings(options: argparse.Namespace) -> list[Setting]:
-    """What options say that is for no single joint, or names each joint itself."""
     from jointplay.scenario.settings import Setting
 
     settings = [

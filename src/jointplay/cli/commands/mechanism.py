@@ -173,7 +173,6 @@ def _given_poses(mechanism: Mechanism, chosen: Mapping[str, Any]) -> dict[str, d
 
 
 def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
-    """Joint positions of JOINT=X,JOINT=X [rad or m]."""
     positions = {}
     names = mechanism.description.joints
     longest = sorted(map(re.escape, names), key=len, reverse=True)
@@ -194,7 +193,6 @@ def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
 
 
 def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
-    """Which joints of the loops stand and which follow, a line."""
     from jointplay.accuracy import poses
     from jointplay.model.closed_loops import ClosedLoops
 
@@ -288,7 +286,6 @@ def _notes(options: argparse.Namespace, mechanism: Mechanism) -> list[str]:
 
 
 def _bolted(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with its base held."""
     from jointplay.model.mechanism import Mechanism
 
     if mechanism.free_base is None:

@@ -71,7 +71,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _play(options: argparse.Namespace, shot: Any) -> None:
-    """Make the page; serve, write or film it."""
     from jointplay.show import player
     from jointplay.show.plots.names import load
 
@@ -119,6 +118,5 @@ def _shot(options: argparse.Namespace) -> Any:
 
 
 def _note(text: str) -> None:
-    """A note that is shown at once."""
     streams.note(text)
     streams.release()

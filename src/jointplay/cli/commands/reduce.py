@@ -184,7 +184,6 @@ def _share(text: str) -> float:
 
 
 def _copies(options: argparse.Namespace) -> int:
-    """How many random copies are wanted."""
     count: int = 0 if options.batch is None else options.batch
     if options.batch is not None and count < 1:
         raise JointplayError(f"--batch must be at least 1, got {count}")
@@ -317,7 +316,6 @@ def _makers(
 
 
 def _overview(reductions: list[Any], leaning: list[str]) -> str:
-    """A line for each joint, with the lean of those whose axes lean in the files."""
     rows = [
         (one.joint, 0.5 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
         for one in reductions
@@ -370,7 +368,6 @@ def _pose(mechanism: Any, work: Task) -> dict[str, float]:
 
 
 def _servos(options: argparse.Namespace, work: Task) -> dict[str, Any]:
-    """Servos of the scenario, or of the preset, by joint."""
     from jointplay.simulation.loads.drive import Drive, Servo
 
     drives: dict[str, Drive] = {}

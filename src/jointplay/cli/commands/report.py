@@ -60,7 +60,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any]) -> list[Path]:
-    """Write the report of a sweep."""
     from jointplay.show.reports import sweep
     from jointplay.study.store import reading
 

@@ -81,7 +81,6 @@ def _detail(survey: Survey) -> str:
 
 
 def _joints(survey: Survey, description: Description) -> list[str]:
-    """A table of the moving joints, a line each."""
     rows = [("joint", "kind", "parent", "child", "position", "speed", "effort", "")]
     gears = description.declared.transmissions
     for name in survey.moving:
