@@ -4,8 +4,6 @@ If their parent is killed, processes that wait for work would wait for ever. So 
 parent; on Linux the kernel tells it at once.
 """
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import os
@@ -152,8 +150,8 @@ class Pool(Generic[Item, Value]):
         self._kept, self._name = kept, name
         self._target = partial(_serve, work, begin)
         self._number, self._lost, self._small = number, lost, small
-        self.processes: dict[Connection[Any, Any], BaseProcess] = {}  # by their connections
-        self._queues: dict[Connection[Any, Any], deque[tuple[Any, Item]]] = {}
+        self.processes: dict[Connection, BaseProcess] = {}  # by their connections
+        self._queues: dict[Connection, deque[tuple[Any, Item]]] = {}
         self._items: Iterator[tuple[Any, Item]] = iter(())
         self._again: deque[tuple[Any, Item]] = deque()
         self._deaths: Counter[Any] = Counter()
@@ -204,7 +202,7 @@ class Pool(Generic[Item, Value]):
     def outcomes(self, timeout: float | None = None) -> Iterator[tuple[Any, Value]]:
         """What comes next, as in `run`; nothing if nothing does within the time [s]."""
         for ready in wait([one for one, queue in self._queues.items() if queue], timeout):
-            connection = cast("Connection[Any, Any]", ready)
+            connection = cast(Connection, ready)
             try:
                 error, value = connection.recv()
             except (EOFError, OSError):
@@ -219,7 +217,7 @@ class Pool(Generic[Item, Value]):
             yield key, value  # before anything else can fail
             self._feed(connection)
 
-    def _feed(self, connection: Connection[Any, Any]) -> None:
+    def _feed(self, connection: Connection) -> None:
         """Send a process its next item; of small ones, one more than it works on."""
         queue = self._queues[connection]
         while len(queue) < 1 + self._small:
@@ -235,7 +233,7 @@ class Pool(Generic[Item, Value]):
                 text = f"it cannot be sent to another process ({error}); jobs=1 needs none"
                 raise with_item(JointplayError(text), self._name, next_one[0]) from error
 
-    def _died(self, connection: Connection[Any, Any]) -> Iterator[tuple[Any, Value]]:
+    def _died(self, connection: Connection) -> Iterator[tuple[Any, Value]]:
         """Replace a dead process; the item that it died of is tried again, or lost."""
         queue = self._queues.pop(connection)
         self.processes.pop(connection).join()

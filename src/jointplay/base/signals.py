@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import SimpleNamespace
 from typing import Any
 
 INTERRUPTED = 130
@@ -27,16 +28,8 @@ class GivenUp(KeyboardInterrupt):
     """A second request to stop came before all was saved; the message says what is lost."""
 
 
-class _State:
-    """What this process is doing, for the handler of signals."""
-
-    requests = 0
-    """How often it has been asked to stop."""
-    keeping = ""
-    """What is to be saved, if anything."""
-
-
-_state = _State()
+_state = SimpleNamespace(requests=0, keeping="")
+"""How often this process has been asked to stop, and what is to be saved, if anything."""
 
 
 @contextmanager
@@ -103,4 +96,4 @@ def keeping(what: str) -> Iterator[None]:
 
 def stop_requested() -> bool:
     """Whether this process has been asked to stop."""
-    return _state.requests > 0
+    return bool(_state.requests)
