@@ -578,7 +578,8 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     if not files.is_file(path / METADATA):
         raise JointplayError(f"no sweep {str(path)!r}")
     try:
-        with quiet():
+        with warnings.catch_warnings():  # zarr's notes on what Zarr 3 has not settled
+            warnings.simplefilter("ignore")
             dataset = xr.open_zarr(
                 SealedStore(path), chunks=None, consolidated=True, zarr_format=3,
                 mask_and_scale=False,
@@ -609,11 +610,3 @@ def reading(path: str | Path) -> Iterator[None]:
         yield
     except (RuntimeError, json.JSONDecodeError) as error:  # of codecs, and of arrays' metadata
         raise JointplayError(f"{str(path)!r} is damaged: {error}") from None
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Without zarr's notes on what Zarr 3 has not settled, and on the journal beside the arrays."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield

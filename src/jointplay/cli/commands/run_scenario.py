@@ -29,7 +29,6 @@ from jointplay.simulation.working_files import check_own, working_paths
 if TYPE_CHECKING:
     from jointplay.physics.kernel import Status
     from jointplay.scenario import Scenario
-    from jointplay.scenario.settings import Setting
     from jointplay.simulation.result.result import Result
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
@@ -112,11 +111,11 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     if options.resume:
         claim(out, ())
         for case, item in items.items():
-            if is_finished(item.path, simulations[case]):
-                if item.errors and _lacks_errors(item.path):
-                    items[case] = replace(item, finished=True)
-                else:
-                    done.append(case)
+            judged = is_judged(item.path, simulations[case])
+            if judged is not None and item.errors and not judged:
+                items[case] = replace(item, finished=True)
+            elif judged is not None:
+                done.append(case)
         for path in (out / name for name in drawn):
             if path.exists() and not holds(path, MARK):
                 raise JointplayError(
@@ -296,20 +295,20 @@ def _execute(
     from jointplay.physics.kernel import Status
     from jointplay.scenario.settings import words
     from jointplay.simulation.analysis.certification import add_certificate
+    from jointplay.simulation.checkpoint import check_replaceable, continue_run
     from jointplay.simulation.saving import run_and_save
 
-    notes = {
-        "scenario": scenario.text,
-        "scenario_file": scenario.path.name,
-        "title": scenario.title,
-        "case": item.case,
-    }
+    notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
+    notes |= {"title": scenario.title, "case": item.case}
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     status, result = Status.COMPLETED, None
     if not item.finished:
         begin(run)
-        resumed = resume_run(run, item.path)
+        kept = working_paths(item.path)[1]
+        if resumed := kept.exists():
+            check_replaceable(item.path)
+            continue_run(run, kept)
         status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
     if item.errors:
         add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
@@ -350,9 +349,9 @@ def _run_parallel(
     clocks = multiprocessing.RawArray(ctypes.c_double, len(items))
     begun = multiprocessing.RawArray(ctypes.c_int, len(items))
     bar, shown = current(), 0.0
-    given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
     kept = f"completed results are in {str(items[0].path.parent)!r}"
-    pool = processes.Pool(partial(_work, clocks, begun, *given), jobs, begin=_begin, kept=kept)
+    work = partial(_work, clocks, begun, scenario)
+    pool = processes.Pool(work, jobs, begin=_begin, kept=kept)
     left = [item.case for item in items]
     try:
         with closing(pool):
@@ -420,23 +419,12 @@ def _end(*_: Any) -> None:
     _ending = True
 
 
-def _work(
-    clocks: Any,
-    begun: Any,
-    path: str,
-    text: str,
-    trust: tuple[str, ...],
-    settings: tuple[Setting, ...],
-    numbered: tuple[int, CaseRun],
-) -> None:
+def _work(clocks: Any, begun: Any, scenario: Scenario, numbered: tuple[int, CaseRun]) -> None:
     """Run a case in this process and save it; then find its numerical errors."""
-    from jointplay.scenario import Scenario
-
     index, item = numbered
     with _idle, suppress(KeyboardInterrupt):  # told to stop before its time loop began
         if _ending:
             return
-        scenario = Scenario(text, path, trust, settings)
         prepared = scenario.ready_run(item.case, records=item.records)
         with _progress_reporter(clocks, begun, index) as begin:
             _execute(scenario, item, prepared, False, begin)
@@ -503,11 +491,7 @@ def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
 
 
 def check_output_folder(out: Path, names: Sequence[str], drawn: Iterable[str] = ()) -> None:
-    """Refuse a folder that holds results of a run, or an interrupted one of it.
-
-    Raises:
-        JointplayError: there is one; of an interrupted run it says how to go on.
-    """
+    """Refuse a folder that holds results of a run; of an interrupted one it says how to go on."""
     try:
         refuse_present(out, [*names, *drawn])
     except JointplayError:
@@ -515,8 +499,8 @@ def check_output_folder(out: Path, names: Sequence[str], drawn: Iterable[str] = 
         raise
 
 
-def is_finished(path: Path, simulation: Simulation) -> bool:
-    """Whether the result of a simulation is there and whole.
+def is_judged(path: Path, simulation: Simulation) -> bool | None:
+    """Whether the errors of a result have been looked for; None if it is not there and whole.
 
     Raises:
         JointplayError: it is of another simulation, or was interrupted and left no checkpoint.
@@ -527,10 +511,10 @@ def is_finished(path: Path, simulation: Simulation) -> bool:
 
     check_own(path)
     if working_paths(path)[1].exists() or not path.exists():
-        return False
-    result = Result.open(path)
-    with result.dataset as dataset:
+        return None
+    with (result := Result.open(path)).dataset as dataset:
         was = json.loads(dataset.attrs["simulation"])
+        judged = result.certificate is not None
     now = json.loads(json.dumps(simulation.describe()))
     if was != now:
         raise JointplayError(
@@ -542,24 +526,4 @@ def is_finished(path: Path, simulation: Simulation) -> bool:
             f"{str(path)!r} was interrupted and has no checkpoint; delete it to start again, or "
             "choose another folder"
         )
-    return True
-
-
-def _lacks_errors(path: Path) -> bool:
-    """Whether nobody has looked for the numerical errors of a finished result."""
-    from jointplay.simulation.result.result import Result
-
-    with (result := Result.open(path)).dataset:
-        return result.certificate is None
-
-
-def resume_run(run: Run, path: Path) -> bool:
-    """Bring a run to its checkpoint, if there is one; returns whether there is."""
-    kept = working_paths(path)[1]
-    if not kept.exists():
-        return False
-    from jointplay.simulation.checkpoint import check_replaceable, continue_run
-
-    check_replaceable(path)
-    continue_run(run, kept)
-    return True
+    return judged
