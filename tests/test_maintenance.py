@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import body, joint
+from test_wear import SCENARIO
 
 import jointplay as jp
 from jointplay.cli import main
@@ -76,22 +77,6 @@ def test_questions_without_an_answer_are_refused(urdf, machine, target, says):
 def test_values_out_of_range_are_named(urdf, changes, says):
     with pytest.raises(jp.JointplayError, match=says):
         maintenance(rubbing(urdf), **({"target": 2e-4} | changes))
-
-
-SCENARIO = """
-[robot]
-urdf = "robot.urdf"
-gravity = [0, "-9.81 m/s^2", 0]
-[joints.pin]
-kind = "planar"
-radial_clearance = "0.1 mm"
-wear_rate = "1e-4 mm^3/(N*m)"
-[motion]
-times = [0, "50 ms"]
-interpolation = "constant-speed"
-[motion.joints]
-pin = [0, "1.5 rad"]
-"""
 
 
 def test_the_command_prints_and_writes(urdf, tmp_path, capsys):

@@ -5,21 +5,7 @@ import xarray as xr
 
 import jointplay as jp
 
-SCENARIO = """
-[robot]
-urdf = "jointplay:scara.urdf"
-[joints.joint_b]
-radial_clearance = "0.2 mm"
-[motion]
-file = "jointplay:scara_motion.csv"
-[integration]
-duration = "5 ms"
-[sweep]
-histories = ["tool_position"]
-[sweep.axes.clearance]
-key = "joints.joint_b.radial_clearance"
-values = ["0.1 mm", "0.2 mm", "0.3 mm"]
-"""
+AXES = 'c = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "0.2 mm", "0.3 mm"] }'
 
 
 @pytest.fixture
@@ -40,10 +26,9 @@ def bucket(monkeypatch):
     running.stop()
 
 
-def test_a_store_copied_to_an_object_store_reads_the_same(bucket, tmp_path):
+def test_a_store_copied_to_an_object_store_reads_the_same(bucket, swept, tmp_path):
     files, options = bucket
-    (tmp_path / "study.toml").write_text(SCENARIO)
-    jp.sweep(tmp_path / "study.toml", tmp_path / "study.zarr", jobs=1)
+    jp.sweep(swept(AXES, 'histories = ["tool_position"]', "5 ms"), tmp_path / "study.zarr", jobs=1)
     files.put(str(tmp_path / "study.zarr"), "studies/study.zarr", recursive=True)
     there = xr.open_zarr(
         "s3://studies/study.zarr", storage_options=options, chunks=None, zarr_format=3,
@@ -60,8 +45,7 @@ def test_a_store_copied_to_an_object_store_reads_the_same(bucket, tmp_path):
 
 
 @pytest.mark.parametrize("place", ["s3://studies/study.zarr", "gs://studies/study.zarr"])
-def test_a_sweep_into_an_object_store_is_refused_with_the_way_there(place, tmp_path):
-    (tmp_path / "study.toml").write_text(SCENARIO)
+def test_a_sweep_into_an_object_store_is_refused_with_the_way_there(place, swept, tmp_path):
     with pytest.raises(jp.JointplayError, match="copy the finished store"):
-        jp.sweep(tmp_path / "study.toml", place, jobs=1)
+        jp.sweep(swept(AXES), place, jobs=1)
     assert not list(tmp_path.glob("*:*"))

@@ -625,7 +625,9 @@ def figures(
         settled, note = _settling(runs[: counts.settling], time, leave, stop, limit)
         head = f"pose {number} (t = {time[at]:.4g} s), {counts.pose} cycles"
         moment = (float(time[at]),)
-        poses.append(Pose(head, found | settled, moment, note, ideal.position[at], attained[:, 0]))
+        poses.append(
+            Pose(head, {**found, **settled}, moment, note, ideal.position[at], attained[:, 0])
+        )
     points = _path(ideal, since)
     across = _across(error[: counts.path, points], ideal.velocity[points])
     path = []

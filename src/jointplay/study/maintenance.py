@@ -10,7 +10,6 @@ way to the target. Worst case as to where the journals lie; an estimate as to th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,7 +176,30 @@ def maintenance(
         )
 
     def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
-        return _cycles_until(first + (target - first) * part, worn, rates, error_of, deepest)
+        """Cycles of this wear after which the tool's error is a part of the way to the target."""
+        goal = first + (target - first) * part
+        slides = [name for name in worn if rates[name].max() > 0.0]
+        if not slides:
+            raise JointplayError(
+                f"no journal slides under load in {', '.join(worn)}: their clearances do not grow"
+            )
+
+        def missing(count: float) -> float:
+            return error_of({name: worn[name] + count * rates[name] for name in worn}) - goal
+
+        if missing(0.0) >= 0.0:
+            return 0.0
+        most = min((deepest[name] - worn[name].max()) / rates[name].max() for name in slides)
+        high = min(1e-6 / max(rates[name].max() for name in slides), most)
+        while missing(high) < 0.0:
+            if high >= most:
+                raise JointplayError(
+                    f"wear does not lead to the target: a bore of {', '.join(slides)} is worn by "
+                    f"{100 * _DEEPEST:g} % of its radius before the tool is off by "
+                    f"{1e3 * goal:.4g} mm"
+                )
+            high = min(4.0 * high, most)
+        return float(optimize.brentq(missing, 0.0, high, xtol=1e-4 * high, rtol=1e-4))
 
     done, whole = wear_blocks(
         simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
@@ -200,34 +222,3 @@ def maintenance(
         factor,
         whole,
     )
-
-
-def _cycles_until(
-    goal: float,
-    worn: Depths,
-    rates: Depths,
-    error_of: Callable[[Depths], float],
-    deepest: Mapping[str, float],
-) -> float:
-    """Cycles of this wear after which the tool's error is `goal`."""
-    wearing = [name for name in worn if rates[name].max() > 0.0]
-    if not wearing:
-        raise JointplayError(
-            f"no journal slides under load in {', '.join(worn)}: their clearances do not grow"
-        )
-
-    def missing(count: float) -> float:
-        return error_of({name: worn[name] + count * rates[name] for name in worn}) - goal
-
-    if missing(0.0) >= 0.0:
-        return 0.0
-    most = min((deepest[name] - worn[name].max()) / rates[name].max() for name in wearing)
-    high = min(1e-6 / max(rates[name].max() for name in wearing), most)
-    while missing(high) < 0.0:
-        if high >= most:
-            raise JointplayError(
-                f"wear does not lead to the target: a bore of {', '.join(wearing)} is worn by "
-                f"{100 * _DEEPEST:g} % of its radius before the tool is off by {1e3 * goal:.4g} mm"
-            )
-        high = min(4.0 * high, most)
-    return float(optimize.brentq(missing, 0.0, high, xtol=1e-4 * high, rtol=1e-4))

@@ -333,7 +333,8 @@ class Store:
                 block = self.contents.load(name, (*chunk, *more))
                 for at, row in given:
                     part = row[place] if tail else row
-                    block[(*at, *map(slice, np.shape(part)))] = part
+                    inner: Any = (*at, *map(slice, np.shape(part)))
+                    block[inner] = part
                 self.contents.save(name, (*chunk, *more), block)
 
     def _commit(self, coordinates: bool = False) -> None:

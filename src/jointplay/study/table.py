@@ -147,10 +147,11 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
         there = dataset[name].values if name in dataset.coords else np.arange(dataset.sizes[name])
         if name in dataset.coords and there.dtype.kind in "fi":
             unit = str(dataset[name].attrs.get("units", ""))
+            wanted: Any = text
             with suppress(ValueError):  # plain numbers are in SI
-                text, unit = float(text), ""
+                wanted, unit = float(text), ""
             try:
-                index = int(np.abs(there - float(convert(text, unit))).argmin())
+                index = int(np.abs(there - float(convert(wanted, unit))).argmin())
             except ValueError as error:
                 raise JointplayError(f"{name}: {error}") from None
         else:
