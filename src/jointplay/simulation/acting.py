@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +22,9 @@ from jointplay.simulation.loads.friction import LEVEL, RATE, TIME, LoadedFrictio
 from jointplay.simulation.loop import TimeLoop
 from jointplay.simulation.result.variables import Phase
 from jointplay.simulation.statics import relative_motion, relative_pose
+
+if TYPE_CHECKING:
+    from jointplay.simulation.run import Run
 
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
@@ -116,12 +119,7 @@ def _steps_in(period: float, step: float, whose: str) -> int:
 
 
 class Events:
-    """Picks and releases in the order of the steps at which they happen.
-
-    Args:
-        mechanism: the mechanism.
-        model: the run's own, whose inertias change.
-        payloads, step, record_every: of the simulation.
+    """Picks and releases of a run in the order of the steps at which they happen.
 
     Attributes:
         phases: the stretches so far in which the bodies keep their inertias.
@@ -130,20 +128,15 @@ class Events:
         MissingName: a payload at a frame that does not exist.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        model: pin.Model,
-        payloads: Sequence[Payload],
-        step: float,
-        record_every: int,
-    ) -> None:
-        self._mechanism, self._model, self._every = mechanism, model, record_every
-        self.phases = [Phase(0, mechanism.model.copy())]
+    def __init__(self, run: Run) -> None:
+        simulation, step = run.simulation, run.simulation.step
+        self._mechanism, self._model = run.mechanism, run.model
+        self._every = simulation.record_every
+        self.phases = [Phase(0, run.mechanism.model.copy())]
         planned: list[tuple[int, Payload, bool]] = []
-        for payload in payloads:
-            if not model.existFrame(payload.frame):
-                names = [frame.name for frame in model.frames if frame.name != "universe"]
+        for payload in simulation.payloads:
+            if not run.model.existFrame(payload.frame):
+                names = [frame.name for frame in run.model.frames if frame.name != "universe"]
                 raise MissingName("frame for a payload", payload.frame, names)
             for time, picked in ((payload.pick, True), (payload.release, False)):
                 if time is not None:
@@ -210,22 +203,17 @@ REACTION_S = 2e-4
 class ReactionLoads:
     """The loads of a run that follow the force that their joint transmits."""
 
-    def __init__(
-        self,
-        loads: Mapping[str, Load],
-        sites: Sequence[LoadSite],
-        mechanism: Mechanism,
-        workspace: Workspace,
-    ) -> None:
-        self._workspace = workspace
+    def __init__(self, run: Run, sites: Sequence[LoadSite]) -> None:
+        self._workspace, self._model, mechanism = run.workspace, run.model, run.mechanism
+        every = list(enumerate(zip(run.simulation.loads.values(), sites, strict=True)))
         self.members = [
             (load, site.numbers, *_axis(mechanism, load.joint))
-            for load, site in zip(loads.values(), sites, strict=True)
+            for _, (load, site) in every
             if isinstance(load, LoadedFriction)
         ]
         self._pushers = [
             (index, load.site(mechanism))
-            for index, (load, site) in enumerate(zip(loads.values(), sites, strict=True))
+            for index, (load, site) in every
             if site.carriers is not None
         ]
         self._data: pin.Data | None = None
@@ -242,15 +230,15 @@ class ReactionLoads:
             time, q, v = memory
             self._before = float(time), np.array(q, float), np.array(v, float)
 
-    def begin(self, model: pin.Model, v: np.ndarray, acceleration: np.ndarray) -> None:
+    def begin(self, v: np.ndarray, acceleration: np.ndarray) -> None:
         """Take the forces of the first instant, which no friction has changed yet."""
         w = self._workspace
-        levels = self._friction(model, w.q, v, acceleration)
+        levels = self._friction(w.q, v, acceleration)
         for (_, numbers, *_rest), level in zip(self.members, levels, strict=True):
             numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
         self._before = (w.time, w.q.copy(), v.copy())
 
-    def update(self, model: pin.Model, v: np.ndarray) -> None:
+    def update(self, v: np.ndarray) -> None:
         """Take the mean forces since the last time, and draw them on along a line."""
         w = self._workspace
         assert self._before is not None
@@ -259,7 +247,7 @@ class ReactionLoads:
         if span <= 0.0:
             return
         middle = 0.5 * (w.q + q), (w.q - q) / span, (v - speed) / span
-        levels = self._friction(model, *middle)
+        levels = self._friction(*middle)
         for (_, numbers, *_rest), level in zip(self.members, levels, strict=True):
             now = time + 0.5 * span
             apart = now - numbers[TIME]
@@ -267,9 +255,8 @@ class ReactionLoads:
             numbers[TIME], numbers[LEVEL], numbers[RATE] = now, level, rate
         self._before = (w.time, w.q.copy(), v.copy())
 
-    def _friction(
-        self, model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
-    ) -> list[float]:
+    def _friction(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[float]:
+        model = self._model
         data = self._data = self._data or model.createData()
         pin.rnea(model, data, q, v, a, self._external(model, data, q))
         return [
@@ -312,37 +299,21 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
 class LoadSchedule:
     """The loads of a run that are updated from its state, and when.
 
-    Args:
-        loads: all loads, by name.
-        sites: what the kernels know of them.
-        mechanism: where they act.
-        model: the run's own, payloads in hand.
-        workspace: of the run.
-        step: time step [s].
-
     Raises:
         JointplayError: a period of a controller or servo that is no multiple of the step.
     """
 
-    def __init__(
-        self,
-        loads: Mapping[str, Load],
-        sites: Sequence[LoadSite],
-        mechanism: Mechanism,
-        model: pin.Model,
-        workspace: Workspace,
-        step: float,
-    ) -> None:
-        self._workspace, self._model = workspace, model
-        self._reactions = ReactionLoads(loads, sites, mechanism, workspace)
+    def __init__(self, run: Run, sites: Sequence[LoadSite]) -> None:
+        self._workspace, step = run.workspace, run.simulation.step
+        self._reactions = ReactionLoads(run, sites)
         self._controllers = [
             (load, site, _steps_in(load.period, step, f"the controller {name!r}"), load.sampler())
-            for (name, load), site in zip(loads.items(), sites, strict=True)
+            for (name, load), site in zip(run.simulation.loads.items(), sites, strict=True)
             if isinstance(load, Controller) and load.period is not None
         ]
         self._asked = -1
         """Step at which they were asked last."""
-        periods = map(float, workspace.servos["period"])  # servos sample in compiled code
+        periods = map(float, self._workspace.servos["period"])  # servos sample in compiled code
         servos = [_steps_in(period, step, "a servo") for period in periods if period > 0.0]
         reactions = [max(round(REACTION_S / step), 1)] if self._reactions.members else []
         self._looks = [*(every for _, _, every, _ in self._controllers), *reactions]
@@ -362,14 +333,14 @@ class LoadSchedule:
         self._sample(w.v, jumps=False)
         loop.begin()
         if self._reactions.members:
-            self._reactions.begin(self._model, w.v, w.acceleration)
+            self._reactions.begin(w.v, w.acceleration)
             loop.begin()
 
     def look(self, loop: TimeLoop, last: bool) -> None:
         """Let those look at the state whose time it is; no controller samples the last one."""
         w = self._workspace
         if self._reactions_every and w.steps % self._reactions_every == 0:
-            self._reactions.update(self._model, loop.velocity())
+            self._reactions.update(loop.velocity())
         if last or all(w.steps % every for _, _, every, _ in self._controllers):
             return
         if loop.method.single_rate:

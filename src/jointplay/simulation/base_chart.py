@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +19,10 @@ from jointplay.model.free_base import (
     turning,
 )
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loop import TimeLoop
+
+if TYPE_CHECKING:
+    from jointplay.simulation.run import Run
 
 LOOK_S = 1e-3
 """Time between two looks at the pitch of a free base [s]."""
@@ -48,11 +50,10 @@ class BaseChart:
     read the state, have angles counted from the pose of the URDF.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, model: pin.Model, workspace: Workspace, step: float
-    ) -> None:
-        self._joint, self._model, self._workspace = mechanism.base_joint, model, workspace
-        self._every = max(round(LOOK_S / step), 1)
+    def __init__(self, run: Run) -> None:
+        self._joint, self._model = run.mechanism.base_joint, run.model
+        self._workspace = run.workspace
+        self._every = max(round(LOOK_S / run.simulation.step), 1)
         self._chart = np.eye(3)
         self._moved = False
         """Whether the chart has ever been replaced."""

@@ -14,10 +14,10 @@ from jointplay.model import loop
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK, Coordinate
 from jointplay.simulation import statics
-from jointplay.simulation.loads.drive import Drive, JointFriction
+from jointplay.simulation.loads.drive import Drive
 
 if TYPE_CHECKING:
-    from jointplay.physics.kernel.workspace import Workspace
+    from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
 PERTURBATION = 0.5
@@ -137,14 +137,13 @@ def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int
     return indices
 
 
-def initial_state(
-    simulation: Simulation, mechanism: Mechanism, followed: Sequence[str]
-) -> InitialState:
+def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialState:
     """Loops closed, journals centred or where they were given, and speeds that fit.
 
     Raises:
         JointplayError: a state of what does not exist, follows the motion, or does not fit.
     """
+    mechanism = simulation.mechanism
     q, v = np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv)
     held: list[int] = []
     moving: list[int] = []
@@ -172,15 +171,10 @@ def initial_state(
 
 
 def find_rest(
-    simulation: Simulation,
-    start: InitialState,
-    bodies: pin.Model,
-    workspace: Workspace,
-    drives: Mapping[str, Drive],
-    friction: Mapping[str, JointFriction],
-    loads: statics.StaticLoads,
+    run: Run, start: InitialState, drives: Mapping[str, Drive], loads: statics.StaticLoads
 ) -> statics.Rest:
     """Where the machine stands; see `statics`."""
+    simulation, workspace, bodies = run.simulation, run.workspace, run.phases[-1].model
     mechanism = start.mechanism
     along = np.zeros(bodies.nv)
     if simulation.motion is not None:
@@ -203,7 +197,7 @@ def find_rest(
         workspace.drives,
         workspace.servos,
         workspace.reference[0],
-        friction,
+        run.friction,
         loads,
         start.acceleration(along),
         given,

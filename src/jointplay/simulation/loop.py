@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,9 +14,10 @@ from jointplay.model.loop import PROXIMAL
 from jointplay.model.tree import Tree
 from jointplay.physics.kernel import REACHED, Command, compiled, entry_of, layout
 from jointplay.physics.kernel.adaptive import STABLE_TURN
-from jointplay.physics.kernel.integrators import Integrator
 from jointplay.physics.kernel.sites import CarriedFrame, JointSite, LoadSite
-from jointplay.physics.kernel.workspace import Workspace
+
+if TYPE_CHECKING:
+    from jointplay.simulation.run import Run
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""
@@ -53,15 +54,9 @@ def moving_bodies(
 class TimeLoop(ABC):
     """Steps a run from one event to the next; `constraints` are of the ideal loops."""
 
-    def __init__(
-        self,
-        model: pin.Model,
-        data: pin.Data,
-        workspace: Workspace,
-        method: Integrator,
-        constraints: list[pin.RigidConstraintModel],
-    ) -> None:
-        self.model, self.data, self.workspace, self.method = model, data, workspace, method
+    def __init__(self, run: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        self.model, self.data = model, data = run.model, run.data
+        self.workspace, self.method = run.workspace, run.method
         self._models = pin.StdVec_RigidConstraintModel()
         self._models.extend(constraints)
         self._datas = pin.StdVec_RigidConstraintData()
@@ -161,17 +156,14 @@ _PLAN = int(Command.PLAN)
 
 
 class MultiRate(TimeLoop):
-    """Pinocchio once a macro step; the micro steps in compiled code.
-
-    `macro_step`: its length [s]; None lets an error estimate choose.
-    """
+    """Pinocchio once a macro step; the micro steps in compiled code."""
 
     advancing = Command.ADVANCE
     longest_macro_step_s = LONGEST_MACRO_STEP_S
 
-    def __init__(self, *args: Any, macro_step: float | None = None) -> None:
-        super().__init__(*args)
-        w, run = self.workspace, self.workspace.run
+    def __init__(self, whole: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(whole, constraints)
+        w, run, macro_step = self.workspace, self.workspace.run, whole.simulation.macro_step
         self._dt = float(run["dt"][0])
         self._middle = w.middle
         self._zero = np.zeros(self.model.nv)
@@ -272,27 +264,24 @@ class MultiRate(TimeLoop):
 class Adaptive(MultiRate):
     """The multi-rate method with micro steps as long as their error allows: `kernel.adaptive`.
 
-    Args:
-        macro_step: see `MultiRate`.
-        tolerance: error of the momentum that a micro step gives, relative to what contacts and
-            inertia move in it.
-        highest: frequency of what springs, gears and drives can make swing [rad/s].
+    The simulation's tolerance is the error of the momentum that a micro step gives, relative to
+    what contacts and inertia move in it.
     """
 
     advancing = Command.ADVANCE_ADAPTIVELY
     longest_macro_step_s = LONGEST_ADAPTIVE_MACRO_STEP_S
 
-    def __init__(
-        self, *args: Any, macro_step: float | None, tolerance: float, highest: float
-    ) -> None:
-        super().__init__(*args, macro_step=macro_step)
-        run = self.workspace.run
+    def __init__(self, whole: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(whole, constraints)
+        run, tolerance = self.workspace.run, whole.simulation.tolerance
+        assert tolerance is not None
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
-        if macro_step is None and tolerance < USUAL_TOLERANCE:
+        if whole.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
             less = USUAL_TOLERANCE / tolerance
             self.shorten_macro_steps(less**0.25)
             run["tolerance"] /= less**0.5  # in proportion, with what that did
+        highest = whole.highest_frequency()
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 
@@ -304,8 +293,8 @@ class Adaptive(MultiRate):
 class SingleRate(TimeLoop):
     """Explicit methods: Pinocchio at every stage."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
+    def __init__(self, run: Run, constraints: list[pin.RigidConstraintModel]) -> None:
+        super().__init__(run, constraints)
         w = self.workspace
         state = (self.model, self.data, w.q, w.v, w.tau)
         self._call: tuple[Any, tuple[Any, ...]] = pin.aba, (*state, self._none, _WORLD)

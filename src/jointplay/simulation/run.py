@@ -231,7 +231,7 @@ class Run:
                 self.friction = {**self.friction, name: drive.with_friction(losses)}
         followed = [name for name, drive in drives.items() if drive.follows]
         bounds = limits.effort_bounds(simulation, followed)
-        start = initial.initial_state(simulation, mechanism, followed)
+        start = initial.initial_state(simulation, followed)
         base_chart.check_start(mechanism, start.q)
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.starts_at_rest:
@@ -268,15 +268,13 @@ class Run:
             own_acceleration=not self.method.single_rate,
             loads=sites,
         )
-        self._chart = BaseChart(mechanism, self.model, w, step)
+        self._chart = BaseChart(self)
         self.overflow = None if records is None else self._overflow(records, macro)
         """Where records go that memory has no room for."""
-        self._watch = LoadSchedule(simulation.loads, sites, mechanism, self.model, w, step)
+        self._watch = LoadSchedule(self, sites)
         w.q[:], w.v[:] = start.q, start.v
         self._set_implicit_drives()
-        self._events = Events(
-            mechanism, self.model, simulation.payloads, step, simulation.record_every
-        )
+        self._events = Events(self)
         equal = step if simulation.tolerance is None else None
         check_step(mechanism, pin.computeTotalMass(self.model), equal, start.q)
         if equal is not None:
@@ -300,7 +298,9 @@ class Run:
         """Contexts in which the time loop runs, such as one that takes signals."""
         self.stop_checks: list[Callable[[], bool]] = []
         """Called between stretches; the run stops, to be continued or not, if one says True."""
-        self._loop = self._make_loop(mechanism.constraints(w.q, loop.LOOP_CORRECTION / step))
+        self._loop: loop.TimeLoop = (loop.SingleRate if self.method.single_rate else kind)(
+            self, mechanism.constraints(w.q, loop.LOOP_CORRECTION / step)
+        )
 
     def _overflow(self, records: Path | Callable[[Records], None], macro: float) -> Overflow:
         step, every = self.simulation.step, self.simulation.record_every
@@ -326,9 +326,8 @@ class Run:
         """
         simulation, w = self.simulation, self.workspace
         self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
-        bodies = self._events.phases[-1].model
         pushing = StaticLoads(simulation.loads, self.mechanism, sites)
-        rest = initial.find_rest(simulation, start, bodies, w, drives, self.friction, pushing)
+        rest = initial.find_rest(self, start, drives, pushing)
         ideal = not self.mechanism.clearance and not self.mechanism.gears
         if ideal and rest.solved and np.abs(rest.q - w.q).max(initial=0.0) <= SAME_PLACE:
             return  # it stands where it begins anyway
@@ -360,20 +359,6 @@ class Run:
         start.move()
         self.workspace.q[:], self.workspace.v[:] = start.q, start.v
 
-    def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> loop.TimeLoop:
-        simulation = self.simulation
-        parts = (self.model, self.data, self.workspace, self.method, constraints)
-        if self.method.single_rate:
-            return loop.SingleRate(*parts)
-        if simulation.tolerance is None:
-            return loop.MultiRate(*parts, macro_step=simulation.macro_step)
-        return loop.Adaptive(
-            *parts,
-            macro_step=simulation.macro_step,
-            tolerance=simulation.tolerance,
-            highest=self._highest_frequency(),
-        )
-
     def _set_implicit_drives(self) -> None:
         """Have the damping of drives that no step follows, or no long one, solved for implicitly.
 
@@ -386,7 +371,7 @@ class Run:
         rate = w.drives["kd"] * inverse[w.drives["coordinate"]]
         w.drives["implicit"] = rate * longest > EXPLICIT_DECAY
 
-    def _highest_frequency(self) -> float:
+    def highest_frequency(self) -> float:
         """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
         mechanism, w = self.mechanism, self.workspace
         inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
