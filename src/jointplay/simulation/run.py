@@ -67,54 +67,6 @@ CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
 
-def end_message(
-    mechanism: Mechanism, workspace: Workspace, status: Status, loads: Sequence[str] = ()
-) -> str:
-    """One line on how a run ended; `loads` are their names."""
-    at = f"at t = {workspace.time:.6g} s (step {workspace.steps})"
-    if status == Status.COMPLETED:
-        return f"completed {workspace.time:g} s in {workspace.steps} steps"
-    if status == Status.INTERRUPTED:
-        return f"interrupted {at}; {workspace.rows} records kept"
-    state = [
-        f"{name} = {q:.6g} ({v:.4g}/s)"
-        for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)
-    ]
-    fast = sorted(np.argsort(-np.abs(workspace.v), kind="stable")[:FASTEST_SHOWN])
-    shown = ", ".join(state[k] for k in fast)
-    if len(fast) < len(state):
-        shown += f" (the fastest of {len(state)} coordinates)"
-    joint, contact = workspace.bad_contact
-    if status == Status.BAD_LOAD:
-        what, remedy = f"the load {loads[joint]!r} gave a non-finite value", "correct it"
-    elif status == Status.RUN_AWAY:
-        what = "the state diverged or is not a number"
-        remedy = "reduce the step or the drive's bandwidth"
-        if mechanism.gears:
-            remedy += (
-                ", which an elastic gear limits when the encoder is on the link "
-                '(encoder = "motor" puts it before the gear)'
-            )
-    else:
-        name = list(mechanism.clearance)[joint]
-        law = mechanism.clearance[name]
-        place = law.contacts[contact]
-        if status == Status.BROKE_OUT:
-            what = f"the journal of {name!r} broke out of its bearing ({place})"
-            remedy = "reduce the step or check stiffness and loads"
-        elif status == Status.FILM_BROKE:
-            what = f"the journal of {name!r} touched its bore through the film ({place})"
-            remedy = "let the film be hybrid, or take a more viscous oil"
-        else:
-            laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
-            what = (
-                f"law {' or '.join(repr(one.name) for one in laws)} of {name!r} "
-                f"returned a non-finite value ({place})"
-            )
-            remedy = "correct the law"
-    return f"stopped {at}: {what}; {remedy}. State: {shown}"
-
-
 @dataclass(frozen=True)
 class Moment:
     """State and contact forces at one instant; arrays are copies, the run goes on without them.
@@ -714,7 +666,46 @@ class Run:
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""
-        return end_message(self.mechanism, self.workspace, status, list(self.simulation.loads))
+        mechanism, workspace = self.mechanism, self.workspace
+        at = f"at t = {workspace.time:.6g} s (step {workspace.steps})"
+        if status == Status.COMPLETED:
+            return f"completed {workspace.time:g} s in {workspace.steps} steps"
+        if status == Status.INTERRUPTED:
+            return f"interrupted {at}; {workspace.rows} records kept"
+        state = [
+            f"{name} = {q:.6g} ({v:.4g}/s)"
+            for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)
+        ]
+        fast = sorted(np.argsort(-np.abs(workspace.v), kind="stable")[:FASTEST_SHOWN])
+        shown = ", ".join(state[k] for k in fast)
+        if len(fast) < len(state):
+            shown += f" (the fastest of {len(state)} coordinates)"
+        joint, contact = workspace.bad_contact
+        if status == Status.BAD_LOAD:
+            load = list(self.simulation.loads)[joint]
+            what, remedy = f"the load {load!r} gave a non-finite value", "correct it"
+        elif status == Status.RUN_AWAY:
+            what = "the state diverged or is not a number"
+            remedy = "reduce the step or the drive's bandwidth"
+            if mechanism.gears:
+                remedy += ", which an elastic gear limits when the encoder is on the link "
+                remedy += '(encoder = "motor" puts it before the gear)'
+        else:
+            name = list(mechanism.clearance)[joint]
+            law = mechanism.clearance[name]
+            place = law.contacts[contact]
+            if status == Status.BROKE_OUT:
+                what = f"the journal of {name!r} broke out of its bearing ({place})"
+                remedy = "reduce the step or check stiffness and loads"
+            elif status == Status.FILM_BROKE:
+                what = f"the journal of {name!r} touched its bore through the film ({place})"
+                remedy = "let the film be hybrid, or take a more viscous oil"
+            else:
+                laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
+                named = " or ".join(repr(one.name) for one in laws)
+                what = f"law {named} of {name!r} returned a non-finite value ({place})"
+                remedy = "correct the law"
+        return f"stopped {at}: {what}; {remedy}. State: {shown}"
 
 
 _COMPILES_S = 5.0
