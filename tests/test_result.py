@@ -68,16 +68,6 @@ def test_save_load_and_rerun_bit_for_bit(result, tmp_path):
     assert "jointplay" in loaded.dataset.attrs["versions"]
 
 
-def test_nothing_is_overwritten_unless_asked(result, tmp_path):
-    path = tmp_path / "r.nc"
-    path.write_text("precious")
-    with pytest.raises(JointplayError, match="exists"):
-        result.save(path)
-    assert path.read_text() == "precious"
-    result.save(path, overwrite=True)
-    assert len(Result.load(path).time) == len(result.time)
-
-
 def test_unwritable_and_unreadable_files_are_named(result, tmp_path):
     with pytest.raises(JointplayError, match="cannot write"):
         result.save(tmp_path / "nowhere" / "r.nc")

@@ -8,19 +8,6 @@ import pytest
 import jointplay as jp
 
 TEXT = (Path(__file__).parents[2] / "docs" / "loads.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"```python\n(.*?)```", TEXT, re.S)
-
-
-def execute(code):
-    names = {"__name__": "examples_of_docs"}
-    exec(compile(code, "docs/loads.md", "exec"), names)
-    return names
-
-
-@pytest.mark.parametrize("code", EXAMPLES)
-def test_the_examples_run(code, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert execute(code)["result"].status.name == "COMPLETED"
 
 
 def test_the_scenario_can_be_run():
