@@ -24,36 +24,38 @@ MOST_STEPS = 10**12
 def check_integration(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
     """Refuse settings that make no sense; returns step, duration [s] and the number of steps."""
     step = require_positive("step", simulation.step, "s", ("step",))
-    if simulation.macro_step is not None:
-        require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
-    if simulation.tolerance is not None:
-        require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
-        if simulation.tolerance > 1.0:
-            said = f"tolerance is relative, at most 1, got {simulation.tolerance:g}"
-            raise JointplayError(said, ("tolerance",))
-    for option in ("macro_step", "tolerance"):
+    for option, words, unit in (("macro_step", "macro step", "s"), ("tolerance", "tolerance", "")):
         value = getattr(simulation, option)
-        if value is not None and method.single_rate:
+        if value is None:
+            continue
+        require_positive(words, value, unit, (option,))
+        if method.single_rate:
             raise JointplayError(
                 f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
                 f"{method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
-                where=(option,),
+                (option,),
             )
+    if simulation.tolerance is not None and simulation.tolerance > 1.0:
+        said = f"tolerance is relative, at most 1, got {simulation.tolerance:g}"
+        raise JointplayError(said, ("tolerance",))
     duration, motion = simulation.duration, simulation.motion
     if duration is None:
         if motion is None:
-            raise JointplayError(
-                "a simulation without motion needs a duration [s]", where=("duration",)
-            )
+            said = "a simulation without motion needs a duration [s]"
+            raise JointplayError(said, ("duration",))
         duration = motion.duration
     duration = require_positive("duration", duration, "s", ("duration",))
-    check_numbers(step, duration, simulation.record_every, simulation.seed)
-    steps = round(duration / step)
-    if steps < 1:
-        raise JointplayError(
-            f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
-        )
-    return step, duration, steps
+    require_whole("record_every", simulation.record_every, 1, MOST_STEPS, ("record_every",))
+    if simulation.seed is not None:
+        require_whole("seed", simulation.seed, 0, 2**63 - 1, ("seed",))
+    if duration / step > MOST_STEPS:
+        steps = f"{duration / step:.3g} steps of {step:g} s; at most {MOST_STEPS:.0e} are possible"
+        raise JointplayError(f"duration {duration:g} s is {steps}", ("duration",))
+    count = round(duration / step)
+    if count < 1:
+        said = f"duration {duration:g} s is shorter than the step {step:g} s"
+        raise JointplayError(said, ("duration",))
+    return step, duration, count
 
 
 def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
@@ -82,16 +84,6 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
     if simulation.limits != "cut":
         return {}
     return limits_of_joints.bounds(simulation.mechanism)
-
-
-def check_numbers(step: float, duration: float, every: object, seed: object) -> None:
-    """Refuse numbers that no run can have: steps without end, records and seeds that are none."""
-    require_whole("record_every", every, 1, MOST_STEPS, ("record_every",))
-    if seed is not None:
-        require_whole("seed", seed, 0, 2**63 - 1, ("seed",))
-    if duration / step > MOST_STEPS:
-        steps = f"{duration / step:.3g} steps of {step:g} s; at most {MOST_STEPS:.0e} are possible"
-        raise JointplayError(f"duration {duration:g} s is {steps}", ("duration",))
 
 
 def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:
