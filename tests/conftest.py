@@ -1,5 +1,7 @@
 """Small mechanisms with known answers."""
 
+import io
+import json
 import os
 import signal
 from pathlib import Path
@@ -17,6 +19,7 @@ from jointplay.physics.geometry import touch_cylinder
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import Run
 from jointplay.simulation.loads import ComputedTorque
+from jointplay.simulation.working_files import CHECKPOINT
 
 # What runs in the background or under nohup ignores these, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -57,6 +60,21 @@ def warm():
 
 def pytest_sessionfinish():
     end()
+
+
+def checkpoint_arrays(path):
+    with np.load(io.BytesIO(path.read_bytes().removeprefix(CHECKPOINT))) as opened:
+        return dict(opened)
+
+
+def save_checkpoint(path, arrays, head=None):
+    """With another head, if one is given."""
+    if head is not None:
+        arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
+    content = io.BytesIO()
+    np.savez(content, **arrays)
+    path.write_bytes(CHECKPOINT + content.getvalue())
+    return path
 
 
 def pytest_terminal_summary(terminalreporter, config):

@@ -162,17 +162,18 @@ def test_the_error_is_told_by_how_finer_runs_differ(run, finer, least, most):
     assert least * (1.0 - 1e-9) <= error <= most * (1.0 + 1e-9)
 
 
-def test_equal_peaks_that_come_from_different_stretches_do_not_agree():
-    one, other = figure(5.0, [5, 1, 2], math.inf), figure(5.0, [1, 5, 3], math.inf)
-    assert scatter([one, other]) == pytest.approx(5.0 - 2.0)
-    assert scatter([one, one]) == 0.0
-
-
-def test_equal_sums_of_different_stretches_do_not_agree():
-    one, other = figure(6.0, [1, 2, 3]), figure(6.0, [3, 2, 1])
-    assert scatter([one, other]) == pytest.approx(math.sqrt(8.0))
-    roots = [figure(math.sqrt(6.0), values, 2.0) for values in ([1, 2, 3], [3, 2, 1])]
-    assert scatter(roots) == pytest.approx(math.sqrt(8.0) / (2.0 * math.sqrt(6.0)))
+@pytest.mark.parametrize(
+    ("value", "one", "other", "power", "expected"),
+    [
+        (5.0, [5, 1, 2], [1, 5, 3], math.inf, 5.0 - 2.0),  # peaks
+        (6.0, [1, 2, 3], [3, 2, 1], 1.0, math.sqrt(8.0)),  # sums
+        (math.sqrt(6.0), [1, 2, 3], [3, 2, 1], 2.0, math.sqrt(8.0) / (2.0 * math.sqrt(6.0))),
+    ],
+)
+def test_equal_figures_of_different_stretches_do_not_agree(value, one, other, power, expected):
+    first, second = figure(value, one, power), figure(value, other, power)
+    assert scatter([first, second]) == pytest.approx(expected)
+    assert scatter([first, first]) == 0.0
 
 
 def test_records_that_miss_impacts_widen_the_error_of_a_root_mean_square():
@@ -239,25 +240,19 @@ def test_errors_of_random_walks_cover_as_many_as_they_say(seed):
 
 
 def test_numbers_have_the_digits_that_their_errors_allow():
+    """One that its error swallows is a bound, one without an error has three digits."""
     assert plus_minus(677.123, 0.31) == "677.1 ± 0.4"
     assert plus_minus(1504.0, 1050.0) == "1500 ± 1050"
     assert plus_minus(0.146044, 5e-6) == "0.146044 ± 0.000005"
     assert plus_minus(3.25e-7, 2.1e-8) == "(3.25 ± 0.21)e-7"
     assert plus_minus(0.0, 0.0) == "0"
     assert plus_minus(12.5, 0.0) == "12.5"
-
-
-def test_a_value_that_its_error_swallows_is_a_bound():
     assert plus_minus(5.0, 10.0, whole=True) == "at most 15"
     assert plus_minus(0.00012, 0.00021) == "at most 0.00033"
     assert plus_minus(1.0, 0.99) != "at most 2"
-
-
-def test_a_value_without_an_error_has_three_digits():
     said = {187.94: "188", 2070.1: "2070", 999.7: "1000", 123456.0: "123000", 1.2346e7: "1.23e+07"}
     said |= {0.0: "0", 2.2989e-6: "2.3e-06", -3.14159: "-3.14"}
     assert {value: alone(value) for value in said} == said
-    assert plus_minus(60.0, 90.0) == "at most 150"
     assert (alone(5.0, 4.9), alone(5.0, 10.0), alone(5.0, math.inf)) == ("5", "at most 15", "5")
 
 

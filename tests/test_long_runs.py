@@ -1,7 +1,6 @@
 """Runs whose histories go to disk: the same to the last bit, in bounded memory, and continued."""
 
 import dataclasses
-import io
 import json
 import os
 import re
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import checkpoint_arrays, save_checkpoint
 from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
@@ -22,7 +22,7 @@ from jointplay.simulation import spool
 from jointplay.simulation.analysis import certification
 from jointplay.simulation.loads import ComputedTorque, tables
 from jointplay.simulation.result import audit, netcdf
-from jointplay.simulation.working_files import CHECKPOINT, working_paths
+from jointplay.simulation.working_files import working_paths
 
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
@@ -433,15 +433,10 @@ def test_a_checkpoint_replaces_checkpoints_only(tmp_path):
 
 def renamed(kept, name):
     """A checkpoint that has its records in a file of another name."""
-    with np.load(io.BytesIO(kept.read_bytes().removeprefix(CHECKPOINT))) as opened:
-        arrays = dict(opened)
+    arrays = checkpoint_arrays(kept)
     head = json.loads(arrays["head"].tobytes())
     head["records"]["file"] = name
-    arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
-    out = io.BytesIO()
-    np.savez(out, **arrays)
-    kept.write_bytes(CHECKPOINT + out.getvalue())
-    return kept
+    return save_checkpoint(kept, arrays, head)
 
 
 def test_no_file_is_touched_because_a_checkpoint_names_it(small_portions, tmp_path):

@@ -1,14 +1,13 @@
 """Runs that one holds: moments, states, checkpoints, judging."""
 
 import dataclasses
-import io
 import itertools
 import json
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, checkpoint_arrays, joint, save_checkpoint
 
 import jointplay as jp
 from jointplay.cli.commands import name_and_value
@@ -308,12 +307,12 @@ def test_damaged_and_foreign_checkpoints_are_refused(arm, tmp_path):
     arrays = checkpoint_arrays(path)
     head = json.loads(arrays["head"].tobytes())
     head["versions"]["numba"] = "0.1"
-    arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
-    other = tmp_path / "other.npz"
-    np.savez(other, **arrays)
+    other = save_checkpoint(tmp_path / "other.npz", arrays, head)
+    content = other.read_bytes()
+    other.write_bytes(content.removeprefix(CHECKPOINT))
     with pytest.raises(jp.JointplayError, match="it does not begin with 'jointplay checkpoint"):
         jp.Simulation.resume(other)
-    other.write_bytes(CHECKPOINT + other.read_bytes())
+    other.write_bytes(content)
     with pytest.raises(jp.JointplayError, match=r"another version \(numba 0\.1"):
         jp.Simulation.resume(other)
 
@@ -417,17 +416,6 @@ WILD = (-1, 1000, 2**40, -(2**63))
 """Sizes and places that compiled code would follow to anywhere."""
 
 
-def checkpoint_arrays(path):
-    with np.load(io.BytesIO(path.read_bytes().removeprefix(CHECKPOINT))) as opened:
-        return dict(opened)
-
-
-def save_checkpoint(path, arrays):
-    content = io.BytesIO()
-    np.savez(content, **arrays)
-    path.write_bytes(CHECKPOINT + content.getvalue())
-
-
 def changed_checkpoints(path, folder):
     """The checkpoint with each of its whole numbers in turn changed to something wild: two things
     for one number, the two others for the next.
@@ -441,9 +429,7 @@ def changed_checkpoints(path, folder):
             for wild in next(pairs):
                 changed = {key: value.copy() for key, value in arrays.items()}
                 (changed[name][field] if field else changed[name])[...] = wild
-                other = folder / "other.npz"
-                save_checkpoint(other, changed)
-                yield f"{name}.{field} = {wild}", other
+                yield save_checkpoint(folder / "other.npz", changed)
 
 
 @pytest.mark.thorough
@@ -454,7 +440,7 @@ def test_no_number_of_a_checkpoint_leads_compiled_code_astray(arm, tmp_path):
     run = jp.Run(simulation)
     next(moment for moment in run.steps() if moment.step >= 60)
     taken = refused = 0
-    for _, path in changed_checkpoints(run.checkpoint(tmp_path / "run.npz"), tmp_path):
+    for path in changed_checkpoints(run.checkpoint(tmp_path / "run.npz"), tmp_path):
         try:
             again = jp.Simulation.resume(path)
         except jp.JointplayError:

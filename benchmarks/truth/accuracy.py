@@ -270,7 +270,7 @@ def run_all(cases: list[Case], args) -> dict[Trial, dict[str, np.ndarray]]:
     """All single runs, then the ensembles of the chaotic cases."""
     trials = []
     for case in cases:
-        trials += [Trial(stripped(case), case.settings), *levels(case), *asides(case)]
+        trials += [trial(case, case.settings), *levels(case), *asides(case)]
         trials += crossing(case) if case.crossed else []
     trials = list(dict.fromkeys(trials))
     found = dict(zip(trials, ensembles(trials, 1, args.jobs, measure), strict=True))
@@ -281,31 +281,31 @@ def run_all(cases: list[Case], args) -> dict[Trial, dict[str, np.ndarray]]:
     return found
 
 
-def stripped(case: Case) -> Case:
-    """The case itself, whatever it is compared with: runs are shared."""
-    return replace(case, settings=DEFAULT, crossed=False)
+def trial(case: Case, settings: Settings, **options) -> Trial:
+    """Of the case itself, whatever it is compared with: runs are shared."""
+    return Trial(replace(case, settings=DEFAULT, crossed=False), settings, **options)
 
 
 def levels(case: Case) -> list[Trial]:
     """Converged runs, the finest last."""
-    return [Trial(stripped(case), case.level(number)) for number in LEVELS]
+    return [trial(case, case.level(number)) for number in LEVELS]
 
 
 def asides(case: Case) -> list[Trial]:
     """Runs of level 0 from starts aside."""
-    return [Trial(stripped(case), case.level(0), aside) for aside in ASIDES]
+    return [trial(case, case.level(0), aside=aside) for aside in ASIDES]
 
 
 def crossing(case: Case) -> list[Trial]:
     """The beginning, converged and by rk4."""
     duration = min(RK4_DURATION[case.mechanism], case.duration or np.inf)
     rk4 = Settings(RK4_STEP[case.mechanism], integrator="rk4")
-    beginning = replace(stripped(case), duration=duration)
-    return [Trial(beginning, settings) for settings in (case.level(1), rk4)]
+    beginning = replace(case, duration=duration)
+    return [trial(beginning, settings) for settings in (case.level(1), rk4)]
 
 
 def many_of(case: Case) -> list[Trial]:
-    return [Trial(stripped(case), s, ideal=False) for s in (case.level(1), case.settings)]
+    return [trial(case, s, ideal=False) for s in (case.level(1), case.settings)]
 
 
 def chaotic(case: Case, found) -> dict[str, bool]:
@@ -319,12 +319,11 @@ def chaotic(case: Case, found) -> dict[str, bool]:
 
 def judge(case: Case, found) -> tuple[dict[str, Error], dict[str, float]]:
     """Errors of a case, and what its reference is worth."""
-    bare = stripped(case)
-    single = found[Trial(bare, case.level(1))], found[Trial(bare, case.settings)]
+    single = tuple(found[trial(case, one)] for one in (case.level(1), case.settings))
     wild = chaotic(case, found)
-    many = tuple(found[trial] for trial in many_of(case)) if any(wild.values()) else None
+    many = tuple(found[one] for one in many_of(case)) if any(wild.values()) else None
     errors = {name: compare(single, many if wild[name] else None, name) for name in QUANTITIES}
-    fine = found[Trial(bare, case.level(0))]
+    fine = found[trial(case, case.level(0))]
     calm = [name for name in QUANTITIES if not wild[name]]
     worth = {
         "levels": worst((single[0], fine), calm) if calm else np.nan,
@@ -342,7 +341,7 @@ def report(benchmark, cases, found):
     rows, data = [], []
     for case, (errors, worth) in zip(cases, judged, strict=True):
         rows.append([case.label, *map(str, errors.values()), *map(percent, worth.values())])
-        own = found[Trial(stripped(case), case.settings)]
+        own = found[trial(case, case.settings)]
         for name, error in errors.items():
             data.append(
                 {

@@ -124,10 +124,12 @@ def _spread(values: np.ndarray) -> str:
     return plus_minus(float(values.mean()), float(values.std(ddof=1)))
 
 
-def _greater(small: Ensemble, large: Ensemble, key: str, unit: str) -> tuple[str, str]:
+def _greater(
+    small: Ensemble, large: Ensemble, key: str, unit: str, name: str = "RMS"
+) -> tuple[str, str]:
     """Is `key` greater at the large clearance? Verdict by the interval of the mean difference."""
     a, b = _values(small, key), _values(large, key)
-    text = f"{_spread(a)} → {_spread(b)} {unit}".rstrip()
+    text = f"{name} {_spread(a)} → {_spread(b)} {unit}"
     squares = np.array([a.var(ddof=1) / a.size, b.var(ddof=1) / b.size])
     total = squares.sum()
     margin = 0.0
@@ -146,13 +148,6 @@ def _all(parts: Sequence[tuple[str, str]]) -> tuple[str, str]:
     return verdict, "; ".join(text for _, text in parts)
 
 
-def _fluctuation(
-    small: Ensemble, large: Ensemble, key: str, name: str, unit: str
-) -> tuple[str, str]:
-    verdict, text = _greater(small, large, key, unit)
-    return verdict, f"{name} {text}"
-
-
 def _modes(small: Ensemble, large: Ensemble) -> tuple[str, str]:
     keys = ("free", "continuous", "penetration")
     parts = []
@@ -167,8 +162,7 @@ def _modes(small: Ensemble, large: Ensemble) -> tuple[str, str]:
 
 
 def _peaks(small: Ensemble, large: Ensemble) -> tuple[str, str]:
-    forces = [(axis, *_greater(small, large, f"f{axis}", "N")) for axis in AXES]
-    parts = [(verdict, f"max |F{axis}| {text}") for axis, verdict, text in forces]
+    parts = [_greater(small, large, f"f{axis}", "N", f"max |F{axis}|") for axis in AXES]
     busy = [_values(ensemble, "busy").mean() for ensemble in (small, large)]
     words = f"above {100 * PEAK_LEVEL:.0f} % of the peak for "
     words += f"{100 * busy[0]:.3g} → {100 * busy[1]:.3g} % of the time"
@@ -176,19 +170,18 @@ def _peaks(small: Ensemble, large: Ensemble) -> tuple[str, str]:
 
 
 def _frequency(small: Ensemble, large: Ensemble) -> tuple[str, str]:
-    rarer, often = _greater(large, small, "crossings", "1/s")
-    larger, swing = _greater(small, large, "swing_mm", "mm")
+    rarer, often = _greater(large, small, "crossings", "1/s", "")
     rate, impulse = (
         [_values(ensemble, key).mean() for ensemble in (small, large)]
         for key in ("rate", "impulse")
     )
-    reverse = " → ".join(reversed(often.removesuffix(" 1/s").split(" → ")))
+    reverse = " → ".join(reversed(often.strip().removesuffix(" 1/s").split(" → ")))
     struck = f"(for the joint: {rate[0]:.3g} → {rate[1]:.3g} impacts/s of "
     struck += f"{impulse[0]:.3g} → {impulse[1]:.3g} N s)"
     return _all(
         [
             (rarer, f"turning points of the tool's deviation {reverse} 1/s"),
-            (larger, f"mean excursion between them {swing}"),
+            _greater(small, large, "swing_mm", "mm", "mean excursion between them"),
             ("yes", struck),
         ]
     )
@@ -198,17 +191,17 @@ CLAIMS: Mapping[int, tuple[str, str, Check]] = {
     1: (
         "displacement",
         "displacement fluctuates more at the larger clearance",
-        partial(_fluctuation, key="deviation_mm", name="RMS", unit="mm"),
+        partial(_greater, key="deviation_mm", unit="mm"),
     ),
     2: (
         "velocity",
         "velocity fluctuates more at the larger clearance",
-        partial(_fluctuation, key="speed_mm_s", name="RMS", unit="mm/s"),
+        partial(_greater, key="speed_mm_s", unit="mm/s"),
     ),
     3: (
         "XOY path",
         "the XOY path deviates more at the larger clearance",
-        partial(_fluctuation, key="path_mm", name="RMS", unit="mm"),
+        partial(_greater, key="path_mm", unit="mm"),
     ),
     4: ("three modes", "the journal passes through all three modes in both cases", _modes),
     5: (

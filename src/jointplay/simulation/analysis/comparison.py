@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from contextlib import suppress
@@ -17,7 +16,7 @@ from jointplay.base.units import displayed
 from jointplay.simulation.analysis.certification import figures
 from jointplay.simulation.analysis.headline import reference
 from jointplay.simulation.analysis.tool_error import difference
-from jointplay.simulation.analysis.twins import is_twin
+from jointplay.simulation.analysis.twins import inputs, is_twin
 from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.result.certificate import HEADLINE, CertifiedFigure
 from jointplay.simulation.result.result import Result
@@ -139,12 +138,11 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
     pairs = tuple(
         Pair(name, found[0][name], found[1][name]) for name in found[0] if name in found[1]
     )
-    inputs = [json.loads(one.dataset.attrs["simulation"]) for one in (a, b)]
     apart = None
     if a.simulation.mechanism.tool == b.simulation.mechanism.tool:
         away = np.linalg.norm(difference(b, a).values, axis=1)
         apart = float(away.max()), float(np.sqrt((away**2).mean()))
-    return Comparison((first, second), tuple(differences(*inputs)), pairs, apart)
+    return Comparison((first, second), tuple(differences(inputs(a), inputs(b))), pairs, apart)
 
 
 def _figures(result: Result, ideal: Result | None) -> dict[str, CertifiedFigure]:

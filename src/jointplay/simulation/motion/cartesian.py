@@ -95,6 +95,23 @@ class Target(NamedTuple):
         x, y, z = self.position
         return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
 
+    def way_to(self, end: Target) -> tuple[np.ndarray, np.ndarray]:
+        """Way [m] and rotation vector [rad]."""
+        axis = np.zeros(3)
+        if self.turn is not None and end.turn is not None:
+            axis = pin.log3(self.turn.T @ end.turn)
+        return end.position - self.position, axis
+
+    def towards(self, end: Target, part: float) -> Target:
+        """After a part of the way to another."""
+        if part == 1.0:
+            return end
+        way, axis = self.way_to(end)
+        turn = None
+        if self.turn is not None and end.turn is not None:
+            turn = self.turn @ pin.exp3(part * axis)
+        return Target(self.position + part * way, turn)
+
 
 @dataclass(frozen=True)
 class Found:
@@ -443,15 +460,11 @@ class Arm:
         if not self.ideal.loops:
             return self.search(q, target)
         pose = self.pose(q)
-        origin, turn = pose.translation.copy(), pose.rotation.copy()
-        way = target.position - origin
-        axis = np.zeros(3) if target.turn is None else pin.log3(turn.T @ target.turn)
+        begin = Target(pose.translation.copy(), pose.rotation.copy())
         part, share, found = 0.0, 1.0, self._found(q, self.error(q, target))
         while part < 1.0 and share > _LEAST_SHARE:
             ahead = min(part + share, 1.0)
-            rotation = None if target.turn is None else turn @ pin.exp3(ahead * axis)
-            goal = target if ahead == 1.0 else Target(origin + ahead * way, rotation)
-            trial = self.search(found.q, goal, iterations=_NEAR)
+            trial = self.search(found.q, begin.towards(target, ahead), iterations=_NEAR)
             if trial.reached and np.abs(trial.q - found.q).max() < JUMP:
                 found, part, share = trial, ahead, 2.0 * share
             else:
@@ -806,16 +819,8 @@ def _otherwise(
     )
 
 
-def _way(begin: Target, end: Target) -> tuple[np.ndarray, np.ndarray]:
-    """From one target to the next: way [m] and rotation vector [rad]."""
-    axis = np.zeros(3)
-    if begin.turn is not None and end.turn is not None:
-        axis = pin.log3(begin.turn.T @ end.turn)
-    return end.position - begin.position, axis
-
-
 def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
-    way, axis = _way(first[1], last[1])
+    way, axis = first[1].way_to(last[1])
     size = float(np.linalg.norm([*way, *(ANGLE_ARM_M * axis)]))
     # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
     most = max((last[0] - first[0]) / SAMPLE_S, 15.0 / 8.0 * size / SAMPLE_M)
@@ -825,17 +830,14 @@ def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
 def _line(
     arm: Arm, q: np.ndarray, times: np.ndarray, targets: Sequence[Target], count: int, number: int
 ) -> Iterator[tuple[float, np.ndarray]]:
-    begin, before = targets[0]
     base = arm.freedoms(q)
-    way, axis = _way(*targets)
     span = float(times[1] - times[0])
     for k in range(1, count + 1):
         part, what = k / count, f"the line to waypoint {number}"
         law = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
-        turn = None if before is None else before @ pin.exp3(law * axis)
-        time, target = times[0] + part * span, Target(begin + law * way, turn)
+        time, target = times[0] + part * span, targets[0].towards(targets[1], law)
         if k == count:
-            time, target, what = times[1], targets[1], f"waypoint {number}"
+            time, what = times[1], f"waypoint {number}"
         try:
             ahead = _solve(arm, q, target, what)
         except JointplayError:
