@@ -141,7 +141,7 @@ def test_ctrl_c_keeps_what_was_computed(monkeypatch):
         if now > 0.05:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(module.Bar, "update", interrupt)
+    monkeypatch.setattr(module.Simulated, "reach", interrupt)
     result = short(scara(2e-4), 1.0).run()
     assert result.status == Status.INTERRUPTED
     assert 0.05 <= result.time[-1] < 0.1

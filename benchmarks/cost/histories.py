@@ -18,7 +18,6 @@ from tqdm import tqdm
 import jointplay as jp
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result import histories, variables
-from jointplay.simulation.result.variables import LoadWrenches
 
 WHOLE, MOTION, FORCES = "whole result", "motion of the bodies", "forces in the joints"
 
@@ -62,7 +61,6 @@ def measure(simulation, repeats, bar):
     mechanism, w = run.mechanism, run.workspace
     rows = w.rows
     q, v = (np.ascontiguousarray(w.recorded(name)) for name in ("q", "v"))
-    none = LoadWrenches(np.zeros_like(q), (), np.zeros((rows, 0, 6)))
     records = histories.records_of(w)
     stretches = variables.phase_stretches(run.phases, 0, rows)
     samples = {WHOLE: [], MOTION: [], FORCES: [], "one record": []}
@@ -75,7 +73,7 @@ def measure(simulation, repeats, bar):
         if not mechanism.clearance:
             held = [mechanism.constraints(q[first], 0.0) for first, _, _ in stretches]
             ideal = (mechanism, q, v, records.recorded("drive"), stretches, held)
-            costs[FORCES] = seconds(variables.reactions, *ideal, none) / rows
+            costs[FORCES] = seconds(variables.reactions, *ideal, (), np.zeros((rows, 0, 6))) / rows
         if turn:  # the first one loads compiled code
             for part, cost in costs.items():
                 samples[part].append(cost)

@@ -85,9 +85,9 @@ class HistoryBuilder:
             found |= contact
         elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
-            pushes = acting.pushes(body, records)
-            effort = variables.applied_effort(mechanism, q, v, records, self._run.friction, pushes)
-            forces = variables.reactions(mechanism, q, v, effort, stretches, held, pushes)
+            pushed, bodies, wrenches = acting.pushes(body, records)
+            effort = variables.applied_effort(mechanism, q, v, records, self._run.friction, pushed)
+            forces = variables.reactions(mechanism, q, v, effort, stretches, held, bodies, wrenches)
             found |= variables.declared({"reaction_force": forces})
         drift = np.zeros(0)
         if self._strict:

@@ -163,18 +163,6 @@ class Records:
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
 
 
-@dataclass(frozen=True)
-class LoadWrenches:
-    """What loads pushed on, by record."""
-
-    efforts: np.ndarray
-    """On the coordinates (n, nv) [N m or N]."""
-    bodies: tuple[int, ...]
-    """Pinocchio joints that carry bodies on which wrenches acted."""
-    wrenches: np.ndarray
-    """Force [N] and moment about the world's origin [N m], world axes (n, bodies, 6)."""
-
-
 class BoundLoads:
     """The loads of a run, bound to its mechanism.
 
@@ -239,7 +227,12 @@ class BoundLoads:
                 efforts[:, list(self._sites[name].outputs)] += answers
         return efforts
 
-    def pushes(self, body: Mapping[str, Any], records: Records) -> LoadWrenches:
+    def pushes(
+        self, body: Mapping[str, Any], records: Records
+    ) -> tuple[np.ndarray, list[int], np.ndarray]:
+        """Efforts on the coordinates (n, nv) [N m or N]; Pinocchio joints whose bodies were pushed,
+        and by what: force [N], moment about the world's origin [N m], world axes (n, bodies, 6).
+        """
         n = records.rows
         efforts = np.zeros((n, self.mechanism.model.nv))
         bodies: list[int] = []
@@ -257,7 +250,7 @@ class BoundLoads:
             bodies += [site.frames[0][0], site.frames[1][0]]
             wrenches += [-whole, whole]
         given = np.stack(wrenches, axis=1) if wrenches else np.zeros((n, 0, 6))
-        return LoadWrenches(efforts, tuple(bodies), given)
+        return efforts, bodies, given
 
 
 @dataclass(frozen=True)
@@ -442,13 +435,13 @@ def applied_effort(
     v: np.ndarray,
     records: Records,
     friction: Mapping[str, JointFriction],
-    pushes: LoadWrenches,
+    loads: np.ndarray,
 ) -> np.ndarray:
-    """What drives, loads, gears and friction push on the coordinates, shape (n, nv).
+    """What drives, `loads`, gears and friction push on the coordinates, shape (n, nv).
 
     Friction of gears is left out: it acts on motors, which have no mass to be moved.
     """
-    effort = records.recorded("drive") + pushes.efforts
+    effort = records.recorded("drive") + loads
     hysteresis = records.recorded("gear")[:, :, 1]
     for index, (name, gear) in enumerate(mechanism.gears.items()):
         motor, link = mechanism.motor(name), mechanism.coordinate(name)
@@ -471,19 +464,20 @@ def reactions(
     effort: np.ndarray,
     stretches: Sequence[tuple[int, int, Phase]],
     constraints: Sequence[Sequence[pin.RigidConstraintModel]],
-    pushes: LoadWrenches,
+    bodies: Sequence[int],
+    wrenches: np.ndarray,
 ) -> np.ndarray:
     """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
 
     The joints of the tree come first, then those that close loops, which `constraints` hold in each
-    of the stretches.
+    of the stretches. `bodies` and `wrenches` are those of `BoundLoads.pushes`.
     """
     tree, loops = mechanism.joints, list(mechanism.loops)
     forces = np.zeros((len(q), len(tree) + len(loops), 3))
     for (first, end, phase), held in zip(stretches, constraints, strict=True):
         joints = [int(phase.model.getJointId(name)) for name in tree]
         tree_forces, holds = Tree(phase.model).reactions(
-            first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
+            first, end, q, v, effort, joints, held, bodies, wrenches
         )
         forces[first:end, : len(tree)] = tree_forces
         for k, constraint in enumerate(held):
