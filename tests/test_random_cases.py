@@ -79,4 +79,3 @@ def test_a_case_is_judged(monkeypatch):
         assert {"certified_error", "covered", "agreed"} <= set(row)
     lines = cases.table([outcome])
     assert [entries[0] for entries in lines] == ["slider", *cases.HEADLINE, "all"]
-    assert cases.draw_errors(outcome.rows).axes

@@ -11,11 +11,11 @@ import sys
 import time
 
 import numpy as np
-from common import COLOURS, Benchmark, new_figure
+from common import Benchmark
 from cost.mechanism_cost import scara, slider_crank
-from tqdm import tqdm
 
 import jointplay as jp
+from jointplay.base.progress import ProgressBar
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result import histories, variables
 
@@ -81,21 +81,6 @@ def measure(simulation, repeats, bar):
     return rows, samples
 
 
-def draw(costs):
-    figure, axes = new_figure(1, 1, 8.0, 3.8)
-    panel = axes[0, 0]
-    names = list(costs)[::-1]
-    for k, part in enumerate((WHOLE, MOTION, FORCES)):
-        place = np.arange(len(names)) + 0.27 * (1 - k)
-        values = [costs[name].get(part, 0.0) for name in names]
-        panel.barh(place, values, height=0.25, color=COLOURS[k], label=part)
-    panel.set_yticks(range(len(names)), names)
-    panel.set_xlabel("cost of a record [µs], median")
-    panel.legend(fontsize=8)
-    panel.grid(False, axis="y")
-    return figure
-
-
 def main():
     benchmark = Benchmark("histories", __doc__, runs=0)
     add = benchmark.parser.add_argument
@@ -104,7 +89,7 @@ def main():
     records, repeats = (5000, 5) if args.quick else (20_000, 25)
     setups = simulations(records)
     rows, data, costs = [], [], {}
-    with tqdm(total=len(setups) * (repeats + 1), unit="result") as bar:
+    with ProgressBar(total=len(setups) * (repeats + 1), unit="result") as bar:
         for name, simulation in setups.items():
             count, samples = measure(simulation, repeats, bar)
             middle = {part: 1e6 * float(np.median(s)) for part, s in samples.items() if s}
@@ -117,7 +102,7 @@ def main():
                 for cost in values
             ]
     header = ["mechanism", "records", *(f"{p} [µs]" for p in (WHOLE, MOTION, FORCES))]
-    benchmark.finish([*header, "result of one record [ms]"], rows, data, draw(costs))
+    benchmark.finish([*header, "result of one record [ms]"], rows, data)
     worst = max(costs, key=lambda name: costs[name][WHOLE])
     print(f"largest cost {costs[worst][WHOLE]:.2f} µs per record ({worst})")
     if args.check is not None and costs[worst][WHOLE] > args.check:

@@ -31,8 +31,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from common import COLOURS, Benchmark, new_figure
-from tqdm import tqdm
+from common import Benchmark
 
 import jointplay as jp
 from jointplay import analysis
@@ -738,12 +737,12 @@ def tell(outcome: Outcome) -> None:
     """Say what was missed in silence, or why nothing is known."""
     number, label = outcome.case["number"], outcome.case["case"]
     if outcome.note:
-        tqdm.write(f"case {number}: {outcome.note} ({label})")
+        print(f"case {number}: {outcome.note} ({label})")
     for row in outcome.rows:
         uncovered = row.get("agreed") and not row["covered"]
         verdict = "not covered" if uncovered else row["verdict"]
         if verdict in ("silent", "not covered"):
-            tqdm.write(f"{verdict}: case {number}: {named(row)} ({label}, {row['integrator']})")
+            print(f"{verdict}: case {number}: {named(row)} ({label}, {row['integrator']})")
 
 
 HEADER = (
@@ -789,27 +788,6 @@ def table(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [*lines, line("all", outcomes)]
 
 
-def draw_errors(rows: Sequence[dict]):
-    """Stated over true errors, by figure; hollow where the motion is sensitive."""
-    figure, axes = new_figure(1, 1, 6.0, 5.0)
-    panel = axes[0, 0]
-    for name, colour in zip(HEADLINE, COLOURS, strict=True):
-        for state, face in (("calm", colour), ("sensitive", "none")):
-            points = [
-                [max(row[key] / abs(row["mean"]), 1e-8) for key in ("away", "stated_error")]
-                for row in rows
-                if kind_of(row["figure"]) == name and row["state"] == state and row["mean"]
-            ]
-            label = name if state == "calm" else None
-            x, y = np.array(points).reshape(-1, 2).T
-            panel.loglog(x, y, "o", ms=4, mec=colour, mfc=face, label=label)
-    panel.plot([1e-8, 10.0], [1e-8, 10.0], color="0.5", lw=0.8)
-    panel.set_xlabel("distance from converged runs, relative")
-    panel.set_ylabel("stated error, relative")
-    panel.legend(fontsize=7)
-    return figure
-
-
 def main() -> None:
     made = Benchmark("random_cases", __doc__, runs=0)
     add = made.parser.add_argument
@@ -848,7 +826,7 @@ def main() -> None:
         rows = [row | {"cpu_s": one.cpu} for one in outcomes for row in one.rows]
         names = dict.fromkeys(name for row in rows for name in row)
         rows = [dict.fromkeys(names, "") | row for row in rows]
-        made.finish(HEADER, table(outcomes), rows, draw_errors(rows))
+        made.finish(HEADER, table(outcomes), rows)
         footnotes(outcomes)
     agreed = [row for row in rows if row.get("agreed")]
     share = f"{100 * np.mean([row['covered'] for row in agreed]):.1f} %" if agreed else "-"

@@ -140,14 +140,8 @@ def _load_fields(load: Load, mechanism: Mechanism) -> str:
         if name == "source" or value is None or not any(numbers):
             continue
         unit = field.units[slides and len(field.units) > 1]
-        words.append(f"{name.replace('_', ' ')} {_nested(value, unit)}")
+        words.append(f"{name.replace('_', ' ')} {_part(value, unit)}")
     return ", ".join(words)
-
-
-def _nested(value: Any, unit: str) -> str:
-    if isinstance(value, list):
-        return f"({', '.join(_nested(one, unit) for one in value)})"
-    return value if isinstance(value, str) else readable(value, unit)
 
 
 def _or_none(name: str, value: float | None, unit: str) -> str:
@@ -156,7 +150,7 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
 
 def _part(one: Any, unit: str) -> str:
     """An entry of a list: a number with its unit, a word, a list, or a value with fields."""
-    if isinstance(one, tuple):
+    if isinstance(one, tuple | list):
         return f"({', '.join(_part(inner, unit) for inner in one)})"
     if isinstance(one, str):
         return one
