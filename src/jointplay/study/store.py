@@ -37,19 +37,7 @@ from jointplay.base.errors import JointplayError, damaged, require_a
 from jointplay.simulation.result.stored import versions
 from jointplay.study import sealed
 from jointplay.study.journal import FAILED, JOURNAL, History, Index, Journal, Outcome, is_there
-from jointplay.study.sealed import (
-    CHUNKS,
-    COPY,
-    FORMAT,
-    METADATA,
-    PARTIAL,
-    Array,
-    Contents,
-    SealedStore,
-    array_name,
-    damaged_whole,
-    plain_name,
-)
+from jointplay.study.sealed import COPY, METADATA, Array, Contents, array_name, plain_name
 
 if TYPE_CHECKING:
     from jointplay.study.plan import Plan
@@ -131,7 +119,7 @@ class Store:
     def _about(self, store: str) -> dict[str, Any]:
         """Attributes of the store: of which study it is."""
         mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
-        own = {"jointplay_sweep": FORMAT, "store": store, "versions": versions()}
+        own = {"jointplay_sweep": sealed.FORMAT, "store": store, "versions": versions()}
         return {**self.plan.about, **mine, **own}
 
     def _make(self) -> None:
@@ -157,7 +145,7 @@ class Store:
         """Go on with an old store."""
         contents = self._read()
         self._check_study(contents.attributes, extend)
-        for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
+        for rest in self.path.rglob(f"*{sealed.PARTIAL}"):  # of a process that was killed
             rest.unlink(missing_ok=True)
         hurt = list(contents.survey())
         if any(contents.kind(name) == "labels" for name, _ in hurt):
@@ -186,7 +174,7 @@ class Store:
                 with suppress(OSError, ValueError):
                     return Contents.read(self.path, COPY)
                 error = sealed.Foreign(f"{error}, and so has their copy; choose another name")
-            raise damaged_whole(self.path, error) from None
+            raise sealed.damaged_whole(self.path, error) from None
 
     def _check_study(self, attributes: Mapping[str, Any], extend: bool) -> None:
         """Refuse a store of another study."""
@@ -582,14 +570,14 @@ def open_sweep(path: str | Path) -> xr.Dataset:
         with warnings.catch_warnings():  # zarr's notes on what Zarr 3 has not settled
             warnings.simplefilter("ignore")
             dataset = xr.open_zarr(
-                SealedStore(path), chunks=None, consolidated=True, zarr_format=3,
+                sealed.SealedStore(path), chunks=None, consolidated=True, zarr_format=3,
                 mask_and_scale=False,
             )  # fmt: skip
     except JointplayError:
         raise
     except Exception as error:  # noqa: BLE001 - zarr and xarray raise whatever they stumble over
         raise damaged(path, "sweep", error) from None
-    for word in ("store", CHUNKS):
+    for word in ("store", sealed.CHUNKS):
         dataset.attrs.pop(word)
     folders = map(str, {*dataset.variables, *dataset.dims})
     dataset = dataset.rename({f: plain_name(f) for f in folders if f != plain_name(f)})
