@@ -298,6 +298,7 @@ def test_files_travel_with_the_job(swept, tmp_path):
     assert here.values == there.values
 
 
+@pytest.mark.thorough
 def test_a_script_needs_no_guard_to_run_a_sweep(swept, tmp_path):
     path = swept(duration="1 ms")
     script = tmp_path / "script.py"

@@ -271,6 +271,7 @@ def test_several_damages_run_their_cases_again_together(whole, here, tmp_path):
     assert here.ran == [(0, 0, 0), (0, 0, 1), (2, 1, 0), (2, 1, 1)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stop", range(6))
 def test_killed_while_it_mends_a_store_it_mends_it_the_next_time(
     stop, whole, here, tmp_path, monkeypatch
@@ -453,6 +454,7 @@ def test_a_chunk_is_a_file_of_the_store_or_it_is_not_read(way, whole, tmp_path):
         jp.open_sweep(tmp_path / "s").load()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stop", range(0, 12, 2))
 def test_a_full_disk_at_any_write_of_the_arrays_loses_nothing(stop, here, tmp_path, monkeypatch):
     """The second case is longer; the disk is full at a file, and nothing is written after it."""

@@ -28,9 +28,6 @@ from jointplay.study.keys import put
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Dimensions of samples of distributions, and of repeated runs."""
-WORDS = ("axes", "case", "samples", "sampling", "seed", "repeats", "measures", "histories",
-         "start", "tool_error", "until")  # fmt: skip
-"""Keys of the table [sweep]."""
 RESERVED = (SAMPLE, REPEAT, "time", "joint", "contact", "axis", "coordinate", "state", "error")
 """Names that no axis can have."""
 MOST_CASES = 100_000_000
@@ -369,6 +366,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "until": read_until,
 }
 """What the keys of the table take, but for the axes and the case."""
+WORDS = ("axes", "case", *_READERS)
 
 
 def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
