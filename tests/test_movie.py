@@ -75,7 +75,7 @@ def test_frames_lie_at_equal_times_from_begin_to_end():
     [
         ({"size": (321, 240)}, "321x240"),
         ({"frames_per_second": 0.1}, "0.1"),
-        ({"speed": 0.0}, "positive"),
+        ({"speed": 0.0}, "greater than zero"),
         ({"begin": -1.0}, "-1"),
         ({"view": "side"}, "both, robot, closeup"),
     ],

@@ -49,32 +49,19 @@ _STRONGEST = 20.0  # gravity at most [m/s^2]
 
 @dataclass(frozen=True)
 class Control:
-    """A number that can be changed.
+    """A number that can be changed."""
 
-    Attributes:
-        name: by which answers and links know it.
-        group: joint, or `WHOLE`.
-        label: what it is called.
-        unit: of value and range, as text; empty for pure numbers.
-        value: at the beginning.
-        low, high: range of the slider; a field takes what lies outside, if the scenario does.
-        logarithmic: whether the slider's steps are factors.
-        help: what the scenario's tables say of it.
-        key: of the scenario that receives it, and names it in errors.
-        along: for vectors, the direction (3,) that it is multiplied by; else empty.
-    """
-
-    name: str
-    group: str
+    name: str  # by which answers and links know it
+    group: str  # joint, or `WHOLE`
     label: str
-    unit: str
-    value: float
-    low: float
+    unit: str  # of value and range, as text; empty for pure numbers
+    value: float  # at the beginning
+    low: float  # range of the slider; a field takes what lies outside, if the scenario does
     high: float
-    logarithmic: bool
-    help: str
-    key: tuple[str, ...]
-    along: tuple[float, ...] = ()
+    logarithmic: bool  # whether the slider's steps are factors
+    help: str  # what the scenario's tables say of it
+    key: tuple[str, ...]  # of the scenario that receives it, and names it in errors
+    along: tuple[float, ...] = ()  # of vectors, the direction (3,) that it is multiplied by
 
     def written(self, value: float) -> Any:
         if self.along:

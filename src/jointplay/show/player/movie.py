@@ -21,15 +21,9 @@ from typing import Any
 import numpy as np
 
 from jointplay.base import files
-from jointplay.base.errors import (
-    JointplayError,
-    MissingName,
-    closest,
-    require_finite,
-    require_non_negative,
-    require_whole,
-)
+from jointplay.base.errors import JointplayError, closest, require_whole
 from jointplay.base.imports import how_to_install
+from jointplay.base.schema import check_fields, choice, quantity
 
 KINDS = (".png", ".gif", ".mp4", ".webm", ".webp")  # files that can be made, by their ending
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9", ".webp": "libwebp_anim"}
@@ -52,47 +46,34 @@ _READY_MS = 300_000
 class Shot:
     """What a picture or film shows, and how; numbers that make no sense are refused."""
 
-    speed: float | None = None
+    speed: float | None = quantity("", above=0.0, default=None)
     """Relative to real time; None chooses one with which the film lasts 4 to 20 s."""
-    begin: float | None = None
+    begin: float | None = quantity("s", least=0.0, default=None)
     """From when on [s]; None: from the start. Of a picture the moment; None: the hardest impact."""
-    end: float | None = None  # until when [s]; None: to the end
-    frames_per_second: float = 25.0
+    end: float | None = quantity("s", least=0.0, default=None)  # None: to the end
+    frames_per_second: float = quantity("", default=25.0)
     size: tuple[int, int] = (1280, 720)  # width and height [pixels], even
-    view: str = "both"  # one of `VIEWS`
+    view: str = choice("view", VIEWS, default="both")
     signal: str | None = None
     """Drawn over time below the picture, by its name in the player: ``tool error``,
     ``contact force, JOINT`` and so on; None draws nothing."""
 
     def __post_init__(self) -> None:
-        for name in ("speed", "begin", "end"):
-            value = getattr(self, name)
-            if value is not None:
-                require_non_negative(name, value, "")
-        if self.speed == 0.0:
-            raise JointplayError("speed must be positive, got 0")
-        if not 1.0 <= require_finite("frames per second", self.frames_per_second, "") <= 120.0:
-            raise JointplayError(
-                f"frames per second must lie between 1 and 120, got {self.frames_per_second:g}"
-            )
-        if not all(
-            160 <= require_whole("size", pixels) <= 4096 and pixels % 2 == 0 for pixels in self.size
-        ):
-            width, height = self.size
-            raise JointplayError(
-                f"size must be even numbers of pixels between 160 and 4096, got {width}x{height}"
-            )
-        if self.view not in VIEWS:
-            raise MissingName("view", self.view, VIEWS)
+        check_fields(self)
+        if not 1.0 <= self.frames_per_second <= 120.0:
+            got = f"{self.frames_per_second:g}"
+            raise JointplayError(f"frames per second must lie between 1 and 120, got {got}")
+        if not all(160 <= require_whole("size", n) <= 4096 and n % 2 == 0 for n in self.size):
+            got = "x".join(map(str, self.size))
+            raise JointplayError(f"size must be even numbers from 160 to 4096 pixels, got {got}")
 
     def times(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Times of the frames of a run from `begin` to `end` [s], and the speed."""
         first = begin if self.begin is None else self.begin
         last = end if self.end is None else min(self.end, end)
         if not first < last:
-            raise JointplayError(
-                f"no film from {first:g} s to {last:g} s: the run lasts from {begin:g} to {end:g} s"
-            )
+            span = f"from {begin:g} to {end:g} s"
+            raise JointplayError(f"no film from {first:g} s to {last:g} s: the run lasts {span}")
         speed = speed_for(last - first) if self.speed is None else self.speed
         frames = round((last - first) / speed * self.frames_per_second) + 1
         if frames > _MOST_FRAMES:
@@ -125,13 +106,11 @@ class MovieFile:
 
     def __str__(self) -> str:
         width, height = self.size
-        bytes_ = self.path.stat().st_size
-        how = f"{width} x {height}, {bytes_ / 1e6:.2g} MB"
-        if self.speed is None:
-            return f"{self.path}: a picture, {how}"
-        return (
-            f"{self.path}: {self.frames} frames, {self.length:.3g} s at {pace(self.speed)}, {how}"
-        )
+        what = "a picture"
+        if self.speed is not None:
+            what = f"{self.frames} frames, {self.length:.3g} s at {pace(self.speed)}"
+        megabytes = self.path.stat().st_size / 1e6
+        return f"{self.path}: {what}, {width} x {height}, {megabytes:.2g} MB"
 
 
 def pace(speed: float) -> str:
@@ -176,14 +155,13 @@ def film(
     if suffix == ".png":
         moment = _hardest(contents) if shot.begin is None else shot.begin
         if not begin <= moment <= end:
-            raise JointplayError(
-                f"no moment {moment:g} s: the run lasts from {begin:g} to {end:g} s"
-            )
+            span = f"from {begin:g} to {end:g} s"
+            raise JointplayError(f"no moment {moment:g} s: the run lasts {span}")
         times = np.array([moment])
     else:
         times, speed = shot.times(begin, end)
     digits = 4 if speed is None else max(2, math.ceil(1 - math.log10(speed)))
-    span = 0.0 if speed is None else _HOLD_S * speed
+    held = 0.0 if speed is None else _HOLD_S * speed
     how = "" if speed is None else f", {pace(speed)}"
     with ExitStack() as stack:
         folder = Path(stack.enter_context(files.temporary("film")))
@@ -191,7 +169,7 @@ def film(
         bar = ProgressBar(
             times, unit="frames", disable=not progress or speed is None, desc="filming"
         )
-        taken = (take(float(t), span, f"t = {t:.{digits}f} s{how}") for t in bar)
+        taken = (take(float(t), held, f"t = {t:.{digits}f} s{how}") for t in bar)
         made = next(taken) if speed is None else _encoded(taken, folder, suffix, shot)
     files.write(path, made)
     return MovieFile(path, len(times), len(times) / shot.frames_per_second, speed, shot.size)
@@ -236,10 +214,8 @@ def _browser(
                 raise JointplayError(f"no signal {shot.signal!r} to draw; {near}available: {names}")
 
             def take(time: float, span: float, caption: str) -> bytes:
-                tab.evaluate(
-                    "([t, span, text]) => window.jointplay.frame(t, span, text)",
-                    [time, span, caption],
-                )
+                code = "([t, span, text]) => window.jointplay.frame(t, span, text)"
+                tab.evaluate(code, [time, span, caption])
                 taken: bytes = tab.screenshot()
                 return taken
 

@@ -245,17 +245,12 @@ Notes = list[str]
 
 @dataclass
 class Packed:
-    """A scene as a page plays it.
+    """A scene as a page plays it."""
 
-    Attributes:
-        contents: what there is and where in `block` it lies, as plain data.
-        block: tracks and surfaces, compressed.
-        notes: what the user should know: stand-ins for meshes, missing twins.
-    """
-
-    contents: dict[str, Any]
-    block: bytes
+    contents: dict[str, Any]  # what there is and where in `block` it lies, as plain data
+    block: bytes  # tracks and surfaces, compressed
     notes: Notes = field(default_factory=list)
+    """What the user should know: stand-ins for meshes, missing twins."""
 
 
 def build(

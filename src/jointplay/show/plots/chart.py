@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.base.units import displayed, typeset
-from jointplay.show.plots.palette import COLOURS, GREY
+from jointplay.show.plots.palette import COLOURS
 
 
 @dataclass(frozen=True)
@@ -223,8 +223,3 @@ class Chart:
 def outline(x: np.ndarray, y: np.ndarray, width: float = 1.0) -> Curve:
     """The edge of a clearance."""
     return Curve(x, y, colour="black", width=width, frame=True)
-
-
-def unjudged(until: float) -> Rule:
-    """The time that is not judged, while journals fall into their bearings."""
-    return Rule(0.0, "x", colour=GREY, width=0.0, end=until)

@@ -27,10 +27,10 @@ from jointplay.show.plots.chart import (
 from jointplay.show.plots.style import (
     Decades,
     StyledFigure,
+    figure_of,
     footnote,
     listed,
     logarithmic,
-    narrow,
     new_figure,
     style,
 )
@@ -127,21 +127,14 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     limits = [None if one is None else factor * one for one in (axis.low, axis.high)]
     if limits != [None, None]:
         getattr(axes, f"set_{which}lim")(*limits)
-    if axis.log and _positive(axes, which):
+    if axis.log and np.isfinite(getattr(axes.dataLim, f"minpos{which}")):  # something has a place
         logarithmic(axes, which)
     if axis.ticks is not None:
-        own.set_major_locator(MaxNLocator(axis.ticks, symmetric=axis.low == _minus(axis.high)))
+        own.set_major_locator(
+            MaxNLocator(axis.ticks, symmetric=-(axis.low or 0.0) == (axis.high or 0.0))
+        )
     if axis.whole:
         own.set_major_locator(MaxNLocator(integer=True))
-
-
-def _positive(axes: Axes, which: str) -> bool:
-    """Whether anything that is drawn has a place on a logarithmic axis."""
-    return bool(np.isfinite(getattr(axes.dataLim, f"minpos{which}")))
-
-
-def _minus(value: float | None) -> float | None:
-    return None if value is None else -value
 
 
 def _legend(axes: Axes, panel: Panel) -> None:
@@ -153,10 +146,11 @@ def _legend(axes: Axes, panel: Panel) -> None:
         place = beside if panel.legend == "beside" else {"loc": panel.legend}
         axes.legend(title=panel.legend_title or None, fontsize=7, **place)
         return
+    narrow = figure_of(axes).get_figwidth() < 4.5  # a column of a journal, or less
     made = axes.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
-        ncols=2 if narrow(axes) and panel.columns > 3 else panel.columns,
+        ncols=2 if narrow and panel.columns > 3 else panel.columns,
         borderaxespad=0.2,
         handlelength=1.3,
         columnspacing=1.2,

@@ -15,10 +15,10 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 from jointplay.base import files
 from jointplay.model.mechanism import Mechanism
-from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, overlaid, unjudged
+from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, is_paper_robot
-from jointplay.show.plots.palette import COLOURS, Cases, colours, reference
+from jointplay.show.plots.palette import COLOURS, GREY, Cases, colours, reference
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.headline import reference as ideal_run
 from jointplay.simulation.analysis.vibration import TooShort
@@ -47,7 +47,8 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
     if until <= 0.0:
         return list(panels), ""
     words = f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
-    return [panel.with_marks(unjudged(until)) for panel in panels], words
+    grey = Rule(0.0, "x", colour=GREY, width=0.0, end=until)
+    return [panel.with_marks(grey) for panel in panels], words
 
 
 def tool_panels(cases: Cases, of: str) -> list[Panel]:

@@ -204,8 +204,3 @@ def figure_of(panel: Axes) -> Figure:
     figure = panel.get_figure(root=True)
     assert isinstance(figure, Figure)
     return figure
-
-
-def narrow(panel: Axes) -> bool:
-    """Whether the figure is as wide as a column of a journal, or less."""
-    return bool(figure_of(panel).get_figwidth() < 4.5)

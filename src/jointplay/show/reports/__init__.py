@@ -16,26 +16,11 @@ from jointplay.show.player.pages import as_data, as_script
 from jointplay.show.plots.figures import is_paper
 from jointplay.show.plots.names import load as load
 from jointplay.show.plots.names import robot_of, title_of
-from jointplay.show.reports import html
+from jointplay.show.reports import html, sections
 from jointplay.show.reports.cases import Case, Say, build, dark, follow_impacts, settled
 from jointplay.show.reports.charts import MAX_RECORDS, Chart, Pack, all_charts
 from jointplay.show.reports.html import Html, joined, markup, targets
 from jointplay.show.reports.inputs import parameters
-from jointplay.show.reports.sections import (
-    accuracies,
-    assumed,
-    audits,
-    bearings,
-    certificates,
-    claim_rows,
-    glance,
-    modes,
-    ring_or_journal,
-    singles,
-    spectra,
-)
-from jointplay.show.reports.sections import claims as claims_section
-from jointplay.show.reports.sections import impacts as impacts_section
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
 
@@ -82,7 +67,7 @@ def report(
                 f"result {label!r} has {len(result.time)} record; there is nothing to show"
             )
     written = targets(path, pdf)
-    claim_rows(claims)
+    sections.claim_rows(claims)
     cases = build(results, say)
     with in_parallel(partial(_figures, cases)) if pdf else nullcontext() as figures:
         if pdf:
@@ -104,7 +89,7 @@ def _figures(cases: Sequence[Case]) -> bytes:
     shown = {case.label: case.result for case in cases}
     ideal = next((case.ideal for case in cases if case.ideal is not None), None)
     if ideal is not None and all(ideal is not result for result in shown.values()):
-        shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
+        shown = {"ideal": ideal} | shown
     return pdf(shown, settled(cases))
 
 
@@ -134,61 +119,44 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
             f" Of {', '.join(thinned)} the smallest and the largest record of each of "
             f"{MAX_RECORDS // 2} intervals are shown."
         )
-    sections = {
-        "At a glance": glance(cases, start),
+    journals = chart("journal_orbit", "modes", "loaded") + sections.modes(cases, start)
+    met = sections.impacts(cases, start) + chart("impacts") + sections.singles(cases)
+    motion = [f"tool_{what}" for what in ("displacement", "velocity")]
+    motion = [*(name + less for name in motion for less in ("", "_error")), "tool_path"]
+    parts = {
+        "At a glance": sections.glance(cases, start),
         "Parameters": parameters(cases),
-        "Assumptions": assumed(cases, start),
-        "Audit": audits(cases) + certificates(cases),
-        "Motion of the tool": markup('<p class="screen">{}</p>', hint)
-        + chart(
-            *("tool_displacement", "tool_displacement_error"),
-            *("tool_velocity", "tool_velocity_error", "tool_path"),
-        ),
-        "Accuracy": accuracies(cases, start),
-        ring_or_journal(cases): chart("journal_orbit", "modes", "loaded")
-        + modes(cases, start)
-        + bearings(cases, start),
+        "Assumptions": sections.assumed(cases, start),
+        "Audit": sections.audits(cases) + sections.certificates(cases),
+        "Motion of the tool": markup('<p class="screen">{}</p>', hint) + chart(*motion),
+        "Accuracy": sections.accuracies(cases, start),
+        sections.ring_or_journal(cases): journals + sections.bearings(cases, start),
         "Forces": chart("force_x", "force_y", "force_z"),
-        "Impacts": impacts_section(cases, start)
-        + chart("impacts")
-        + singles(cases)
-        + chart("contacts", "gaps"),
-        "Spectrum": chart("spectrum") + spectra(cases, start),
+        "Impacts": met + chart("contacts", "gaps"),
+        "Spectrum": chart("spectrum") + sections.spectra(cases, start),
     }
     if claims is not None or is_paper({case.label: case.result for case in cases}):
-        sections["Claims"] = claims_section(cases, claims)
+        parts["Claims"] = sections.claims(cases, claims)
     end = max(case.duration for case in cases)
-    data = json.dumps(
-        {"charts": drawn, "layout": pack.layout, "start": start, "end": end},
-        separators=(",", ":"),
-        allow_nan=False,
-    )
+    data = {"charts": drawn, "layout": pack.layout, "start": start, "end": end}
     resource = files("jointplay.show.reports") / "page"
-    scripts = [
-        as_script((resource / name).read_text(encoding="utf-8"))
-        for name in ("plotly-basic.min.js", "report.js")
-    ]
     robots = dict.fromkeys(robot_of(case.result) for case in cases)
-    names = joined(
-        [Html("{}").format(", ".join(robots)), *(dark(case) for case in cases)], Html(" &ensp; ")
-    )
+    names = [Html("{}").format(", ".join(robots)), *(dark(case) for case in cases)]
     charts = {
         "block": pack.block(),
-        "data": as_data(data),
-        "scripts": scripts,
+        "data": as_data(json.dumps(data, separators=(",", ":"), allow_nan=False)),
+        "scripts": [
+            as_script((resource / name).read_text(encoding="utf-8"))
+            for name in ("plotly-basic.min.js", "report.js")
+        ],
         "judged": f"{start:g}" if start else "",
     }
-    return html.page(title, names, versions(), sections, **charts)
+    return html.page(title, joined(names, Html(" &ensp; ")), versions(), parts, **charts)
 
 
 def _place(chart: Chart) -> Html:
     shown = dict.fromkeys(panel["title"] or panel["y"]["label"] for panel in chart["panels"])
     names = dict.fromkeys(trace["name"] for panel in chart["panels"] for trace in panel["traces"])
-    return markup(
-        '<h3>{}</h3><div class="chart" id="chart-{}" role="img" aria-label="{}"></div>',
-        chart["title"],
-        chart["id"],
-        f"{chart['title']}: {', '.join(shown)} of {', '.join(filter(None, names))}".removesuffix(
-            " of "
-        ),
-    )
+    words = f"{chart['title']}: {', '.join(shown)} of {', '.join(filter(None, names))}"
+    element = '<h3>{}</h3><div class="chart" id="chart-{}" role="img" aria-label="{}"></div>'
+    return markup(element, chart["title"], chart["id"], words.removesuffix(" of "))

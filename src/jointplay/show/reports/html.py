@@ -119,63 +119,49 @@ def number(value: float, digits: int = 3) -> Html:
     return Html("{}&middot;10<sup>{}</sup>").format(mantissa, str(exponent).replace("-", _MINUS))
 
 
-def table(
-    made: Table, caption: str = "", name: str = "", *, across: bool = False, left: int | None = None
-) -> Html:
+def table(made: Table, caption: str = "", name: str = "", left: int | None = None) -> Html:
     """A table; what is no number may be `Html`.
 
     Args:
         made: names, units and values of its columns.
         caption: above it.
         name: by which style sheets and scripts know it.
-        across: whether its columns are shown as rows, below what the first one has; those without
-            any value are left out.
         left: how many columns are flush left; None: those that come first and have no numbers.
     """
-    columns = [(_title(one), [_scaled(value, one) for value in one.values]) for one in made.columns]
-    if across:
-        (first, heads), *others = columns
-        head = [first, *heads]
-        rows = [[title, *values] for title, values in others if any(v is not None for v in values)]
-        texts = 1
-    else:
-        head = [title for title, _ in columns]
-        rows = [list(row) for row in zip(*(values for _, values in columns), strict=True)]
-        texts = [*(any(map(_is_number, values)) for _, values in columns), True].index(True)
-    left = texts if left is None else left
+    head, *rows = zip(*map(_shown, made.columns), strict=True)
+    if left is None:
+        left = [*(any(map(_is_number, one.values)) for one in made.columns), True].index(True)
     return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
 
 
 def by_case(
-    head: str, cases: Sequence[Html], figures: Sequence[Mapping[str, Quantity]], **options: Any
+    head: str,
+    cases: Sequence[Html],
+    figures: Sequence[Mapping[str, Quantity]],
+    caption: str = "",
+    name: str = "",
+    left: int = 1,
 ) -> Html:
-    """A table with a row for each figure and a column for each case; `options` as of `table`."""
+    """A table with a column for each case and a row for each figure that any of them has."""
     longest = sorted(figures, key=len, reverse=True)  # gives the order
-    names = {name: one for figure in longest for name, one in figure.items()}
-    columns = [
-        Column(
-            name,
-            [figure[name][0] if name in figure else None for figure in figures],
-            unit,
-            fine=any(fine),
-        )
-        for name, (_, unit, *fine) in names.items()
-    ]
-    return table(Table([Column(head, cases), *columns]), across=True, **options)
+    rows = []
+    for key, (_, unit, *fine) in {k: v for one in longest for k, v in one.items()}.items():
+        values = [figure[key][0] if key in figure else None for figure in figures]
+        if any(value is not None for value in values):
+            rows.append(_shown(Column(key, values, unit, fine=any(fine))))
+    heads = [head, *cases]
+    return render("table.html", head=heads, rows=rows, caption=caption, left=left, name=name)
 
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _title(column: Column) -> str:
-    unit = typeset(column.shown[1])
-    return f"{column.head} [{unit}]" if unit else column.head
-
-
-def _scaled(value: Any, column: Column) -> Any:
-    factor = column.shown[0]
-    return factor * value if factor != 1.0 and _is_number(value) else value
+def _shown(column: Column) -> list[Any]:
+    """What a column is called and its values, in the unit in which they are shown."""
+    factor, unit = column.shown
+    scaled = (factor * v if factor != 1.0 and _is_number(v) else v for v in column.values)
+    return [f"{column.head} [{typeset(unit)}]" if unit else column.head, *scaled]
 
 
 def paragraph(content: str) -> Html:

@@ -21,18 +21,7 @@ from jointplay.show.plots import sweep as draw
 from jointplay.show.plots.style import style
 from jointplay.show.reports import html
 from jointplay.show.reports.cases import Say
-from jointplay.show.reports.html import (
-    Cell,
-    Html,
-    Quantity,
-    by_case,
-    details,
-    joined,
-    markup,
-    paragraph,
-    table,
-    targets,
-)
+from jointplay.show.reports.html import Cell, Html, by_case, joined, markup, paragraph, table
 from jointplay.simulation.analysis.uncertainty import estimate
 from jointplay.study import open_sweep
 from jointplay.study.journal import DONE, FAILED
@@ -59,7 +48,7 @@ def write(
     dataset = open_sweep(store)
     if not (dataset["state"].values != 0).any():
         raise JointplayError(f"no case of the sweep {str(store)!r} was run yet")
-    written = targets(path, pdf)
+    written = html.targets(path, pdf)
     say("drawing the figures")
     lines, maps, samples = list(_lines(dataset)), list(_maps(dataset)), list(_samples(dataset))
     say("writing the page")
@@ -94,7 +83,7 @@ def page(
 def _glance(dataset: xr.Dataset) -> Html:
     state = dataset["state"].values
     cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
-    figures: dict[str, Quantity] = {
+    figures: dict[str, html.Quantity] = {
         "cases": (int(state.size), ""),
         "done": (int((state == DONE).sum()), ""),
         "failed": (int((state == FAILED).sum()), ""),
@@ -134,13 +123,18 @@ def _cases(dataset: xr.Dataset) -> Html:
     if over:
         runs = int(np.prod([dataset.sizes[d] for d in over]))
         caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
-    made = table(_table(head, rows), caption, left=len(dims))
     left = int(np.prod(shape)) - len(rows) if shape else 0
-    return made + (paragraph(f"{left} more points are in the store.") if left > 0 else Html(""))
+    return _table(head, rows, len(dims), caption) + _more(left, "points ")
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> Table:
-    return Table.of([(one, "") for one in head], rows)
+def _table(
+    head: Sequence[str], rows: Sequence[Sequence[Cell]], left: int, caption: str = ""
+) -> Html:
+    return table(Table.of([(one, "") for one in head], rows), caption, left=left)
+
+
+def _more(left: int, what: str = "") -> Html:
+    return paragraph(f"{left} more {what}are in the store.") if left > 0 else Html("")
 
 
 def _with_error(value: float, low: float, high: float) -> Cell:
@@ -157,37 +151,36 @@ def _varied(dataset: xr.Dataset) -> list[str]:
     return sorted(dims, key=lambda d: -dataset.sizes[d])
 
 
-def _known(dataset: xr.Dataset) -> list[str]:
-    names = [name for name, _, _ in columns_of(dataset)]
-    return [n for n in names if np.isfinite(dataset[n].values).any()]
+def _known(dataset: xr.Dataset) -> dict[str, str]:
+    """Measures that have values, and what they are called."""
+    names = (name for name, _, _ in columns_of(dataset))
+    return {n: n.replace("_", " ") for n in names if np.isfinite(dataset[n].values).any()}
 
 
 def _lines(dataset: xr.Dataset) -> Iterator[Drawn]:
     """Each measure over each dimension, with lines for another that has few values."""
     dims = _varied(dataset)
     for x in dims[:2]:
-        others = [d for d in dims if d != x and dataset.sizes[d] <= draw.MOST_LINES]
-        hue = others[0] if others else None
-        for name in _known(dataset):
-            text = f"{name.replace('_', ' ')} over {x}"
-            yield text, draw.draw(dataset, x, name, hue)
+        others = (d for d in dims if d != x and dataset.sizes[d] <= draw.MOST_LINES)
+        hue = next(others, None)
+        for name, words in _known(dataset).items():
+            yield f"{words} over {x}", draw.draw(dataset, x, name, hue)
 
 
 def _maps(dataset: xr.Dataset) -> Iterator[Drawn]:
     dims = _varied(dataset)
-    if len(dims) > 1:
-        for name in _known(dataset):
-            text = f"{name.replace('_', ' ')} over {dims[0]} and {dims[1]}"
-            yield text, draw.draw(dataset, dims[0], dims[1], z=name)
+    for name, words in _known(dataset).items() if len(dims) > 1 else ():
+        x, y, *_ = dims
+        yield f"{words} over {x} and {y}", draw.draw(dataset, x, y, z=name)
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
     if not _over(dataset)[1] or _varied(dataset):  # a grid besides: the convergence of which point?
         return
-    for name in _known(dataset):
+    for name, words in _known(dataset).items():
         for x in dataset.attrs["sampled"]:
-            yield f"{name.replace('_', ' ')} over {x}", draw.draw(dataset, x, name)
-        text = f"{name.replace('_', ' ')}: how it settles with the number of runs"
+            yield f"{words} over {x}", draw.draw(dataset, x, name)
+        text = f"{words}: how it settles with the number of runs"
         yield text, draw.draw_convergence(dataset, name, PRECISION)
 
 
@@ -203,13 +196,8 @@ def _picture(drawn: Drawn) -> Html:
     with style("screen"):
         figure.savefig(content, format="svg", metadata={"Date": None})
     data = base64.b64encode(content.getvalue()).decode()
-    return markup(
-        '<figure class="plot"><figcaption>{}</figcaption><img alt="{}" src="data:image/svg+xml;'
-        'base64,{}"></figure>',
-        title,
-        title,
-        data,
-    )
+    image = markup('<img alt="{}" src="data:image/svg+xml;base64,{}">', title, data)
+    return markup('<figure class="plot"><figcaption>{}</figcaption>{}</figure>', title, image)
 
 
 def _pdf(figures: list[Drawn]) -> bytes:
@@ -238,9 +226,7 @@ def _failed(dataset: xr.Dataset) -> Html:
         rows.append([*row, str(errors[tuple(place)])])
     head = [*(label(dataset, d) for d in (*dims, *drawn)), "error"]
     caption = f"{len(places)} of {errors.size} cases"
-    made = table(_table(head, rows), caption, left=len(head))
-    left = len(places) - len(rows)
-    return made + (paragraph(f"{left} more are in the store.") if left > 0 else Html(""))
+    return _table(head, rows, len(head), caption) + _more(len(places) - len(rows))
 
 
 def _inputs(dataset: xr.Dataset) -> Html:
@@ -248,10 +234,10 @@ def _inputs(dataset: xr.Dataset) -> Html:
     sweep = {k: v for k, v in identity.items() if k.startswith("sweep.")}
     base = {k: v for k, v in identity.items() if k not in sweep}
     keys, scenario = (
-        table(_table(["key", "value"], [[k, _plain(v)] for k, v in those.items()]), left=2)
+        _table(["key", "value"], [[k, _plain(v)] for k, v in those.items()], 2)
         for those in (sweep, base)
     )
-    return keys + details("The scenario that is changed", scenario)
+    return keys + html.details("The scenario that is changed", scenario)
 
 
 def _plain(text: str) -> str:

@@ -1,7 +1,6 @@
 // Line charts as SVG: few lines that change often, in the colours of the page.
 
 const SVG = "http://www.w3.org/2000/svg";
-const PREFIXES = [[1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
 
 // An element with attributes and children; text is always text.
 function element(tag, attributes = {}, ...children) {
@@ -20,19 +19,6 @@ function shape(tag, attributes, text) {
     for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
     if (text !== undefined) made.textContent = text;
     return made;
-}
-
-function prefixOf(size) {
-    return PREFIXES.find(([step]) => size >= 0.9995 * step) || PREFIXES[PREFIXES.length - 1];
-}
-
-// A number with its unit and three or more digits.
-function inUnits(value, unit, digits = 3) {
-    if (value === null || value === undefined) return "\u2013";
-    if (value === 0) return `0 ${unit}`.trim();
-    if (!unit || unit === "%") return `${Number(value.toPrecision(digits))} ${unit}`.trim();
-    const [step, prefix] = prefixOf(Math.abs(value));
-    return `${Number((value / step).toPrecision(digits))} ${prefix}${unit}`;
 }
 
 // Round steps between low and high, about `count` of them.

@@ -63,11 +63,6 @@ function overHttp(root) {
     };
 }
 
-async function decompressed(bytes) {
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
 // When what is in the document now has been painted.
 function painted(then) {
     requestAnimationFrame(() => { const channel = new MessageChannel(); channel.port1.onmessage = then; channel.port2.postMessage(0); });
@@ -113,10 +108,8 @@ class Live {
     }
 
     async makeView(block) {
-        const bytes = typeof block === "string" ? Uint8Array.from(atob(block), one => one.charCodeAt(0)) : block;
         try {
-            const unpacked = await decompressed(bytes);
-            this.view = new RobotView(this.pane, this.contents.bodies, unpacked);
+            this.view = new RobotView(this.pane, this.contents.bodies, await inflate(block));
             this.view.theme(this.scheme.matches);
         } catch (error) {
             this.pane.replaceChildren(element("p", {class: "soft"}, `no picture: ${error.message}`));
@@ -272,7 +265,7 @@ class Live {
             let tracks = null;
             if (head.kind === "cycle") {
                 this.readCharts(head, block);
-                if (head.picture && this.view) tracks = await decompressed(block.subarray(head.curves));
+                if (head.picture && this.view) tracks = await inflate(block.subarray(head.curves));
             }
             if (number === this.number) this.show(head, tracks);
         }).catch(error => { console.error(error); this.say(`this answer cannot be shown: ${error.message}`, true); });

@@ -200,10 +200,10 @@ class CloseUp {
 
     // Words for what is seen.
     mode() { return MODES[this.joint.modeNow].name; }
-    forceWords(held) { return `${held}contact force ${quantity(this.joint.force_N, "N")}`; }
+    forceWords(held) { return `${held}contact force ${inUnits(this.joint.force_N, "N")}`; }
     scaleWords(view) {
         const length = 0.01;
-        return `arrows: 10 mm of size = ${quantity(length / this.perNewton(view), "N")}`;
+        return `arrows: 10 mm of size = ${inUnits(length / this.perNewton(view), "N")}`;
     }
 }
 CloseUp.turn = new THREE.Quaternion();

@@ -24,13 +24,6 @@ const speedName = s => s < 1 ? `1/${Math.round(1 / s)}` : `${s}`;
 const light = colour => 0.3 * (colour >> 16) + 0.59 * (colour >> 8 & 255) + 0.11 * (colour & 255) > 140;
 const css = colour => "#" + colour.toString(16).padStart(6, "0");
 
-function quantity(value, unit) {
-    if (value === 0) return `0 ${unit}`;
-    const steps = [[1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
-    const [step, prefix] = steps.find(([s]) => Math.abs(value) >= 0.9995 * s) || steps[steps.length - 1];
-    return `${(value / step).toPrecision(3).replace(/\.?0+$/, m => m.startsWith(".") ? "" : m)} ${prefix}${unit}`;
-}
-
 class Player {
     constructor(viewer, contents, block) {
         Object.assign(this, {viewer, contents});
@@ -323,12 +316,12 @@ class Player {
             const held = joint.top !== to || this.playing ? "largest " : "";
             box.querySelector(".numbers").innerHTML =
                 `${view.forceWords(held)}<br>` +
-                `displacement ${quantity(away, "m")}, tilt ${quantity(joint.tilt_angle.values[to], "rad")}`;
+                `displacement ${inUnits(away, "m")}, tilt ${inUnits(joint.tilt_angle.values[to], "rad")}`;
             const camera = this.closeCamera(view, {w, h});
             const perMetre = h / (camera.top - camera.bottom);
             const length = nice(0.25 * w / perMetre), M = this.view.magnification;
             const scale = `<i style="width:${Math.round(length * perMetre)}px"></i>` +
-                `${quantity(length, "m")} of size = ${quantity(length / M, "m")} of displacement ` +
+                `${inUnits(length, "m")} of size = ${inUnits(length / M, "m")} of displacement ` +
                 `(&times; ${M})<br>${view.scaleWords(this.view)}`;
             const element = box.querySelector(".scale");
             if (element.dataset.text !== scale) { element.innerHTML = scale; element.dataset.text = scale; }
@@ -430,8 +423,8 @@ class Player {
     // What the ellipsoids are, in numbers.
     showError() {
         const lines = this.cases.filter(c => c.error && c.visible).map(c =>
-            `${this.cases.length > 1 ? `${c.label}: ` : ""}worst case ${quantity(c.error.worst, "m")}, `
-            + `RMS ${quantity(c.error.rms, "m")}`);
+            `${this.cases.length > 1 ? `${c.label}: ` : ""}worst case ${inUnits(c.error.worst, "m")}, `
+            + `RMS ${inUnits(c.error.rms, "m")}`);
         const text = lines.length ? `${lines.join("; ")}; static, drawn \u00d7 ${this.view.deviation}` : "";
         if ($("error-is").textContent !== text) $("error-is").textContent = text;
     }
@@ -492,7 +485,7 @@ class Player {
         if (this.speed > 1 / 200) this.setSpeed(1 / 1000);
         this.seek(Math.max(ahead.t - LEAD, this.start));
         $("status").textContent = `impact ${stops.indexOf(ahead) + 1} of ${stops.length}: `
-            + `${quantity(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
+            + `${inUnits(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
     }
 
     // What was asked for, or what shows the play of this joint in every case.
@@ -605,7 +598,7 @@ class Player {
             pen.fillRect(xOf(hit.t) - 0.5, 0, 1.5, 5);
         }
         const {unit} = signal || {};
-        const range = flat ? `constant, ${quantity(most, unit)}` : `${quantity(least, unit)} to ${quantity(most, unit)}`;
+        const range = flat ? `constant, ${inUnits(most, unit)}` : `${inUnits(least, unit)} to ${inUnits(most, unit)}`;
         $("signal-is").textContent = signal && all.length
             ? `${range}${peaky ? ", square-root scale" : ""}${this.impacts.length ? "; ticks: impacts" : ""}` : "";
         canvas.title = signal ? `${$("signal").value}: ${$("signal-is").textContent}` : "";
@@ -672,7 +665,7 @@ class Player {
     signalNow() {
         const name = $("signal").value, {unit, of} = this.signals[name];
         const parts = this.cases.filter(c => c.visible && of(c)).map(c => {
-            const value = quantity(of(c)(rowAt(c.time, this.t)), unit);
+            const value = inUnits(of(c)(rowAt(c.time, this.t)), unit);
             return this.cases.length > 1 ? `${c.label}: ${value}` : value;
         });
         return `${name} ${parts.join(", ")}`;
@@ -690,27 +683,23 @@ class Player {
 
     // ---- controls ----------------------------------------------------------------------------
 
-    setMagnification(factor) {
-        this.view.magnification = factor;
-        $("magnification").value = String(FACTORS.indexOf(factor));
-        $("magnification-is").textContent = `\u00d7 ${factor}`;
+    setFactor(id, key, factor, words = `\u00d7 ${factor}`) {
+        this.view[key] = factor;
+        $(id).value = String(FACTORS.indexOf(factor));
+        $(`${id}-is`).textContent = words;
         this.refresh();
     }
 
+    setMagnification(factor) { this.setFactor("magnification", "magnification", factor); }
+
     setDeviation(factor) {
-        this.view.deviation = factor;
-        $("deviation-is").textContent = `\u00d7 ${factor}`;
-        $("deviation").value = String(FACTORS.indexOf(factor));
         for (const c of this.cases) c.drawTraces(factor);
-        this.refresh();
+        this.setFactor("deviation", "deviation", factor);
     }
 
     setForceFactor(factor) {
-        this.view.forceFactor = factor;
-        $("force").value = String(FACTORS.indexOf(factor));
-        const length = nice(this.reach / 5);
-        $("force-is").textContent = `${quantity(length, "m")} = ${quantity(length / (this.view.metresPerNewton * factor), "N")}`;
-        this.refresh();
+        const length = nice(this.reach / 5), force = length / (this.view.metresPerNewton * factor);
+        this.setFactor("force", "forceFactor", factor, `${inUnits(length, "m")} = ${inUnits(force, "N")}`);
     }
 
     setLayout(layout) {
@@ -753,34 +742,25 @@ class Player {
             row.querySelector("input").onchange = event => this.showCase(i, event.target.checked);
             $("cases").append(row);
         });
-        $("ghost-row").hidden = !this.cases.some(c => c.ideal);
-        $("ghost").onchange = event => {
-            for (const c of this.cases) {
-                if (c.ideal) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "ghost"]).object.visible = event.target.checked;
-            }
-            this.dirty();
-        };
-        const withError = this.cases.filter(c => c.error);
-        $("error-row").hidden = $("error-is").hidden = !withError.length;
-        for (const element of document.querySelectorAll(".needs-error")) element.hidden = !withError.length;
-        $("error").onchange = event => {
-            for (const c of withError) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "error"]).object.visible = event.target.checked;
-            this.dirty();
-        };
-        $("traces").onchange = event => {
-            for (const c of this.cases) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "trace"]).object.visible = event.target.checked;
-            this.dirty();
-        };
-        $("forces").onchange = event => {
-            for (const c of this.cases) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "joints"]).object.visible = event.target.checked;
-            this.dirty();
-        };
+        const parts = {ghost: ["ghost", c => c.ideal], error: ["error", c => c.error], traces: ["trace", () => true], forces: ["joints", () => true]};
+        for (const [id, [part, has]] of Object.entries(parts)) {
+            $(id).onchange = event => {
+                for (const c of this.cases.filter(has)) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, part]).object.visible = event.target.checked;
+                this.dirty();
+            };
+        }
+        const twins = this.cases.some(c => c.ideal), errors = this.cases.some(c => c.error);
+        $("ghost-row").hidden = !twins;
+        $("error-row").hidden = $("error-is").hidden = !errors;
         $("overlay-row").hidden = this.cases.length < 2;
         $("overlay").onchange = event => { this.overlay = event.target.checked; this.place(); this.cameraPreset("robot"); };
         const kinds = this.closeups.map(view => Boolean(view.elements)), rolls = kinds.includes(true);
         const names = rolls && !kinds.includes(false) ? LOADS
             : MODES.map(({name}, i) => rolls && LOADS[i] ? `${name}, or ${LOADS[i]}` : name);
-        for (const element of document.querySelectorAll(".needs-rolling")) element.hidden = !rolls;
+        const needed = {joint: contents.joints.length, twin: twins, error: errors, rolling: rolls};
+        for (const [name, there] of Object.entries(needed)) {
+            for (const element of document.querySelectorAll(`.needs-${name}`)) element.hidden = !there;
+        }
         for (const [i, mode] of MODES.entries()) {
             const row = document.createElement("div");
             const term = names[i] === mode.name ? ` <small>${mode.term}</small>` : "";
@@ -790,8 +770,6 @@ class Player {
             row.hidden = !names[i];
             $("modes").append(row);
         }
-        for (const element of document.querySelectorAll(".needs-joint")) element.hidden = !contents.joints.length;
-        for (const element of document.querySelectorAll(".needs-twin")) element.hidden = !this.cases.some(c => c.ideal);
         for (const name of contents.joints) $("joint").append(new Option(name, name, false, name === this.joint));
         $("joint").onchange = event => this.setJoint(event.target.value);
         for (const name of contents.joints) {
@@ -850,7 +828,7 @@ class Player {
             seekTo(event);
         };
         strip.onpointermove = event => { if (strip.hasPointerCapture(event.pointerId)) seekTo(event); };
-        $("grid-is").textContent = quantity(this.cell, "m");
+        $("grid-is").textContent = inUnits(this.cell, "m");
         $("end").textContent = `of ${this.end.toPrecision(4).replace(/\.?0+$/, "")} s`;
         $("notes").replaceChildren(...contents.notes.map(note => {
             const line = document.createElement("p");

@@ -196,15 +196,15 @@ class RollingCloseUp extends CloseUp {
 
     forceWords(playing) {
         const what = this.elements.rollers ? "roller" : "ball";
-        return `${playing}largest ${what} load ${quantity(this.joint.pressing[this.joint.top], "N")}, ` +
-            `force on the ring ${quantity(this.joint.force_N, "N")}`;
+        return `${playing}largest ${what} load ${inUnits(this.joint.pressing[this.joint.top], "N")}, ` +
+            `force on the ring ${inUnits(this.joint.force_N, "N")}`;
     }
 
     scaleWords(view) {
         const e = this.elements, shade = `linear-gradient(90deg,${css(SOME_LOAD)},${css(FULL_LOAD)})`;
         const length = nice(1.2 * e.diameter);
-        return `bars: ${quantity(length, "m")} of size = ${quantity(length / this.perNewton(view), "N")}<br>` +
-            `load <span class="shade" style="background:${shade}"></span> ${quantity(e.largest, "N")}`;
+        return `bars: ${inUnits(length, "m")} of size = ${inUnits(length / this.perNewton(view), "N")}<br>` +
+            `load <span class="shade" style="background:${shade}"></span> ${inUnits(e.largest, "N")}`;
     }
 }
 RollingCloseUp.turn = new THREE.Quaternion();

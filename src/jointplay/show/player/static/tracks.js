@@ -1,10 +1,8 @@
 // Tracks: tables of numbers over the moments that are played, and where in them a time lies.
 
-// The block of bytes that the page carries, decompressed.
-async function inflate(base64) {
-    const text = atob(base64);
-    const packed = new Uint8Array(text.length);
-    for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
+// A block of bytes, decompressed; in pages it is base64.
+async function inflate(block) {
+    const packed = typeof block === "string" ? Uint8Array.from(atob(block), one => one.charCodeAt(0)) : block;
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -88,4 +86,19 @@ function norms(table) {
 function nice(x) {
     const power = 10 ** Math.floor(Math.log10(x));
     return power * [5, 2, 1].find(step => step * power <= x * 1.0001);
+}
+
+const PREFIXES = [[1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
+
+function prefixOf(size) {
+    return PREFIXES.find(([step]) => size >= 0.9995 * step) || PREFIXES[PREFIXES.length - 1];
+}
+
+// A number with its unit and so many digits.
+function inUnits(value, unit, digits = 3) {
+    if (value === null || value === undefined) return "\u2013";
+    if (value === 0) return `0 ${unit}`.trim();
+    if (!unit || unit === "%") return `${Number(value.toPrecision(digits))} ${unit}`.trim();
+    const [step, prefix] = prefixOf(Math.abs(value));
+    return `${Number((value / step).toPrecision(digits))} ${prefix}${unit}`;
 }
