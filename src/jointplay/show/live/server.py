@@ -63,7 +63,7 @@ def page(said: Mapping[str, Any], block: bytes) -> bytes:
     )
     package, more = "jointplay.show.live", "'self' data: blob:"
     run = [viewer(), f"{front()}\n{start}"]
-    return filled(package, said["title"], style(), said, block, run, more)
+    return filled(package, f"{said['title']}: jointplay live", style(), said, block, run, more)
 
 
 def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from importlib import resources
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from jointplay.show.player.scene import Packed
@@ -57,7 +57,8 @@ def as_data(json: str) -> Markup:
 
 
 _COMPONENTS = ("tracks.js", "stage.js", "closeup.js", "rolling.js")
-_OWN = resources.files("jointplay.show.player") / "static"
+_PACKAGE = "jointplay.show.player"
+_OWN = resources.files(_PACKAGE) / "static"
 _VIEWER = resources.files("meshcat") / "viewer" / "dist"
 
 
@@ -87,15 +88,14 @@ def render(scene: Packed, title: str) -> bytes:
     player = "\n".join((components(), (_OWN / "player.js").read_text("utf-8")))
     scripts = [viewer(), f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}']
     look = (_OWN / "player.css").read_text("utf-8")
-    package, more = "jointplay.show.player", "data: blob:"
-    return filled(package, title, look, scene.contents, scene.block, scripts, more)
+    return filled(_PACKAGE, title, look, scene.contents, scene.block, scripts, "data: blob:")
 
 
 def filled(
     package: str, title: str, style: str, contents: Any, block: bytes, scripts: list[str], more: str
 ) -> bytes:
     """The page of a package with meshcat's viewer in it; `more` is what it may fetch."""
-    loader = PackageLoader(package, "static")
+    loader = ChoiceLoader([PackageLoader(one, "static") for one in (package, _PACKAGE)])
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
     run = [as_script(one) for one in scripts]
     page = made.get_template("page.html").render(
