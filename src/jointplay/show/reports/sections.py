@@ -609,7 +609,7 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
 def all_assumptions() -> tuple[tuple[str, str], ...]:
     """In which runs each is made, a key of `conditions`, and its text; in the reports' order."""
     text = (files("jointplay.show.reports") / "assumptions.toml").read_text(encoding="utf-8")
-    return tuple((one["when"], one["text"]) for one in tomllib.loads(text)["assumption"])
+    return tuple((when, one) for when, texts in tomllib.loads(text).items() for one in texts)
 
 
 def conditions(cases: Sequence[Case]) -> dict[str, bool]:
