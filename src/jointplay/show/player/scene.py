@@ -26,6 +26,7 @@ from jointplay.base.units import round_below
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import Colour, Surface
 from jointplay.model.scene import Scene, continuous, quaternions
+from jointplay.model.tree import BodyMotion, Tree
 from jointplay.model.visuals import Look
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.geometry import touch
@@ -151,30 +152,19 @@ def _relative_motion(
 
     Relative to the bearing, in bearing axes; the velocity is that of the journal's centre.
     """
-    model, data = mechanism.model, mechanism.data
-    (i, bearing), (j, journal) = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
-    places = np.empty((2, len(q), 3, 3)), np.empty((2, len(q), 3))
-    twists = np.empty((2, len(q), 6))
-    views = [(data.oMi[k].rotation, data.oMi[k].translation, data.v[k].vector) for k in (i, j)]
-    for row in range(len(q)):
-        pin.forwardKinematics(model, data, q[row], v[row])
-        for body, (turn, origin, twist) in enumerate(views):
-            places[0][body, row], places[1][body, row] = turn, origin
-            twists[body, row] = twist
-    turns, origins = places
-    turn = turns[0] @ bearing.rotation
-    point = origins[1] + turns[1] @ journal.translation
-    centre = point - origins[0] - turns[0] @ bearing.translation
-    linear, angular = [], []
-    for body in range(2):
-        spin = _turned(turns[body], twists[body, :, 3:])
-        linear.append(_turned(turns[body], twists[body, :, :3]))
-        linear[-1] += np.cross(spin, point - origins[body])
-        angular.append(spin)
-    back = np.swapaxes(turn, -1, -2)
-    speed = [_turned(back, values[1] - values[0]) for values in (linear, angular)]
-    rotation = back @ turns[1] @ journal.rotation
-    return rotation, _turned(back, centre), np.concatenate(speed, axis=1)
+    tree, ground = Tree(mechanism.model), (0, pin.SE3.Identity())
+    pair = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
+    poses = []
+    for step in (-_STEP_S, 0.0, _STEP_S):
+        motion = BodyMotion.of(len(q), 1)
+        tree.move(motion, 0, len(q), np.ascontiguousarray(q + step * v), v, ground, [pair])
+        poses.append(motion.poses[0])
+    _, now, _ = poses
+    rate = (poses[2] - poses[0]) / (2.0 * _STEP_S)
+    rotation = now[:, 3:].reshape(-1, 3, 3)
+    turning = rate[:, 3:].reshape(-1, 3, 3) @ np.swapaxes(rotation, 1, 2)
+    spin = turning[:, (2, 0, 1), (1, 2, 0)]
+    return rotation, now[:, :3], np.hstack([rate[:, :3], spin])
 
 
 def _turned(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -229,6 +219,7 @@ A single minute of motion then has one each millisecond or more, and every recor
 """
 
 MICRON, MICRORADIAN = 1e-6, 1e-6
+_STEP_S = 1e-7  # over which poses are differenced: rounding and curvature give 1e-9 m/s
 _QUANTA = {
     **{"turn": 10 * MICRORADIAN, "tilt": MICRORADIAN, "slide": MICRON, "place": 10 * MICRON},
     **{"displacement": 0.1 * MICRON, "shift": 0.2 * MICRON},
