@@ -56,30 +56,26 @@ class Truth:
         self.way = np.vstack([np.zeros(4), np.sign(np.diff(self.motor, axis=0))])
         self.q = self.motor.copy()
 
-    def offset(self, **sizes):
+    def _errs(self, by, sizes):
         for name, size in sizes.items():
-            self.q[:, JOINTS.index(name)] += size
+            j = JOINTS.index(name)
+            self.q[:, j] += by(self.motor[:, j], self.load[:, j], self.way[:, j], size)
         return self
+
+    def offset(self, **sizes):
+        return self._errs(lambda q, load, way, size: size, sizes)
 
     def compliance(self, **sizes):
-        for name, size in sizes.items():
-            j = JOINTS.index(name)
-            self.q[:, j] += size * self.load[:, j]
-        return self
+        return self._errs(lambda q, load, way, size: size * load, sizes)
 
     def play(self, friction=0.0, transition=0.3, **halves):
-        for name, half in halves.items():
-            j = JOINTS.index(name)
-            push = self.load[:, j] - friction * self.way[:, j]
-            self.q[:, j] += half * np.clip(push / transition, -1.0, 1.0)
-        return self
+        def lean(q, load, way, half):
+            return half * np.clip((load - friction * way) / transition, -1.0, 1.0)
+
+        return self._errs(lean, halves)
 
     def eccentricity(self, **sizes):
-        for name, (sine, cosine) in sizes.items():
-            j = JOINTS.index(name)
-            angle = self.motor[:, j]
-            self.q[:, j] += sine * np.sin(angle) + cosine * np.cos(angle)
-        return self
+        return self._errs(lambda q, load, way, s: s[0] * np.sin(q) + s[1] * np.cos(q), sizes)
 
     def tool(self):
         """Positions (n, 3) and rotations (n, 3, 3) in the world."""
@@ -211,22 +207,17 @@ def test_a_cause_that_is_not_there_is_kept_no_more_often_than_chance_allows(arm)
     assert kept <= 4  # two candidates at 10 %: 2 expected at most
 
 
-def test_a_load_that_never_changes_sides_cannot_tell_play(arm):
+def test_a_load_on_one_side_or_smaller_than_friction_cannot_tell_play(arm):
     truth = Truth(arm, 5, still=("shoulder", "elbow")).play(shoulder=3e-3)
     assert (truth.load[:, 1] > 0.3).all()
-    fit = calibrate(arm, truth.measured(), ["offset", "play"])
-    shoulder = fit.play_of("shoulder")
-    assert "on the other side never" in shoulder.reason
-    assert "this measurement cannot tell" in str(shoulder)
+    play = Term("play", ("shoulder", "elbow"), friction=0.0, transition=0.3)
+    stuck = Term("play", ("wrist",), friction=10.0, transition=0.3)
+    fit = calibrate(arm, truth.measured(), ["offset", play, stuck])
+    assert "on the other side never" in fit.play_of("shoulder").reason
+    assert "this measurement cannot tell" in str(fit.play_of("shoulder"))
+    assert "is smaller than the friction of 10 N m" in fit.play_of("wrist").reason
     with pytest.raises(JointplayError, match="no joint 'knee'"):
         fit.play_of("knee")
-
-
-def test_a_load_smaller_than_friction_cannot_tell_play(arm):
-    truth = Truth(arm, 6)
-    play = Term("play", ("wrist",), friction=10.0, transition=0.3)
-    fit = calibrate(arm, truth.measured(), ["offset", play])
-    assert "is smaller than the friction of 10 N m" in fit.play_of("wrist").reason
 
 
 def test_same_point_again_is_enough_and_scale_comes_from_known_distances(arm):
@@ -401,7 +392,7 @@ def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
         (str, "--folds|1", "folds must be a number from 2"),
         (str, "--folds|groups", "at least two are needed, got 0"),
         (str, "--scatter|0mm", "--scatter must be positive"),
-        (str, "--point|1,2", "--point must be three lengths"),
+        (str, "--point|1,2", "--point must be three numbers"),
         (str, "--link|elbow", "has no column 'elbow link'"),
     ],
 )
@@ -417,14 +408,13 @@ def test_tables_and_options_that_cannot_be_are_refused(
 
 def test_arrays_that_cannot_be_are_refused(arm):
     poses = Truth(arm, 16, n=10).measured()
-    wrong = [
+    for change, said in (
         ({"position": poses.position[:5]}, "position must have the shape"),
         ({"orientation": 2.0 * poses.orientation}, "is not a rotation matrix"),
         ({"point": ["a"] * 10}, "not both"),
         ({"group": ["a"]}, "10 names, one a row, got 1"),
         ({"position": None, "point": ["a"] * 10, "distances": {("a", "b"): (1, 1)}}, "point 'b'"),
-    ]
-    for change, said in wrong:
+    ):
         with pytest.raises(JointplayError, match=said):
             replace(poses, **change)
     with pytest.raises(JointplayError, match="nothing measured"):

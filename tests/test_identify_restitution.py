@@ -10,17 +10,10 @@ import pytest
 from conftest import body, joint, tip
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from truth.arms import serial
+from truth.restitution import arm
 
-from jointplay import (
-    JointplayError,
-    Mechanism,
-    Motion,
-    RevoluteClearance,
-    Simulation,
-    identify,
-    loads,
-    shipped,
-)
+from jointplay import JointplayError, RevoluteClearance, identify, shipped
 from jointplay.cli import main
 from jointplay.estimate import Measurement
 from jointplay.estimate.restitution import (
@@ -110,9 +103,7 @@ def test_impacts_at_random_are_no_bounces():
     time = np.arange(0.0, 3.0, 1.0 / RATE)
     felt = random.standard_normal(len(time))
     felt[random.choice(len(time), 150, replace=False)] += 1e3
-    found = told(Measurement(time, {("acceleration", "x"): felt}))
-    assert found.reason
-    assert not math.isfinite(found.half_width)
+    assert told(Measurement(time, {("acceleration", "x"): felt})).reason
 
 
 def test_flights_under_a_load_that_changes_are_refused():
@@ -159,28 +150,10 @@ def test_the_nominal_restitution_is_that_with_which_the_law_delivers_the_value(l
     assert math.isnan(nominal_of(bearing, 0.5 * weakest))
 
 
-def swings(times, force):
-    """A force along z that turns round suddenly at the given times."""
-    at, forces, now = [0.0], [(0.0, 0.0, 0.0)], 0.0
-    for time in times:
-        at += [time, time + 1e-4]
-        forces += [(0.0, 0.0, now), (0.0, 0.0, force - now)]
-        now = force - now
-    return loads.WrenchOverTime(frame="tool", times=tuple(at), forces=tuple(forces))
-
-
-def hanging(urdf, e, angle=math.pi / 2, end=1.0):
-    """An arm that is lifted and let fall; it hangs, so that nothing turns when it bounces."""
-    path = urdf(
-        body("arm", mass=3.0, com="0.2 0 0"),
-        joint("j", "base", "arm", axis="0 1 0"),
-        tip("arm", "0.3 0 0"),
-    )
+def hanging(e, angle=math.pi / 2, end=1.0):
+    """An arm whose load turns round; it hangs, so that nothing turns when it bounces."""
     bearing = RevoluteClearance.planar(radial_clearance=1e-4, restitution=e, normal=ZhangSharf())
-    mechanism = Mechanism(path, {"j": bearing}, tool="tool")
-    motion = Motion(["j"], [0.0, end], [[angle], [angle]])
-    push = swings(np.arange(0.05, end - 0.05, 0.15), 60.0)
-    return Simulation(mechanism, motion, loads={"push": push}, record_every=2, seed=7)
+    return replace(arm(angle, bearing, end), record_every=2, seed=7)
 
 
 def felt(simulation, kinds=("acceleration",), noise=1.0, rate=2e4, seed=3):
@@ -190,9 +163,9 @@ def felt(simulation, kinds=("acceleration",), noise=1.0, rate=2e4, seed=3):
 
 
 @pytest.mark.parametrize("e", [0.6, 0.85])
-def test_a_simulated_hanging_arm_tells_its_restitution_by_flights(urdf, e):
-    simulation = hanging(urdf, e)
-    guess = replace(simulation, mechanism=hanging(urdf, 0.3).mechanism)
+def test_a_simulated_hanging_arm_tells_its_restitution_by_flights(e):
+    simulation = hanging(e)
+    guess = replace(simulation, mechanism=hanging(0.3).mechanism)
     for kind in ("acceleration", "reaction"):
         found = identify(guess, felt(simulation, (kind,)))
         (one,) = found.restitutions
@@ -202,10 +175,10 @@ def test_a_simulated_hanging_arm_tells_its_restitution_by_flights(urdf, e):
         assert "clearance and friction: this measurement cannot tell" in str(found)
 
 
-def test_an_arm_that_is_held_level_does_not_bounce_freely_and_simulations_tell(urdf):
-    simulation = hanging(urdf, 0.5, angle=0.0, end=0.5)
+def test_an_arm_that_is_held_level_does_not_bounce_freely_and_simulations_tell():
+    simulation = hanging(0.5, angle=0.0, end=0.5)
     measured = felt(simulation)
-    guess = hanging(urdf, 0.9, angle=0.0, end=0.5)
+    guess = hanging(0.9, angle=0.0, end=0.5)
     (one,) = identify(guess, measured).restitutions
     assert one.reason
     assert "j restitution" in str(one)
@@ -214,8 +187,8 @@ def test_an_arm_that_is_held_level_does_not_bounce_freely_and_simulations_tell(u
     assert abs(one.value - 0.5) <= one.half_width < 0.15
 
 
-def test_noise_as_large_as_the_impacts_or_another_load_tells_nothing_by_simulations(urdf):
-    simulation = hanging(urdf, 0.5, angle=0.0, end=0.5)
+def test_noise_as_large_as_the_impacts_or_another_load_tells_nothing_by_simulations():
+    simulation = hanging(0.5, angle=0.0, end=0.5)
     measured = felt(simulation)
     for factor, noise, words in (
         (1.0, 1e3, "impacts exceed the noise"),
@@ -233,8 +206,8 @@ def test_noise_as_large_as_the_impacts_or_another_load_tells_nothing_by_simulati
         assert words in one.reason
 
 
-def test_what_was_found_agrees_with_the_measurement_and_something_else_does_not(urdf):
-    simulation = hanging(urdf, 0.7)
+def test_what_was_found_agrees_with_the_measurement_and_something_else_does_not():
+    simulation = hanging(0.7)
     found = identify(replace(simulation, seed=None), felt(simulation))
     checked = verify(replace(simulation, seed=None), found, runs=4)
     assert len(checked.checks) >= 8
@@ -248,8 +221,8 @@ def test_what_was_found_agrees_with_the_measurement_and_something_else_does_not(
     assert json.loads(json.dumps(checked.describe()))["agrees"] is False
 
 
-def test_verification_refuses_too_few_runs_and_nothing_to_compare(urdf):
-    simulation = hanging(urdf, 0.7)
+def test_verification_refuses_too_few_runs_and_nothing_to_compare():
+    simulation = hanging(0.7)
     found = identify(simulation, felt(simulation))
     with pytest.raises(JointplayError, match="at least 3 runs"):
         verify(simulation, found, runs=2)
@@ -258,8 +231,8 @@ def test_verification_refuses_too_few_runs_and_nothing_to_compare(urdf):
         verify(simulation, blind)
 
 
-def test_without_a_signal_of_impacts_the_signal_and_its_rate_are_named(urdf):
-    mechanism = hanging(urdf, 0.7).mechanism
+def test_without_a_signal_of_impacts_the_signal_and_its_rate_are_named():
+    mechanism = hanging(0.7).mechanism
     time = np.arange(0.0, 4.0, 0.01)
     angle = 0.4 * np.abs((time % 2.0) - 1.0)
     signals = {
@@ -274,16 +247,10 @@ def test_without_a_signal_of_impacts_the_signal_and_its_rate_are_named(urdf):
     assert "24 records are too few" in one.reason
 
 
-def test_two_joints_hit_and_an_accelerometer_does_not_say_which(urdf):
-    path = urdf(
-        body("upper", mass=2.0),
-        joint("a", "base", "upper", axis="0 1 0"),
-        body("lower", mass=2.0),
-        joint("b", "upper", "lower", axis="0 1 0", at="0.3 0 0"),
-        tip("lower", "0.3 0 0"),
-    )
+def test_two_joints_hit_and_an_accelerometer_does_not_say_which():
     bearing = RevoluteClearance.planar(radial_clearance=1e-4)
-    mechanism = Mechanism(path, {"a": bearing, "b": bearing}, tool="tool")
+    links = [("a", "0 1 0", (0, 0, 0), 2.0, (0, 0, 0)), ("b", "0 1 0", (0.3, 0, 0), 2.0, (0, 0, 0))]
+    mechanism = serial(links, (0.3, 0, 0), {"a": bearing, "b": bearing})
     shaken = bounces(0.6, noise=1.0)
     found = identify(mechanism, shaken)
     assert all("an impact may belong to any of a, b" in one.reason for one in found.restitutions)
@@ -345,7 +312,11 @@ start = "centred"
 
 
 def test_the_command_tells_restitution_verifies_and_writes_both(urdf, tmp_path, capsys):
-    hanging(urdf, 0.85)
+    urdf(
+        body("arm", mass=3.0, com="0.2 0 0"),
+        joint("j", "base", "arm", axis="0 1 0"),
+        tip("arm", "0.3 0 0"),
+    )
     path = tmp_path / "hanging.toml"
     path.write_text(SCENARIO.format(e=0.85))
     made = Scenario.load(str(path)).simulation(None)

@@ -30,8 +30,7 @@ from truth import elastic
 from truth.arms import serial
 
 import jointplay as jp
-from jointplay.base.files import temporary
-from jointplay.estimate import Identification, Measurement
+from jointplay.estimate import Measurement
 from jointplay.estimate.identification import identify
 
 DATA = Path(__file__).parent / "validation" / "data"
@@ -546,39 +545,21 @@ def dynamic(benchmark: Benchmark, args: argparse.Namespace) -> None:
     benchmark.finish(header, table, every, drawn(plain, names))
 
 
-SERVO = """<robot name="stand"><link name="base"/>
-  <link name="lever"><inertial><origin xyz="0.05 0 0"/><mass value="0.03"/>
-    <inertia ixx="1e-5" iyy="4e-5" izz="4e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="servo" type="revolute"><parent link="base"/><child link="lever"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="3" velocity="5"/></joint>
-  <link name="tip"/><joint name="end" type="fixed"><parent link="lever"/><child link="tip"/>
-    <origin xyz="0.1 0 0"/></joint></robot>"""
-"""Lever of 0.1 m; its mass does not matter, for its axis is vertical."""
+def lever(joint: str, gear: jp.Gear) -> jp.Mechanism:
+    """A lever of 0.1 m; its mass does not matter, for its axis is vertical."""
+    link = (joint, "0 0 1", (0, 0, 0), 0.03, (0.05, 0, 0))
+    return serial([link], (0.1, 0, 0), gears={joint: gear})
 
 
 def real() -> None:
-    """What measurements of real machines say."""
-    with temporary("identify") as folder:
-        path = Path(folder) / "stand.urdf"
-        path.write_text(SERVO)
-        for name in ("sts3215", "sts3250"):
-            gear = jp.Gear(play=10e-3, rotor_inertia=1e-3, stiffness=20.0)
-            stand = jp.Mechanism(path, gears={"servo": gear}, tool="tip")
-            data = DATA / f"backlash_{name}.csv"
-            print(f"\n{name}: dry friction of the output shaft neglected")
-            print(identify(stand, data))
-            print(f"\n{name}: dry friction of the output shaft sought")
-            print(identify(stand, data, also=["friction"]))
-        path.write_text(SERVO.replace("servo", "drum"))
-        for tension in (20, 35, 80):
-            print(f"\ndamper, band tension {tension} lb (radius 1 m: rad are m, N m are N)")
-            print(damper(path, tension))
-
-
-def damper(path: Path, tension: int) -> Identification:
-    """Gap, compliance and friction of the band-brake damper from displacement and force."""
-    gear = jp.Gear(play=2e-3, rotor_inertia=1e-3, stiffness=2e6)
-    machine = jp.Mechanism(path, gears={"drum": gear}, tool="tip")
-    data = DATA / f"backlash_damper_{tension}lb.csv"
+    """What measurements of real machines say: servos, and a band-brake damper."""
+    stand = lever("servo", jp.Gear(play=10e-3, rotor_inertia=1e-3, stiffness=20.0))
+    for name in ("sts3215", "sts3250"):
+        for words, also in (("neglected", []), ("sought", ["friction"])):
+            print(f"\n{name}: dry friction of the output shaft {words}")
+            print(identify(stand, DATA / f"backlash_{name}.csv", also=also))
+    drum = lever("drum", jp.Gear(play=2e-3, rotor_inertia=1e-3, stiffness=2e6))
     friction = {"drum": jp.loads.JointFriction(4e3)}
-    return identify(machine, data, joint_friction=friction)
+    for tension in (20, 35, 80):
+        print(f"\ndamper, band tension {tension} lb (radius 1 m: rad are m, N m are N)")
+        print(identify(drum, DATA / f"backlash_damper_{tension}lb.csv", joint_friction=friction))

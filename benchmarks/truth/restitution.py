@@ -27,20 +27,23 @@ GUESS = 0.9
 UR5 = ROOT / "docs/gallery/ur5_elbow.toml"
 
 
-def arm(angle: float, restitution: float) -> jp.Simulation:
-    """An arm held at an angle, whose load turns round ten times; one joint with clearance."""
-    bearing = jp.RevoluteClearance(
+def bearing(restitution: float) -> jp.RevoluteClearance:
+    return jp.RevoluteClearance(
         radial_clearance=1e-4, axial_clearance=1e-4, restitution=restitution, normal=LAW
     )
+
+
+def arm(angle: float, bearing: jp.Clearance, end: float = 1.6) -> jp.Simulation:
+    """An arm held at an angle [rad], whose load turns round; one joint with clearance."""
     link = ("j", "0 1 0", (0, 0, 0), 3.0, (0.2, 0, 0))
     mechanism = serial([link], (0.3, 0, 0), {"j": bearing}, about=0.01)
     times, forces, now = [0.0], [(0.0, 0.0, 0.0)], 0.0
-    for time in np.arange(0.1, 1.6, 0.15):
+    for time in np.arange(0.1, end, 0.15):
         times += [float(time), float(time) + 1e-4]
         forces += [(0.0, 0.0, now), (0.0, 0.0, 60.0 - now)]
         now = 60.0 - now
     push = jp.loads.WrenchOverTime(frame="tool", times=tuple(times), forces=tuple(forces))
-    motion = jp.Motion(["j"], [0.0, 1.6], [[angle], [angle]])
+    motion = jp.Motion(["j"], [0.0, end], [[angle], [angle]])
     return jp.Simulation(mechanism, motion, loads={"push": push}, limits="ignore")
 
 
@@ -70,8 +73,8 @@ class Machine:
 
 _SCARA, _CRANK = jp.shipped("scara.toml"), jp.shipped("slider_crank.toml")
 MACHINES = (
-    Machine("hanging arm, load turns round", lambda e: arm(np.pi / 2, e), 20e3, 1.0),
-    Machine("level arm, load turns round", lambda e: arm(0.0, e), 20e3, 1.0),
+    Machine("hanging arm, load turns round", lambda e: arm(np.pi / 2, bearing(e)), 20e3, 1.0),
+    Machine("level arm, load turns round", lambda e: arm(0.0, bearing(e)), 20e3, 1.0),
     Machine("UR5, elbow", lambda e: shipped(UR5, "0.1 mm", e), 10e3, 0.1),
     Machine("SCARA, joint B", lambda e: shipped(_SCARA, "0.2 mm", e), 10e3, 0.1),
     Machine("slider-crank, 5000 rpm, 40 turns",

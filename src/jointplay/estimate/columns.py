@@ -85,8 +85,7 @@ def split_title(title: str, path: Path) -> tuple[str, str]:
         name = ""
     if not name:
         raise JointplayError(
-            f"{path}: column {title!r} has no unit; write it behind the name, such as "
-            "'time [s]', 'tool x [mm]' or 'elbow motor [deg]'"
+            f"{path}: column {title!r} has no unit; write 'time [s]', 'elbow motor [deg]'"
         )
     return name.strip(), unit
 

@@ -467,18 +467,16 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
     at, made = use.any(axis=1), model.visits
     if not at.any():
         raise TooLittle(
-            f"{measured.source}: no visit can be used: it is never known on which side teeth and "
-            "journals lie; each gear must cross its play before, by a reversal or a push, and "
-            "each bearing be pressed: push the tool"
+            f"{measured.source}: it is never known on which side teeth and journals lie: each gear "
+            "must cross its play, by a reversal or a push, and each bearing be pressed"
         )
     if reference != "place" or any(kind == "torque" for kind, _ in model.keys):
         return
     ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
     if len(np.unique(ways, axis=0)) == len(np.unique(made.cell[at])):
         raise TooLittle(
-            f"{measured.source}: the motion never reverses: no place is visited from two sides or "
-            "under two forces, so play does not show; measure the way back, too (if the robot's "
-            "geometry is calibrated, use the reference 'ideal')"
+            f"{measured.source}: the motion never reverses, nor does a force: measure the way back,"
+            " too (if the robot's geometry is calibrated, use the reference 'ideal')"
         )
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.estimate.least_squares import LeastSquares, minimum
@@ -22,7 +23,6 @@ from jointplay.estimate.static_poses import (
     nearest_rotation,
     rotation_vectors,
     rotations_of,
-    skew,
 )
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.mechanism import Mechanism
@@ -166,10 +166,8 @@ class Poses:
             ideal.coordinate(name)  # says which there are
         self.known = tuple(name for name in self.names if name in poses.joints)
         if not self.known:
-            raise JointplayError(
-                f"none of the joints {', '.join(poses.joints)} moves the tool {ideal.tool!r}; "
-                f"those that do: {', '.join(self.names)}"
-            )
+            given, these = ", ".join(poses.joints), ", ".join(self.names)
+            raise JointplayError(f"none of {given} moves the tool {ideal.tool!r}; {these} do")
         full = np.tile(ideal.configuration({}), (len(poses), 1))
         for column, name in enumerate(poses.joints):
             full[:, ideal.coordinate(name)] = poses.motor[:, column]
@@ -487,23 +485,16 @@ class Problem:
         if not jacobian:
             none = np.zeros((0, 3, len(self.free)))
             return rotations, points, none, none
-        n, k = len(rows), len(joints)
-        turn, move = np.zeros((k, n, 3)), np.zeros((k, n, 3))
-        for column, (j, target) in enumerate(zip(joints, targets, strict=True)):
-            if target == COORDINATE:
-                line, turning = axes[j], bool(poses.turns[j])
-            else:
-                line, turning = frames[j][:, :, target % 3], target >= 3
-            if turning:
-                turn[column] = line
-                move[column] = np.cross(line, tip - origins[j])
-            else:
-                move[column] = line
+        lines = np.where(own[:, None, None], axes[joints], frames[joints, :, :, targets % 3])
+        turning = np.where(own, poses.turns[joints], targets >= 3)[:, None, None]
+        turn = np.where(turning, lines, 0.0)
+        move = np.where(turning, np.cross(lines, tip - origins[joints]), lines)
         scale = features[rows].T[:, :, None]
         moves = (scale * move @ base.T).transpose(1, 2, 0)
         turns = (scale * turn @ base.T).transpose(1, 2, 0)
-        eye, none = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3, 3))
-        moves = np.concatenate([eye, -skew(tip @ base.T), base @ body, none, moves], axis=2)
+        eye, none = np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3, 3))
+        about = np.cross((tip @ base.T)[:, None], np.eye(3))
+        moves = np.concatenate([eye, about, base @ body, none, moves], axis=2)
         turns = np.concatenate([none, eye, none, rotations, turns], axis=2)
         return rotations, points, moves[:, :, self.free], turns[:, :, self.free]
 
@@ -691,7 +682,5 @@ class Fitted:
 @cache
 def _grid() -> list[np.ndarray]:
     """Rotations no more than some 40 degrees apart: those of a cube, each with four yaws."""
-    from scipy.spatial.transform import Rotation
-
     yaws = Rotation.from_rotvec(np.outer(np.arange(4) * np.pi / 8.0, [0.0, 0.0, 1.0]))
     return [(one * yaw).as_matrix() for one in Rotation.create_group("O") for yaw in yaws]

@@ -83,11 +83,9 @@ def known_gears(mechanism: Mechanism) -> dict[str, Gear]:
     known = {}
     for joint, gear in mechanism.gears.items():
         if not isinstance(gear, Gear):
-            raise JointplayError(
-                f"the gear of joint {joint!r} is of kind {gear.kind}: identification knows play "
-                f"and one stiffness only; describe it as a {Gear.kind} gear",
-                ("gears", joint, "kind"),
-            )
+            where = ("gears", joint, "kind")
+            words = f"a {gear.kind} gear has more than the play and stiffness that are identified"
+            raise JointplayError(f"{words}; describe it as a {Gear.kind} gear", where)
         known[joint] = gear
     return known
 
@@ -156,9 +154,8 @@ class Machine:
         mechanism, friction = self.mechanism, self.friction
         if not mechanism.clearance and not mechanism.gears:
             raise JointplayError(
-                "nothing has play: give joints with clearance, or gears with play (in a "
-                'command: --clearance "0.1 mm" for all that move the tool, or --joint '
-                'NAME="0.1 mm"); joints: ' + ", ".join(mechanism.joints)
+                'nothing has play: give clearance (--clearance "0.1 mm", --joint NAME="0.1 mm") or '
+                f"gears with play; joints: {', '.join(mechanism.joints)}"
             )
         found = []
         for joint, bearing in mechanism.clearance.items():
@@ -198,9 +195,8 @@ class Machine:
             if bought and bought.resultant is not None and one.name in bought.clearances:
                 raise JointplayError(
                     f"the clearance of the rolling bearing in {one.joint!r} cannot be identified: "
-                    "its balls or rollers give way under load by as much as its play, which the "
-                    "static model of identification leaves out; take it as known: --known "
-                    f"{one.label!r}"
+                    "its balls or rollers give way by as much as its play, which the static model "
+                    f"leaves out; take it as known: --known {one.label!r}"
                 )
         if not any(one.sought for one in kept):
             raise JointplayError("everything is given as known: nothing is left to identify")
@@ -249,8 +245,7 @@ def compliances(mechanism: Mechanism, given: Given) -> dict[str, Unknown]:
             raise MissingName("stiffness", label, labels(mechanism))
         if not stiffness > 0.0 or not 0.0 <= part < math.inf:
             raise JointplayError(
-                f"stiffness of {label!r} must be positive, its relative deviation not negative, "
-                f"got {stiffness!r} and {part!r}"
+                f"stiffness of {label!r} must be positive: {stiffness!r}, {part!r}"
             )
         rigid = math.isinf(stiffness)
         if label == ALL:

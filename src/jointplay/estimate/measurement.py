@@ -89,10 +89,9 @@ class Measurement:
             )
         late = np.flatnonzero(~(np.diff(time) > 0.0))
         if late.size:
-            raise JointplayError(
-                f"{self.source}: times must increase, but {time[late[0]]:g} s is followed by "
-                f"{time[late[0] + 1]:g} s (record {late[0] + 2})"
-            )
+            was, now = time[late[0] : late[0] + 2]
+            words = f"times must increase, but {was:g} s is followed by {now:g} s"
+            raise JointplayError(f"{self.source}: {words} (record {late[0] + 2})")
         for kind, value in self.noise.items():
             if kind not in (kinds := (*TOOL_UNITS, *JOINT_UNITS)):
                 raise MissingName("signal that could have noise", kind, kinds)
@@ -139,10 +138,7 @@ class Measurement:
                 raise JointplayError(f"{path}: {' '.join(key)} is infinite in record {record}")
         time = signals.pop(_TIME, None)
         if time is None:
-            raise JointplayError(
-                f"{path} has no times: a column such as 'time [s]' is needed; there are: "
-                + ", ".join(" ".join(key) for key in signals)
-            )
+            raise JointplayError(f"{path} has no times: a column 'time [s]' is needed")
         if not signals:
             raise JointplayError(f"{path} contains only times: nothing was measured")
         if np.isnan(time).any():

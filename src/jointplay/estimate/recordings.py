@@ -128,8 +128,7 @@ class Recording:
             path = Path(self.path)
             if path.suffix in (".bag", ".db3"):
                 raise JointplayError(
-                    f"{str(path)!r} is not an MCAP file; `ros2 bag convert` (or, for ROS 1, "
-                    "`rosbags-convert`) writes one"
+                    f"{str(path)!r} is not MCAP; `ros2 bag convert` or `rosbags-convert` makes it"
                 )
             if not path.exists():
                 raise JointplayError(f"no recording {str(path)!r}")
@@ -287,8 +286,7 @@ class Recording:
             if foreign and source.kind in _IN_WORLD_AXES:
                 raise JointplayError(
                     f"{self.path}: {source.name} is in the frame {foreign[0]!r}; {source.kind} is "
-                    f"needed in world axes: if they are the same, say so by --world {foreign[0]}; "
-                    "if not, transform it before"
+                    f"needed in world axes: transform it, or say --world {foreign[0]} if they are"
                 )
         logged = any(not any(row[0] for row in found) for found in rows.values())
         if logged:
@@ -371,8 +369,7 @@ class Recording:
         layout = info.get("data_path", _LAYOUTS[major])
         if layout != _LAYOUTS[major]:
             raise JointplayError(
-                f"{root} has its data in {layout!r}; a dataset {version} is read from "
-                f"{_LAYOUTS[major]!r}"
+                f"{root} has its data in {layout!r}; {version} is read from {_LAYOUTS[major]!r}"
             )
         episode = 0 if self.episode is None and total == 1 else self.episode
         if episode is None or not 0 <= episode < total:
@@ -496,10 +493,8 @@ def _bag_file(path: Path) -> Path:
     inside = sorted(path.glob("*.mcap"))
     if len(inside) != 1:
         held = ", ".join(one.name for one in inside) or "none"
-        raise JointplayError(
-            f"the bag {str(path)!r} must have one file .mcap, it has {held}; `ros2 bag convert` "
-            "joins and converts them"
-        )
+        words = f"must have one file .mcap, it has {held}; `ros2 bag convert` joins them"
+        raise JointplayError(f"the bag {str(path)!r} {words}")
     return inside[0]
 
 

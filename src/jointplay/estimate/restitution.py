@@ -322,10 +322,8 @@ class Instruments:
     def __init__(self, measured: Measurement) -> None:
         felt = channels(measured)
         if not felt:
-            raise JointplayError(
-                f"{measured.source}: impacts are not measured: acceleration x (y, z) or JOINT "
-                "reaction is needed"
-            )
+            words = "acceleration x (y, z) or JOINT reaction is needed to see impacts"
+            raise JointplayError(f"{measured.source}: {words}")
         self.noise: dict[str, float] = {}
         for one in felt:
             kind = "reaction" if one.joint else "acceleration"
@@ -605,10 +603,7 @@ def by_simulation(
     joints = simulation.mechanism.clearance
     least = 2 * (2 * _terms(len(joints)) + 4)
     if runs < least:
-        raise JointplayError(
-            f"restitution of {len(joints)} joint{'s' * (len(joints) > 1)} takes at least {least} "
-            f"runs, got {runs}"
-        )
+        raise JointplayError(f"at least {least} runs are needed for {len(joints)} joints: {runs}")
     instruments, spreads = Instruments(measured), spreads or {}
     own, random = instruments.settings(simulation), np.random.default_rng(seed)
     statistics = instruments.statistics(measured)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.estimate import columns
@@ -214,10 +215,8 @@ class StaticPoses:
 
         names = tuple(name for name in joints if ("motor", name) in numbers)
         if not names:
-            raise JointplayError(
-                f"{path} has no joint positions: columns such as '{next(iter(joints), 'elbow')} "
-                f"motor [rad]' are needed; joints: {', '.join(joints) or 'none'}"
-            )
+            words = f"such as 'elbow motor [rad]'; joints: {', '.join(joints) or 'none'}"
+            raise JointplayError(f"{path} has no joint positions {words}")
         for kind, name in numbers:
             if kind in ("link", "load") and name not in names:
                 raise JointplayError(f"{path}: {name} has a {kind}, but no motor position")
@@ -243,28 +242,13 @@ class StaticPoses:
 
 
 def rotations_of(vectors: np.ndarray) -> np.ndarray:
-    """Rotations by rotation vectors, shape (..., 3) [rad] to (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    flat = np.reshape(vectors, (-1, 3))
-    return np.asarray(Rotation.from_rotvec(flat).as_matrix().reshape(*np.shape(vectors), 3))
+    """Rotations by rotation vectors, shape (3,) or (n, 3) [rad]."""
+    return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
 
 
 def rotation_vectors(rotations: np.ndarray) -> np.ndarray:
-    """Rotation vectors of rotations, shape (..., 3, 3) to (..., 3) [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    flat = np.reshape(rotations, (-1, 3, 3))
-    return np.asarray(Rotation.from_matrix(flat).as_rotvec().reshape(*np.shape(rotations)[:-1]))
-
-
-def skew(vectors: np.ndarray) -> np.ndarray:
-    """Matrices of cross products, shape (..., 3) to (..., 3, 3)."""
-    out = np.zeros((*np.shape(vectors), 3))
-    out[..., 0, 1], out[..., 0, 2] = -vectors[..., 2], vectors[..., 1]
-    out[..., 1, 0], out[..., 1, 2] = vectors[..., 2], -vectors[..., 0]
-    out[..., 2, 0], out[..., 2, 1] = -vectors[..., 1], vectors[..., 0]
-    return out
+    """Rotation vectors of rotations, shape (3, 3) or (n, 3, 3) [rad]."""
+    return np.asarray(Rotation.from_matrix(rotations).as_rotvec())
 
 
 def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
