@@ -24,7 +24,7 @@ from jointplay import (
 from jointplay.accuracy import loop_play, poses
 from jointplay.accuracy.allocation import allocate
 from jointplay.accuracy.error_budget import budget
-from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
+from jointplay.accuracy.error_model import play_model
 from jointplay.cli import main
 from jointplay.model.closed_loops import ClosedLoops, is_closed
 from jointplay.model.loop import assemble
@@ -236,37 +236,6 @@ def test_without_ties_the_cones_of_a_play_reach_as_far_as_its_support(seed):
         assert np.einsum("ni,ni->n", load, y @ cones.spread.T) == pytest.approx(
             play.support(load).value, rel=2e-3, abs=1e-8
         )
-
-
-def test_ties_hold_whatever_the_numerics_and_the_value_is_a_bound():
-    random = np.random.default_rng(5)
-    play = JournalPlay(1e-4, 1e-4, 0.04, 0.01)
-    ties = random.normal(size=(3, 1, 2, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
-    move = np.array([random.normal(size=(1, 6, 6)) for _ in range(3)])
-    three = tuple(Contribution(name, "play", play) for name in "012")
-    plays = ErrorModel(three, move, np.zeros((3, 1, 6)), ties, np.ones(3))
-    d = np.eye(3)[None]
-    states = plays.along(d)
-    assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
-    # Any state that fits is within the bound: random ones, put right.
-    some = np.stack([play.support(random.normal(size=(2000, 6))).point for _ in range(3)])
-    flat = np.concatenate(ties[:, 0], axis=1)
-    together_ = some.transpose(1, 0, 2).reshape(2000, 18)
-    right = together_ - (np.linalg.pinv(flat) @ flat @ together_.T).T
-    inside = np.array(
-        [
-            max(
-                float((wall.across @ y @ wall.across @ y) ** 0.5 if len(wall.across) else 0.0)
-                + wall.along @ y
-                for wall in play.cones.walls
-            )
-            for y in (np.linalg.pinv(play.cones.spread) @ right.reshape(-1, 6).T).T
-        ]
-    ).reshape(2000, 3)
-    right = right / np.maximum(inside.max(axis=1, keepdims=True), 1e-12)
-    errors = np.einsum("jik,njk->ni", move[:, 0], right.reshape(2000, 3, 6))
-    assert (errors[:, :3].max(axis=0) <= states.value.sum(axis=0)[0] * (1 + 1e-9)).all()
-    assert (errors[:, :3].max(axis=0) > 0.3 * states.value.sum(axis=0)[0]).all()
 
 
 def test_a_slider_leans_about_its_own_middle_wherever_it_is(urdf):

@@ -1,8 +1,8 @@
 """Other engines side by side: MuJoCo, Exudyn, Siconos and Drake on the same mechanisms, in one run.
 
-Writes docs/peers.md and its figures. Engines that are not installed are left out, and the page says
-so: pip install '.[peers]' for MuJoCo and Exudyn, pip install drake for Drake, apt-get install
-python3-siconos for Siconos.
+Writes the numbers of docs/peers.md and its figures. Engines that are not installed are left out,
+and the page says so: pip install '.[peers]' for MuJoCo and Exudyn, pip install drake for Drake,
+apt-get install python3-siconos for Siconos.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,15 +34,16 @@ from truth.peer_engines.common import (
 )
 from truth.peer_engines.figures import draw_growth, draw_orbits, draw_work
 from truth.peer_engines.jointplay_engine import run_jointplay
-from truth.peer_engines.text import TEXT
 from truth.peer_engines.trace import Impact, Trace, impacts, offset
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.tables import Table
 from jointplay.physics.contact.hertzian import effective_restitution
 from jointplay.simulation.loads.tables import REFERENCE_NODE_S
 from jointplay.simulation.result.stored import versions
 
-ENGINES = ("mujoco", "exudyn", "siconos", "drake")
+LABELS = ("MuJoCo", "Exudyn", "Siconos", "Drake")
+ENGINES = tuple(map(str.lower, LABELS))
 RIGID = ("Siconos", "Pinocchio, ADMM", "Pinocchio, PGS")
 """Contacts that have no duration."""
 TIE = 1.1
@@ -77,7 +79,7 @@ ACCURACIES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 WANTED = (1e-1, 1e-2, 1e-3)
 """Errors whose cost is compared [C_r]."""
 
-Table = tuple[list[str], list[list[str]]]
+PAGE = DOCS / "peers.md"
 
 
 class Engines:
@@ -95,13 +97,8 @@ class Engines:
         )
 
     def versions(self) -> str:
-        found = [f"MuJoCo {self.mujoco.VERSION}"] if self.mujoco else []
-        found += [f"Exudyn {self.exudyn.VERSION}"] if self.exudyn else []
-        if self.siconos:
-            found.append(f"Siconos {self.siconos.version()}")
-        if self.drake:
-            found.append(f"Drake {self.drake.VERSION}")
-        return ", ".join(found) or "none"
+        modules = zip(LABELS, (self.mujoco, self.exudyn, self.siconos, self.drake), strict=True)
+        return ", ".join(f"{label} {one.VERSION}" for label, one in modules if one) or "none"
 
 
 # --- free flight --------------------------------------------------------------------------------
@@ -131,28 +128,26 @@ def difference(a: Trace, b: Trace, duration: float) -> float:
 
 
 def free_flight(engines: Engines) -> Table:
-    rows = []
+    rows = [["mechanism", "against jointplay rk4", "largest difference [rad or m]"]]
+    step = 5e-6
     for name, task, duration in (
         ("SCARA", flying_scara(), 0.02),
         ("slider-crank", flying_slider_crank(), 3e-3),
     ):
-        step = 5e-6
         ours = run_jointplay(task, step, duration, 4, "rk4")
-        finer = run_jointplay(task, step / 2.0, duration, 8, "rk4")
         assert not ours.force.any(), "the journal touched"
-        own = difference(ours, finer, duration)
-        rows.append([name, "jointplay rk4, half the step", f"{own:.1e}"])
+        others = {
+            "jointplay rk4, half the step": run_jointplay(task, step / 2.0, duration, 8, "rk4")
+        }
         for label, engine in (("MuJoCo RK4", engines.mujoco), ("Exudyn RK44", engines.exudyn)):
             if engine:
-                found = difference(ours, engine.run_free(task, step, duration, 4), duration)
-                rows.append([name, label, f"{found:.1e}"])
+                others[label] = engine.run_free(task, step, duration, 4)
         if engines.siconos and task.planar:
             for h in (4e-6, 2e-6, 1e-6):
-                theirs = engines.siconos.run(task, h, duration, 1, 1.0)
-                rows.append(
-                    [name, f"Siconos, h = {h:.0e} s", f"{difference(ours, theirs, duration):.1e}"]
-                )
-    return ["mechanism", "against jointplay rk4", "largest difference [rad or m]"], rows
+                others[f"Siconos, h = {h:.0e} s"] = engines.siconos.run(task, h, duration, 1, 1.0)
+        for label, theirs in others.items():
+            rows.append([name, label, f"{difference(ours, theirs, duration):.1e}"])
+    return Table.of_texts(rows)
 
 
 def ideal_torques() -> float:
@@ -171,32 +166,35 @@ def ideal_torques() -> float:
     nodes = np.arange(0, len(table), 500)
     motion = task.simulation.motion
     places, speeds, accelerations = motion(nodes * REFERENCE_NODE_S)
-    worst = 0.0
+    apart = []
     for row, q, v, a in zip(table[nodes], places, speeds, accelerations, strict=True):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
         mujoco.mj_inverse(made, data)
-        worst = max(worst, float(np.abs(data.qfrc_inverse - row[2 * len(q) :]).max()))
-    return worst
+        apart.append(np.abs(data.qfrc_inverse - row[2 * len(q) :]).max())
+    return float(max(apart))
 
 
 # --- the first impacts --------------------------------------------------------------------------
 
 
-def first_impacts(found: dict[str, list[Impact]], count: int) -> Table:
-    head = ["", *(f"{k + 1}" for k in range(count))]
-    rows = []
-    for name, list_ in found.items():
-        shown = list_[:count] + [None] * (count - len(list_))
-        rows.append(
-            [f"{name}: touch [µs]", *("" if i is None else f"{1e6 * i.time:.3f}" for i in shown)]
-        )
-        if name not in RIGID:  # where there is none
-            durations = ("" if i is None else f"{1e6 * i.duration:.2f}" for i in shown)
-            rows.append([f"{name}: duration [µs]", *durations])
-        rows.append(
-            [f"{name}: impulse [N s]", *("" if i is None else f"{i.impulse:.5f}" for i in shown)]
-        )
-    return head, rows
+def first_impacts(found: dict[str, list[Impact]], count: int = 5) -> Table:
+    rows = [["", *(f"{k + 1}" for k in range(count))]]
+    for name, every in found.items():
+        for what, form in (
+            ("touch [µs]", lambda one: f"{1e6 * one.time:.3f}"),
+            ("duration [µs]", lambda one: f"{1e6 * one.duration:.2f}"),
+            ("impulse [N s]", lambda one: f"{one.impulse:.5f}"),
+        ):
+            if name not in RIGID or "duration" not in what:  # where there is none
+                shown = [form(one) for one in every[:count]]
+                rows.append([f"{name}: {what}", *shown, *[""] * (count - len(shown))])
+    return Table.of_texts(rows)
+
+
+def apart(these: list[Impact], those: list[Impact]) -> np.ndarray:
+    """Differences of the times [s] and relative ones of the impulses, by contact, (n, 2)."""
+    pairs = zip(these, those, strict=False)
+    return np.array([(abs(a.time - b.time), abs(b.impulse / a.impulse - 1.0)) for a, b in pairs])
 
 
 def touch_speed(trace: Trace, task: Problem) -> float:
@@ -213,13 +211,14 @@ def touch_speed(trace: Trace, task: Problem) -> float:
 def figures(trace: Trace, task: Problem, rigid: bool) -> dict[str, float]:
     """A run in a few numbers that do not depend on single impacts."""
     away = np.linalg.norm(offset(task, trace.q)[:, :2], axis=1) / task.clearance
+    met = impacts(trace, task, rigid)
     return {
-        "contacts per ms": len(impacts(trace, task, rigid)) / (1e3 * trace.time[-1]),
+        "contacts per ms": len(met) / (1e3 * trace.time[-1]),
         "time in contact [%]": 100.0 * float(np.mean(trace.force > 0.0)),
         "mean force [N]": float(np.mean(trace.force)),
         "mean eccentricity / C_r": float(np.mean(away)),
         "largest eccentricity / C_r": float(np.max(away)),
-        "largest impulse of a contact [N s]": max(i.impulse for i in impacts(trace, task, rigid)),
+        "largest impulse of a contact [N s]": max(one.impulse for one in met),
     }
 
 
@@ -237,11 +236,10 @@ def ensemble(run: Callable[[Problem], Trace], task: Problem, count: int, rigid: 
 
 
 def statistics_table(found: dict[str, dict[str, tuple[float, float]]]) -> Table:
-    names = list(next(iter(found.values())))
-    return ["", *names], [
-        [engine, *(f"{mean:.4g} ± {spread:.2g}" for mean, spread in values.values())]
-        for engine, values in found.items()
-    ]
+    rows = [["", *next(iter(found.values()))]]
+    for engine, values in found.items():
+        rows.append([engine, *(f"{mean:.4g} ± {spread:.2g}" for mean, spread in values.values())])
+    return Table.of_texts(rows)
 
 
 # --- cost at equal error ------------------------------------------------------------------------
@@ -333,21 +331,10 @@ def work_precision(
 # --- the page -----------------------------------------------------------------------------------
 
 
-def markdown(table: Table) -> str:
-    head, rows = table
-    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
-
-
 def machine() -> str:
-    model = platform.processor() or platform.machine()
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                model = line.split(":", 1)[1].strip()
-                break
-    except OSError:
-        pass
+    known = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*: (.*)", known.read_text()) if known.exists() else None
+    model = found[1] if found else platform.processor() or platform.machine()
     return f"{model}, {os.cpu_count()} cores, {platform.system()}"
 
 
@@ -379,12 +366,9 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     if mj and ex:
         traces[ONSET] = mj.run_law(task.with_onset_speed(), fine, short)
     met = {name: impacts(trace, task) for name, trace in traces.items()}
-    out["first"] = first_impacts(met, 5)
+    out["first"] = first_impacts(met)
     out["first_apart"] = {
-        (name, base): [
-            (abs(a.time - b.time), abs(b.impulse / a.impulse - 1.0))
-            for a, b in zip(met[base], met[name], strict=False)
-        ]
+        f"{name}, against {base}": apart(met[base], met[name])
         for name, base in (
             ("MuJoCo, same law", EULER),
             ("Exudyn, own contact", "jointplay, rk4"),
@@ -394,17 +378,10 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     }
     if ex:
         elastic = slider_crank(mu=0.0, restitution=1.0)
-        ours, theirs = (
-            impacts(run, elastic)
-            for run in (
-                run_jointplay(elastic, fine, short, 1, "rk4"),
-                ex.run_own(elastic, fine, short),
-            )
-        )
-        out["elastic"] = [
-            (abs(a.time - b.time), abs(a.impulse / b.impulse - 1.0))
-            for a, b in zip(ours, theirs, strict=False)
-        ]
+        theirs = impacts(ex.run_own(elastic, fine, short), elastic)
+        ours = impacts(run_jointplay(elastic, fine, short, 1, "rk4"), elastic)
+        what = "Exudyn again with restitution 1 and no friction, where both laws are purely Hertz's"
+        out["first_apart"][what] = apart(theirs, ours)
 
     say("contact models")
     smooth = slider_crank(mu=0.0)
@@ -413,24 +390,23 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     first = impacts(run_jointplay(smooth, fine, 2.5e-4), smooth)[0]
     limit = mj.matched_limit(first.duration, restitution) if mj else (0.0, 0.0)
     out["limit"] = (first.duration, *limit)
-    models = {"jointplay": lambda t, h, T, n: run_jointplay(t, h, T, n)}
+    models = {"jointplay": run_jointplay}
     if ex:
-        models["Exudyn, own contact"] = lambda t, h, T, n: ex.run_own(t, h, T, n)
-    if mj:
-        for kind in mj.INTEGRATORS:
-            label = "MuJoCo, own limit" + ("" if kind == "Euler" else f", {kind}")
-            models[label] = lambda t, h, T, n, kind=kind: mj.run_own(t, h, T, n, limit, kind)
+        models["Exudyn, own contact"] = ex.run_own
+    for kind in mj.INTEGRATORS if mj else ():
+        label = "MuJoCo, own limit" + ("" if kind == "Euler" else f", {kind}")
+        models[label] = partial(mj.run_own, limit=limit, integrator=kind)
     for kind in pinocchio_engine.SOLVERS:
-        models[f"Pinocchio, {kind}"] = lambda t, h, T, n, kind=kind: pinocchio_engine.run(
-            t, h, T, n, restitution, kind
+        models[f"Pinocchio, {kind}"] = partial(
+            pinocchio_engine.run, restitution=restitution, solver=kind
         )
     if si:
-        models["Siconos"] = lambda t, h, T, n: si.run(t, h, T, n, restitution)
+        models["Siconos"] = partial(si.run, restitution=restitution)
     met = {
         name: impacts(run(smooth, fine, short, 1), smooth, name in RIGID)
         for name, run in models.items()
     }
-    out["model_first"] = first_impacts(met, 5)
+    out["model_first"] = first_impacts(met)
 
     say("five turns, ensembles")
     turns, count = (0.006, 2) if quick else (0.06, 8)
@@ -467,10 +443,10 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
             (1e-9, 5e-7, 5e-7),
             steps=False,
         ),
-        "jointplay, rk4": ladder(lambda t, h, T, n: run_jointplay(t, h, T, n, "rk4"), finest),
+        "jointplay, rk4": ladder(partial(run_jointplay, integrator="rk4"), finest),
     }
     if mj:
-        law["MuJoCo, same law"] = ladder(lambda t, h, T, n: mj.run_law(t, h, T, n), finest)
+        law["MuJoCo, same law"] = ladder(mj.run_law, finest)
     law |= {name: ladder(run, finest) for name, run in models.items() if name != "jointplay"}
     if dr:
         speed = touch_speed(run_jointplay(smooth, fine, 2e-4), smooth)
@@ -493,12 +469,10 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
 
     say("SCARA, same law")
     robot, step, long = scara(), 1e-5, 0.1 if quick else 0.5
-    pairs, apart, rows = [], {}, []
-    base = {
-        kind: run_jointplay(robot, step, long, 1, kind) for kind in ("semi-implicit-euler", "rk4")
-    }
-    rows.append((EULER, base["semi-implicit-euler"]))
-    rows.append(("jointplay, rk4", base["rk4"]))
+    pairs, grown, rows = [], {}, []
+    kinds = ("semi-implicit-euler", "rk4")
+    base = {kind: run_jointplay(robot, step, long, 1, kind) for kind in kinds}
+    rows += zip((EULER, "jointplay, rk4"), base.values(), strict=True)
     if mj:
         pairs.append(("MuJoCo, same law", mj.run_law(robot, step, long), "semi-implicit-euler"))
     if ex:
@@ -507,42 +481,38 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
         rows.append((name, trace))
         times = np.linspace(0.0, 0.99 * long, 400)
         gone = np.abs(offset(robot, trace.at(times)) - offset(robot, base[kind].at(times)))
-        apart[f"{name} against jointplay {kind}"] = times, gone.max(axis=1) / robot.clearance
+        grown[f"{name} against jointplay {kind}"] = times, gone.max(axis=1) / robot.clearance
     out["scara_long"] = long
-    out["scara_apart"] = {name: float(values.max()) for name, (_, values) in apart.items()}
-    out["scara"] = (
-        ["", "mean force [N]", "time in contact [%]", "CPU per step [µs]"],
+    out["scara_apart"] = {name: float(values.max()) for name, (_, values) in grown.items()}
+    out["scara"] = Table.of_texts(
         [
-            [
-                name,
-                f"{trace.force.mean():.6f}",
-                f"{100 * np.mean(trace.force > 0):.3f}",
-                f"{1e6 * trace.seconds / trace.steps:.1f}",
-            ]
-            for name, trace in rows
-        ],
+            ["", "mean force [N]", "time in contact [%]", "CPU per step [µs]"],
+            *(
+                [
+                    name,
+                    f"{trace.force.mean():.6f}",
+                    f"{100 * np.mean(trace.force > 0):.3f}",
+                    f"{1e6 * trace.seconds / trace.steps:.1f}",
+                ]
+                for name, trace in rows
+            ),
+        ]
     )
-    if apart:
-        draw_growth(apart, images / "scara.png")
+    if grown:
+        draw_growth(grown, images / "scara.png")
     return out
 
 
 def cost_table(out: dict) -> Table:
-    rows = []
+    heads = ["error 0.1 C_r", "0.01 C_r", "0.001 C_r", "its limit from jointplay's / C_r"]
+    rows = [["", "CPU per step of 1 µs [µs]", *heads]]
     for name, work in out["work"].items():
         row = [name, "" if np.isnan(work.per_step) else f"{1e6 * work.per_step:.2f}"]
         for wanted in WANTED:
             cost, label = work.cost(wanted)
             row.append("not reached" if np.isnan(cost) else f"{cost:.2f} ({label})")
         rows.append([*row, f"{work.apart:.1e}"])
-    return [
-        "",
-        "CPU per step of 1 µs [µs]",
-        "error 0.1 C_r",
-        "0.01 C_r",
-        "0.001 C_r",
-        "its limit from jointplay's / C_r",
-    ], rows
+    return Table.of_texts(rows)
 
 
 def costs_at(out: dict, wanted: float) -> dict[str, float]:
@@ -551,23 +521,17 @@ def costs_at(out: dict, wanted: float) -> dict[str, float]:
     return {name: cost for name, cost in costs.items() if np.isfinite(cost)}
 
 
-def ratio(out: dict, wanted: float) -> str:
-    """How much the cheapest peer costs, relative to the cheapest of jointplay's runs."""
-    costs = costs_at(out, wanted)
-    ours = min((name for name in costs if name in OWN), key=costs.__getitem__, default="")
-    peer = min((name for name in costs if name not in OWN), key=costs.__getitem__, default="")
-    if not ours or not peer:
-        return f"{ours or peer or 'none'} alone reaches it"
-    return f"{peer} costs {costs[peer] / costs[ours]:.1f} times as much as {ours}"
-
-
 def cheapest(out: dict, wanted: float) -> str:
-    """Which engine costs least at an error, in words."""
+    """How much the cheapest peer costs, relative to the cheapest of jointplay's runs, and all."""
     costs = costs_at(out, wanted)
-    if not costs:
-        return "no engine reaches it"
     order = sorted(costs, key=costs.__getitem__)
-    return ", ".join(f"{name} {costs[name]:.2f} s/s" for name in order)
+    ours = next((name for name in order if name in OWN), "")
+    peer = next((name for name in order if name not in OWN), "")
+    text = f"{ours or peer or 'none'} alone reaches it"
+    if ours and peer:
+        text = f"{peer} costs {costs[peer] / costs[ours]:.1f} times as much as {ours}"
+    every = ", ".join(f"{name} {costs[name]:.2f} s/s" for name in order) or "none"
+    return f"- At {wanted:g} C_r, {text}. Cheapest first: {every}."
 
 
 def better(out: dict) -> list[str]:
@@ -602,98 +566,65 @@ def better(out: dict) -> list[str]:
     return lines
 
 
-def page(engines: Engines, out: dict, images: str) -> str:
-    """docs/peers.md."""
+def page(engines: Engines, out: dict) -> str:
+    """docs/peers.md: its prose, with the numbers of this run."""
     here = ", ".join(f"{name} {text}" for name, text in versions().items())
-    lines = [
-        "# Other engines",
-        "",
-        f"Written by `python benchmarks peers`; do not edit. {machine()}; {here}; "
-        f"{engines.versions()}. Times are CPU times of the time loop alone. The engines take "
-        "turns where costs are compared, but other work on the machine does not slow them "
-        "equally: on a busy one compiled code (jointplay, Exudyn, MuJoCo's own limit) has cost 1.7 "
-        "times as much, with unchanged ratios, and Python code, such as the scheme around "
-        "Pinocchio's solvers, 2 to 4 times as much.",
-        "",
-    ]
-    lines += [
-        f"**Left out: {name}** ({reason})." for name, reason in engines.reasons.items() if reason
-    ]
-    lines += ["", *TEXT["setup"]]
-    lines += ["", "## Free flight", "", *TEXT["free"], "", markdown(out["free"])]
-    if "torques" in out:
-        lines += [
-            "",
-            "MuJoCo's inverse dynamics of the ideal SCARA along the motion and the feed-forward "
-            f"torques that jointplay's drive uses differ by at most {out['torques']:.1e} N m.",
-        ]
-    lines += ["", "## The same contact law: slider-crank", "", *TEXT["law"], ""]
-    lines += [markdown(out["first"]), ""]
-    for (name, base), apart in out["first_apart"].items():
-        (when, how), (later, worse) = apart[0], np.max(apart, axis=0)
-        lines.append(
-            f"- {name}, against {base}: first touch within "
-            f"{1e6 * when:.1e} µs, its impulse within {100 * how:.1e} %; all {len(apart)} contacts "
-            f"of this millisecond, taken in order, within {1e6 * later:.1e} µs and "
-            f"{100 * worse:.1e} %."
-        )
-    if "elastic" in out:
-        (when, how), *_ = out["elastic"]
-        later = max(how for _, how in out["elastic"])
-        lines += [
-            "- Exudyn again with restitution 1 and no friction, where both laws are purely "
-            f"Hertz's: first touch within {1e6 * when:.1e} µs, its impulse within {100 * how:.1e} "
-            f"%, all {len(out['elastic'])} impulses within {100 * later:.1e} %.",
-        ]
-    lines += ["", "## The same contact law: SCARA", "", *TEXT["scara"], "", markdown(out["scara"])]
-    lines += [
-        "",
-        f"Over {out['scara_long']:g} s the journal's centre differs by at most:",
-        "",
-        *(f"- {name}: {worst:.1e} C_r" for name, worst in out["scara_apart"].items()),
-    ]
-    if out["scara_apart"]:
-        lines += ["", f"![Growth of the difference on the SCARA]({images}/scara.png)"]
     duration, stiffness, damping = out["limit"]
-    lines += ["", "## Contact models", "", *TEXT["models"], ""]
-    lines += [
-        f"All without friction; restitution {out['restitution']:.4f}, which is what "
-        "Lankarani-Nikravesh delivers for c_e = 0.9."
-    ]
+    written = {
+        "machine": [f"{machine()}; {here}; {engines.versions()}."],
+        "free": [out["free"].markdown()],
+        "law": [out["first"].markdown(), ""],
+        "scara": [
+            out["scara"].markdown(),
+            f"\nOver {out['scara_long']:g} s the journal's centre differs by at most:\n",
+            *(f"- {name}: {worst:.1e} C_r" for name, worst in out["scara_apart"].items()),
+        ],
+        "restitution": [
+            f"All without friction; restitution {out['restitution']:.4f}, which is what "
+            "Lankarani-Nikravesh delivers for c_e = 0.9."
+        ],
+        "models": [out["model_first"].markdown()],
+        "turns": [
+            "Five turns at a step of 1 µs, mean ± standard deviation over "
+            f"{out['members']} starts displaced by up to 0.4 C_r:\n",
+            out["stats"].markdown(),
+        ],
+        "cost": [cost_table(out).markdown()],
+        "cheapest": [cheapest(out, wanted) for wanted in WANTED],
+        "better": better(out),
+    }
+    for name, reason in engines.reasons.items():
+        written["machine"] += [f"**Left out: {name}** ({reason})."] if reason else []
+    if "torques" in out:
+        written["free"].append(
+            "\nMuJoCo's inverse dynamics of the ideal SCARA along the motion and the feed-forward "
+            f"torques that jointplay's drive uses differ by at most {out['torques']:.1e} N m."
+        )
+    for name, gone in out["first_apart"].items():
+        (when, how), (later, worse) = gone[0], gone.max(axis=0)
+        written["law"].append(
+            f"- {name}: first touch within {1e6 * when:.1e} µs, its impulse within "
+            f"{100 * how:.1e} %; all {len(gone)} contacts of this millisecond, taken in order, "
+            f"within {1e6 * later:.1e} µs and {100 * worse:.1e} %."
+        )
     if engines.mujoco:
-        lines += [
+        written["restitution"].append(
             f"MuJoCo's limit has solref = (-{stiffness:.4g}, -{damping:.4g}): an impact of "
-            f"{1e6 * duration:.1f} µs, the duration of jointplay's first, with that restitution.",
-        ]
-    lines += ["", "The first contacts at a step of 0.1 µs:", "", markdown(out["model_first"]), ""]
-    lines += [
-        "Five turns at a step of 1 µs, "
-        f"mean ± standard deviation over {out['members']} starts displaced by up to 0.4 C_r:",
-        "",
-        markdown(out["stats"]),
-        "",
-        f"![Journal orbits in the first turn]({images}/orbits.png)",
-    ]
-    lines += ["", "## Cost at equal error", "", *TEXT["cost"], "", markdown(cost_table(out)), ""]
-    lines += [f"![Error and cost]({images}/work.png)", ""]
-    lines += [
-        f"- At {wanted:g} C_r, {ratio(out, wanted)}. Cheapest first: {cheapest(out, wanted)}."
-        for wanted in WANTED
-    ]
-    lines += ["", "## Drake's error-controlled integrator", "", *TEXT["cenic"]]
-    lines += ["", "## Where a peer is as good or better", "", *better(out), *TEXT["better"], ""]
-    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
+            f"{1e6 * duration:.1f} µs, the duration of jointplay's first, with that restitution."
+        )
+    text = PAGE.read_text(encoding="utf-8")
+    for name, lines in written.items():
+        mark = f"<!-- {name}: written by python benchmarks peers -->\n\n"
+        before, after = text.split(mark)
+        rest = after[after.index("<!-- end -->") :]
+        text = before + mark + "\n".join(lines) + "\n\n" + rest
+    return text
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        help="folder of peers.md and images/ (docs; --quick: results/benchmarks)",
-    )
+    parser = argparse.ArgumentParser(description=__doc__)
+    where = "folder of peers.md and images/ (docs; --quick: results/benchmarks)"
+    parser.add_argument("--out", type=Path, help=where)
     parser.add_argument("--quick", action="store_true", help="shorter, coarser")
     parser.add_argument("--without", nargs="*", choices=ENGINES, default=[], help="leave out")
     options = parser.parse_args(arguments)
@@ -704,7 +635,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{name}: skipped ({reason})", file=sys.stderr)
     folder = folder_of(options, "peers", DOCS)
     out = compare(engines, options.quick, folder / "images" / "peers")
-    text = page(engines, out, "images/peers")
+    text = page(engines, out)
     (folder / "peers.md").write_text(text, encoding="utf-8")
     print(text)
     return 0

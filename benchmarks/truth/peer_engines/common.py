@@ -9,21 +9,22 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
 from dataclasses import dataclass
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
 import jointplay as jp
+from jointplay.base.files import temporary
 from jointplay.physics.joints import VIRTUAL_LINK
 
 ARMATURE = 1e8
 """Inertia that keeps a crank turning at constant speed where an engine cannot prescribe motion."""
-
-
 MODULES = {"drake": "pydrake"}
 """Of engines that are not imported by their name."""
 
@@ -46,7 +47,6 @@ class Link:
 
     @property
     def tensor(self) -> np.ndarray:
-        """Inertia tensor, shape (3, 3)."""
         xx, yy, zz, xy, xz, yz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
@@ -59,27 +59,20 @@ def read_links(text: str, clearance: str = "") -> list[Link]:
     robot = ElementTree.fromstring(text)
     bodies = {link.get("name"): link.find("inertial") for link in robot.iter("link")}
     found: list[Link] = []
-    at = {joint.find("parent").get("link") for joint in robot.iter("joint")}
-    index = {name: -1 for name in at - {j.find("child").get("link") for j in robot.iter("joint")}}
-    for joint in robot.iter("joint"):
-        parent, child = joint.find("parent").get("link"), joint.find("child").get("link")
+    joints = [(j, j.find("parent").get("link"), j.find("child").get("link"))
+              for j in robot.iter("joint")]  # fmt: skip
+    index = {name: -1 for name in {p for _, p, _ in joints} - {c for _, _, c in joints}}
+    for joint, parent, child in joints:
         if joint.get("type") == "fixed":
             continue
         origin = joint.find("origin")
         assert origin is None or origin.get("rpy") in (None, "0 0 0"), "rotated frames"
-        offset = _numbers(origin.get("xyz")) if origin is not None else (0.0, 0.0, 0.0)
-        own = {}
-        inertial = bodies[child]
-        if inertial is not None:
-            at = inertial.find("origin")
+        offset, own = _place(origin), {}
+        if (inertial := bodies[child]) is not None:
             tensor = inertial.find("inertia")
-            own = {
-                "mass": float(inertial.find("mass").get("value")),
-                "com": _numbers(at.get("xyz")) if at is not None else (0.0, 0.0, 0.0),
-                "inertia": tuple(
-                    float(tensor.get("i" + part)) for part in ("xx", "yy", "zz", "xy", "xz", "yz")
-                ),
-            }
+            parts = [float(tensor.get(f"i{part}")) for part in ("xx", "yy", "zz", "xy", "xz", "yz")]
+            mass = float(inertial.find("mass").get("value"))
+            own = {"mass": mass, "com": _place(inertial.find("origin")), "inertia": tuple(parts)}
         name, before = joint.get("name"), index[parent]
         if name == clearance:
             axes = np.vstack([np.eye(3), np.eye(3)[::-1]])
@@ -88,17 +81,14 @@ def read_links(text: str, clearance: str = "") -> list[Link]:
                 found.append(Link(f"{name}.{part}", before, k < 3, tuple(axis), offset, **last))
                 before, offset = len(found) - 1, (0.0, 0.0, 0.0)
         else:
-            slides = joint.get("type") == "prismatic"
-            found.append(
-                Link(name, before, slides, _numbers(joint.find("axis").get("xyz")), offset, **own)
-            )
+            slides, axis = joint.get("type") == "prismatic", _place(joint.find("axis"))
+            found.append(Link(name, before, slides, axis, offset, **own))
         index[child] = len(found) - 1
     return found
 
 
-def _numbers(text: str) -> tuple[float, float, float]:
-    x, y, z = (float(word) for word in text.split())
-    return x, y, z
+def _place(element: ElementTree.Element | None) -> tuple[float, ...]:
+    return tuple(map(float, ("0 0 0" if element is None else element.get("xyz")).split()))
 
 
 @dataclass(frozen=True)
@@ -127,12 +117,10 @@ class Problem:
 
     @property
     def clearance(self) -> float:
-        """C_r [m]."""
         return float(self.sizes[0] - self.sizes[1])
 
     @property
     def driven(self) -> bool:
-        """Whether drives have torques or gains."""
         table, _, kp, kd = self.drive
         torques = table[:, 2 * (table.shape[1] // 3) :]
         return bool(torques.any() or kp.any() or kd.any())
@@ -144,14 +132,11 @@ class Problem:
         return dataclasses.replace(self, links=tuple(links))
 
     def with_onset_speed(self) -> Problem:
-        """The same with Exudyn's rule for d'_0."""
         return dataclasses.replace(self, law=np.array([*self.law[:5], 1.0, np.inf]))
 
     def with_start(self, q: np.ndarray, v: np.ndarray | None = None) -> Problem:
-        """The same from another state."""
-        return dataclasses.replace(
-            self, start=np.array([q, self.start[1] if v is None else v], float)
-        )
+        start = np.array([q, self.start[1] if v is None else v], float)
+        return dataclasses.replace(self, start=start)
 
 
 def problem(simulation: jp.Simulation) -> Problem:
@@ -201,37 +186,29 @@ def slider_crank(
         ramp: sliding speed at which it is reached [m/s].
         joint: other fields of the joint.
     """
-    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation(
-        "0.2 mm", {"integration": {"start": "centred"}}
-    )
-    old = shipped.mechanism
+    shipped = _shipped("slider_crank")
     fields = {
-        "radial_clearance": clearance,
-        "restitution": 0.9,
-        "bearing_radius": 0.01,
-        "bearing_length": 0.02,
-        "friction": jp.contact.Coulomb(mu, ramp),
-    } | joint
-    mechanism = jp.Mechanism(
-        jp.shipped("slider_crank.urdf"),
-        {"piston_pin": jp.RevoluteClearance.planar(**fields)},
-        loops=old.loops,
-        gravity=(0.0, 0.0, 0.0),
-    )
+        **{"radial_clearance": clearance, "restitution": 0.9, "bearing_radius": 0.01},
+        **{"bearing_length": 0.02, "friction": jp.contact.Coulomb(mu, ramp)},
+        **joint,
+    }
+    play, loops = {"piston_pin": jp.RevoluteClearance.planar(**fields)}, shipped.mechanism.loops
+    mechanism = jp.Mechanism(jp.shipped("slider_crank.urdf"), play, loops=loops, gravity=(0, 0, 0))
     return problem(dataclasses.replace(shipped, mechanism=mechanism))
 
 
 def scara(clearance: float = 0.2e-3, **options: object) -> Problem:
     """The shipped SCARA, weight balanced, C_r = C_a = `clearance`; `options` of the simulation."""
-    shipped = jp.Scenario.load(jp.shipped("scara.toml")).simulation(
-        "0.2 mm", {"integration": {"start": "centred"}}
-    )
-    joint = dataclasses.replace(
-        jp.RevoluteClearance(radial_clearance=clearance, axial_clearance=clearance),
-        friction=jp.contact.Ambrosio(0.1),
+    joint = jp.RevoluteClearance(
+        radial_clearance=clearance, axial_clearance=clearance, friction=jp.contact.Ambrosio(0.1)
     )
     mechanism = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint}, gravity=(0, 0, 0))
-    return problem(dataclasses.replace(shipped, mechanism=mechanism, **options))
+    return problem(dataclasses.replace(_shipped("scara"), mechanism=mechanism, **options))
+
+
+def _shipped(name: str) -> jp.Simulation:
+    scenario = jp.Scenario.load(jp.shipped(f"{name}.toml"))
+    return scenario.simulation("0.2 mm", {"integration": {"start": "centred"}})
 
 
 def undriven(task: Problem) -> Problem:
@@ -245,14 +222,27 @@ def undriven(task: Problem) -> Problem:
 def siconos_python() -> str:
     """The Python that can import Siconos, or an empty string."""
     candidates = [os.environ.get("JOINTPLAY_SICONOS_PYTHON", ""), "/usr/bin/python3"]
-    for candidate in filter(None, candidates):
-        if shutil.which(candidate):
-            answer = subprocess.run(
-                [candidate, "-c", "import siconos.kernel"], capture_output=True, check=False
-            )
-            if answer.returncode == 0:
-                return candidate
+    for candidate in filter(shutil.which, filter(None, candidates)):
+        command = [candidate, "-c", "import siconos.kernel"]
+        if subprocess.run(command, capture_output=True, check=False).returncode == 0:
+            return candidate
     return ""
+
+
+def elsewhere(python: str, script: str, given: dict) -> dict[str, np.ndarray]:
+    """What a script saves as arrays, run by another Python, its input on standard input as JSON."""
+    with temporary("engine") as folder:
+        out = Path(folder) / "arrays.npz"
+        subprocess.run(
+            [python, script, str(out)],
+            input=json.dumps(given),
+            text=True,
+            check=True,
+            stdout=subprocess.DEVNULL,
+            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        )
+        with np.load(out) as found:
+            return dict(found)
 
 
 def missing(engine: str) -> str:

@@ -90,18 +90,9 @@ def spatial_wrench(c, turn, u, w, sizes, law, memory, commit, out):
     out[:] = 0.0
     for k in range(4):
         gap, rx, ry, rz, nx, ny, nz = touch_cylinder(
-            k,
-            c[0],
-            c[1],
-            c[2],
-            turn[0, 2],
-            turn[1, 2],
-            turn[2, 2],
-            sizes[0],
-            sizes[1],
-            sizes[2],
-            sizes[3],
-        )
+            k, c[0], c[1], c[2], turn[0, 2], turn[1, 2], turn[2, 2],
+            sizes[0], sizes[1], sizes[2], sizes[3],
+        )  # fmt: skip
         if gap >= 0.0:
             if commit:
                 memory[k] = 0.0

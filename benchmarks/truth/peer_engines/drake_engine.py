@@ -12,12 +12,9 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import subprocess
 import sys
 import time
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 
@@ -46,17 +43,11 @@ def wall_stiffness(stiffness: float, clearance: float) -> float:
 def run(task, duration: float, speed: float, *, accuracy: float = 0.0, step: float = 0.0):
     """A planar `common.Problem` without friction; returns a `trace.Trace` without forces.
 
-    Args:
-        task: the problem.
-        duration: [s].
-        speed: of the impact whose damping is that of the other engines [m/s].
-        accuracy: CENIC's, of a step: largest error of a coordinate [rad or m].
-        step: constant, instead of it [s].
+    `speed` is that of the impact whose damping is that of the other engines [m/s]; `accuracy` is
+    CENIC's, of a step: largest error of a coordinate [rad or m]; a `step` is constant instead [s].
     """
-    from truth.peer_engines.common import ARMATURE
+    from truth.peer_engines.common import ARMATURE, elsewhere
     from truth.peer_engines.trace import Trace
-
-    from jointplay.base.files import temporary
 
     given = {
         "links": [
@@ -74,26 +65,10 @@ def run(task, duration: float, speed: float, *, accuracy: float = 0.0, step: flo
         "accuracy": accuracy,
         "step": step,
     }
-    with temporary("drake") as folder:
-        out = Path(folder) / "trace.npz"
-        subprocess.run(
-            [sys.executable, __file__, str(out)],
-            input=json.dumps(given),
-            text=True,
-            check=True,
-            stdout=subprocess.DEVNULL,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        )
-        with np.load(out) as found:
-            force = np.full(len(found["time"]), np.nan)
-            return Trace(
-                found["time"],
-                found["q"],
-                found["v"],
-                force,
-                float(found["seconds"]),
-                int(found["steps"]),
-            )
+    found = elsewhere(sys.executable, __file__, given)
+    none = np.full(len(found["time"]), np.nan)
+    spent, steps = float(found["seconds"]), int(found["steps"])
+    return Trace(found["time"], found["q"], found["v"], none, spent, steps)
 
 
 def _diagram(given: dict):
@@ -160,10 +135,8 @@ def _simulate(given: dict, path: str) -> None:
     plant.SetVelocities(own, v)
     ResetIntegratorFromFlags(simulator, "cenic", given["step"] or 1e-4)
     integrator = simulator.get_mutable_integrator()
-    if given["step"]:
-        integrator.set_fixed_step_mode(True)
-    else:
-        integrator.set_fixed_step_mode(False)
+    integrator.set_fixed_step_mode(bool(given["step"]))
+    if not given["step"]:
         integrator.set_target_accuracy(given["accuracy"])
         integrator.request_initial_step_size_target(FIRST_STEP_S)
     parameters = integrator.get_solver_parameters()

@@ -32,13 +32,8 @@ def _tree(mbs, task: Problem, force=0):
             numberOfODE2Coordinates=len(links),
         )
     )
-    kinds = [
-        getattr(
-            exu.JointType,
-            ("Prismatic" if link.slides else "Revolute") + "XYZ"[int(np.argmax(link.axis))],
-        )
-        for link in links
-    ]
+    words = (("Prismatic" if link.slides else "Revolute", np.argmax(link.axis)) for link in links)
+    kinds = [getattr(exu.JointType, word + "XYZ"[int(axis)]) for word, axis in words]
     inertias = [link.tensor for link in links]
     if task.prescribed >= 0:
         inertias[task.prescribed] = inertias[task.prescribed] + np.diag([0.0, 0.0, ARMATURE])
@@ -76,11 +71,21 @@ def _solve(mbs, step: float, duration: float, every: int, method: str) -> float:
     return time.process_time() - spent
 
 
-def _sensor(mbs, node, kind: str):
-    variable = getattr(exu.OutputVariableType, kind)
-    return mbs.AddSensor(
-        items.SensorNode(nodeNumber=node, outputVariableType=variable, storeInternal=True)
-    )
+def _trace(mbs, node, step: float, duration: float, every: int, method: str, contact=None) -> Trace:
+    """What the mechanism at a node does, and the force of a contact of its own."""
+    kind = exu.OutputVariableType
+    sensors = [
+        mbs.AddSensor(items.SensorNode(nodeNumber=node, outputVariableType=one, storeInternal=True))
+        for one in (kind.Coordinates, kind.Coordinates_t)
+    ]
+    if contact is not None:
+        sensor = {"outputVariableType": kind.Force, "storeInternal": True}
+        sensors.append(mbs.AddSensor(items.SensorObject(objectNumber=contact, **sensor)))
+    mbs.Assemble()
+    spent = _solve(mbs, step, duration, every, method)
+    q, v, *forces = (mbs.GetSensorStoredData(sensor) for sensor in sensors)
+    force = np.linalg.norm(forces[0][:, 1:], axis=1) if forces else np.zeros(len(q))
+    return Trace(q[:, 0], q[:, 1:], v[:, 1:], force, spent, round(duration / step))
 
 
 def _system():
@@ -93,12 +98,7 @@ def run_free(
 ) -> Trace:
     """Nothing but inertia."""
     _, mbs = _system()
-    node, _ = _tree(mbs, task)
-    sensors = [_sensor(mbs, node, kind) for kind in ("Coordinates", "Coordinates_t")]
-    mbs.Assemble()
-    spent = _solve(mbs, step, duration, every, method)
-    q, v = (mbs.GetSensorStoredData(sensor) for sensor in sensors)
-    return Trace(q[:, 0], q[:, 1:], v[:, 1:], np.zeros(len(q)), spent, round(duration / step))
+    return _trace(mbs, _tree(mbs, task)[0], step, duration, every, method)
 
 
 def run_own(
@@ -136,21 +136,7 @@ def run_own(
             restitutionCoefficient=1.0 - hysteresis / 1.5,  # its factor is 3/2 (1 - e)
         )
     )
-    sensors = [_sensor(mbs, node, kind) for kind in ("Coordinates", "Coordinates_t")]
-    sensors.append(
-        mbs.AddSensor(
-            items.SensorObject(
-                objectNumber=contact,
-                outputVariableType=exu.OutputVariableType.Force,
-                storeInternal=True,
-            )
-        )
-    )
-    mbs.Assemble()
-    spent = _solve(mbs, step, duration, every, method)
-    q, v, f = (mbs.GetSensorStoredData(sensor) for sensor in sensors)
-    force = np.linalg.norm(f[:, 1:], axis=1)
-    return Trace(q[:, 0], q[:, 1:], v[:, 1:], force, spent, round(duration / step))
+    return _trace(mbs, node, step, duration, every, method, contact)
 
 
 def run_law(
@@ -183,17 +169,8 @@ def run_law(
         )
         axes = np.array([[0.0, 0.0, 1.0], [-sy, cy, 0.0], [cy * cp, sy * cp, -sp]])
         commit, fresh[0] = fresh[0], False
-        spatial_wrench(
-            q[first : first + 3],
-            turn,
-            v[first : first + 3],
-            v[first + 3 : first + 6] @ axes,
-            task.sizes,
-            task.law,
-            memory,
-            commit,
-            wrench,
-        )
+        c, u, w = q[first : first + 3], v[first : first + 3], v[first + 3 : first + 6] @ axes
+        spatial_wrench(c, turn, u, w, task.sizes, task.law, memory, commit, wrench)
         tau[first : first + 3] += wrench[:3]
         tau[first + 3 : first + 6] += axes @ wrench[3:]
         if commit:

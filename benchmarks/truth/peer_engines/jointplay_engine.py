@@ -14,23 +14,12 @@ from jointplay.simulation.run import Run
 
 
 def run_jointplay(
-    task: Problem,
-    step: float,
-    duration: float,
-    every: int = 1,
-    integrator: str = DEFAULT,
+    task: Problem, step: float, duration: float, every: int = 1, integrator: str = DEFAULT,
     **options: object,
-) -> Trace:
+) -> Trace:  # fmt: skip
     """Simulate `duration` seconds, a record every `every` steps; `options` of the simulation."""
-    simulation = dataclasses.replace(
-        task.simulation,
-        step=step,
-        duration=duration,
-        record_every=every,
-        integrator=integrator,
-        **options,
-    )
-    run = Run(simulation)
+    options |= {"step": step, "duration": duration, "record_every": every, "integrator": integrator}
+    run = Run(dataclasses.replace(task.simulation, **options))
     run.workspace.q[:], run.workspace.v[:] = task.start
     if not task.driven and task.prescribed < 0:
         run.workspace.reference[:] = 0.0
@@ -42,11 +31,5 @@ def run_jointplay(
         raise RuntimeError(run.message(status))
     recorded = run.workspace.recorded
     force = np.linalg.norm(recorded("force"), axis=(1, 2))
-    return Trace(
-        recorded("time").copy(),
-        recorded("q").copy(),
-        recorded("v").copy(),
-        force,
-        spent,
-        run.total_steps,
-    )
+    time_, q, v = (recorded(name).copy() for name in ("time", "q", "v"))
+    return Trace(time_, q, v, force, spent, run.total_steps)

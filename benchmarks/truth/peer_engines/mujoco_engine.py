@@ -12,6 +12,7 @@ import time
 
 import mujoco
 import numpy as np
+from scipy.optimize import brentq
 from truth.peer_engines.common import ARMATURE, Problem
 from truth.peer_engines.contact import drive_effort, world_wrench
 from truth.peer_engines.trace import Trace
@@ -92,12 +93,9 @@ def matched_limit(duration: float, restitution: float) -> tuple[float, float]:
         bent = math.sqrt(1.0 - zeta * zeta)
         return 2.0 * phi * zeta / bent, 2.0 * phi / bent
 
-    low, high = 0.0, 0.999
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if released(middle)[0] < target else (low, middle)
-    frequency = released(low)[1] / duration
-    return frequency**2, 2.0 * low * frequency
+    zeta = brentq(lambda zeta: released(zeta)[0] - target, 0.0, 0.999, xtol=1e-15)
+    frequency = released(zeta)[1] / duration
+    return frequency**2, 2.0 * zeta * frequency
 
 
 def _start(task: Problem, step: float, **options: object):

@@ -78,11 +78,7 @@ def run(
     q, v = (np.array(part) for part in task.start)
     steps = round(duration / step)
     count = steps // every
-    qs, vs, force = (
-        np.zeros((count + 1, len(q))),
-        np.zeros((count + 1, len(q))),
-        np.zeros(count + 1),
-    )
+    (qs, vs), force = np.zeros((2, count + 1, len(q))), np.zeros(count + 1)
     qs[0], vs[0] = q, v
     matrix, rows = np.empty((3, 3)), np.empty((3, 3))
     impulse = 0.0

@@ -15,18 +15,16 @@ bore's curvature, and a lasting contact does not drift in first order.
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 
 
 def run(task, step: float, duration: float, every: int, restitution: float):
     """Simulate a planar `common.Problem`; returns a `trace.Trace`, force = impulse / step."""
-    from truth.peer_engines.common import ARMATURE, siconos_python
+    from truth.peer_engines.common import ARMATURE, elsewhere, siconos_python
     from truth.peer_engines.trace import Trace
 
     _, rod, slider = task.links
@@ -45,36 +43,21 @@ def run(task, step: float, duration: float, every: int, restitution: float):
         "steps": round(duration / step),
         "every": every,
     }
-    from jointplay.base.files import temporary
-
-    with temporary("siconos") as folder:
-        out = Path(folder) / "trace.npz"
-        subprocess.run(
-            [siconos_python(), __file__, str(out)],
-            input=json.dumps(given),
-            text=True,
-            check=True,
-            stdout=subprocess.DEVNULL,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        )
-        with np.load(out) as found:
-            q, v = found["q"], found["v"]
-            for part in (q, v):
-                part[:, 1] -= part[:, 0]
-            return Trace(
-                found["time"], q, v, found["force"], float(found["seconds"]), given["steps"]
-            )
+    found = elsewhere(siconos_python(), __file__, given)
+    q, v = found["q"], found["v"]
+    for part in (q, v):
+        part[:, 1] -= part[:, 0]
+    return Trace(found["time"], q, v, found["force"], float(found["seconds"]), given["steps"])
 
 
-def version() -> str:
-    """Siconos's version as Debian knows it."""
-    answer = subprocess.run(
-        ["dpkg-query", "-W", "-f=${Version}", "python3-siconos"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def _version() -> str:
+    command = ["dpkg-query", "-W", "-f=${Version}", "python3-siconos"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
     return answer.stdout.strip() or "of unknown version"
+
+
+VERSION = _version()
+"""As Debian knows it."""
 
 
 def _simulate(given: dict, out: str) -> None:

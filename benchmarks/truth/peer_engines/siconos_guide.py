@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -34,21 +31,10 @@ RESTITUTION, FRICTION = 0.4, 0.01
 
 def run(step: float, duration: float, interval: float) -> np.ndarray:
     """Simulate; see `record` for the columns."""
-    from truth.peer_engines.common import siconos_python
+    from truth.peer_engines.common import elsewhere, siconos_python
 
-    from jointplay.base.files import temporary
-
-    with temporary("siconos") as folder:
-        out = Path(folder) / "rows.npy"
-        subprocess.run(
-            [siconos_python(), __file__, str(out)],
-            input=json.dumps({"step": step, "duration": duration, "interval": interval}),
-            text=True,
-            check=True,
-            stdout=subprocess.DEVNULL,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        )
-        return np.load(out)
+    given = {"step": step, "duration": duration, "interval": interval}
+    return elsewhere(siconos_python(), __file__, given)["rows"]
 
 
 INNER = INERTIAS[0] + (MASSES[0] / 4 + MASSES[1] + MASSES[2]) * CRANK**2
@@ -144,7 +130,7 @@ def _simulate(given: dict, out: str) -> None:
                 corner.linearise(ahead)
             simulation.computeOneStep()
             simulation.nextStep()
-    np.save(out, rows)
+    np.savez(out, rows=rows)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ joints to each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -25,8 +25,7 @@ FELT = 1e-9
 """Motion of the tool per motion of a coordinate that is none [1 or m]."""
 
 
-@dataclass(frozen=True)
-class Jacobians:
+class Jacobians(NamedTuple):
     """What j joints do to the tool at n poses; a displacement is one of the child's body.
 
     Of a joint about its centre, in the axes of its bearing, z the joint's own; without clearance
@@ -53,15 +52,7 @@ def jacobians(
     driven: Sequence[str] | None = None,
     relative_to: str | None = None,
 ) -> Jacobians:
-    """Jacobians of joints at configurations q (n, nq).
-
-    Args:
-        mechanism: with these joints.
-        q: journals centred, loops closed.
-        joints: names.
-        force: on the tool, world axes, (3,) [N].
-        driven: joints of loops that stand; see `budget`.
-        relative_to: body from which the tool is seen; None: the world.
+    """Jacobians at configurations q (n, nq), journals centred and loops closed; see `budget`.
 
     Raises:
         JointplayError: a pose at which the driven joints do not determine the tool.
@@ -74,11 +65,8 @@ def jacobians(
         pin.computeJointJacobians(mechanism.model, mechanism.data, row)
         tool = tool_place(mechanism, row)
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
-        places = {
-            j: place(mechanism, name)
-            for j, name in enumerate(joints)
-            if name not in mechanism.loops
-        }
+        in_tree = [(j, name) for j, name in enumerate(joints) if name not in mechanism.loops]
+        places = {j: place(mechanism, name) for j, name in in_tree}
         for j, at in places.items():
             moves[j, i], loads[j, i] = _of_joint(mechanism, at, tool, force, relative_to)
         moving = [j for j in sorted(places, key=lambda j: places[j][0]) if moves[j, i].any()]
@@ -127,11 +115,9 @@ def configurations(
     poses: np.ndarray | Mapping[str, float],
     driven: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Configurations, shape (n, nq): journals centred, loops closed.
+    """Configurations (n, nq), journals centred, loops closed: from positions by name, or others.
 
-    Args:
-        poses: joint positions by name, the rest zero; or configurations (n, nq).
-        driven: see `budget`; positions of other joints of a loop say from where it is closed.
+    Positions of joints of a loop that are not `driven` say from where it is closed.
 
     Raises:
         JointplayError: a wrong shape; a loop that cannot be closed.
@@ -164,11 +150,7 @@ def _follow(
     moves: np.ndarray,
     loads: np.ndarray,
 ) -> np.ndarray:
-    """Add what follows through the loops to Jacobians and loads (j, n, ...) at a pose of q (n, nq).
-
-    Returns:
-        The joints' ties there, (j, r, 6).
-    """
+    """Add what follows through the loops at a pose to (j, n, ...); the ties there, (j, r, 6)."""
     mechanism, passive = closing.mechanism, closing.passive
     model, data = mechanism.model, mechanism.data
     closing_up = closing.linear(q[pose])
@@ -178,17 +160,12 @@ def _follow(
     tool = tool.reshape(6, model.nv)
     if np.abs(tool[:, passive] @ closing_up.loose).max(initial=0.0) > FELT:
         sizes = np.abs(closing_up.loose).max(axis=1, initial=0.0)
-        names = ", ".join(
-            dict.fromkeys(
-                repr(mechanism.coordinates[i].joint)
-                for i, size in zip(passive, sizes, strict=True)
-                if size > FELT
-            )
-        )
+        loose = [i for i, size in zip(passive, sizes, strict=True) if size > FELT]
+        names = dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in loose)
         raise JointplayError(
             f"the driven joints ({', '.join(map(repr, closing.driven)) or 'none'}) do not "
             f"determine the tool {mechanism.tool!r} at {closing.stands(q[pose], pose, len(q))}: "
-            f"nothing determines {names} (a singular position, or too few driven joints)"
+            f"nothing determines {', '.join(names)} (a singular position, or too few driven joints)"
         )
     weight = tool[:3].T @ push - pin.computeGeneralizedGravity(model, data, q[pose])
     pin.computeJointJacobians(model, data, q[pose])
@@ -280,34 +257,27 @@ def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
 def displaced(
     closing: ClosedLoops, q: np.ndarray, aside: Mapping[str, np.ndarray]
 ) -> pin.SE3 | None:
-    """Where the tool is, exactly, with journals displaced; None if the loops cannot be closed.
+    """Where the tool is, exactly, with journals displaced from a closed configuration q (nq,).
 
-    Args:
-        q: a closed configuration, journals centred, shape (nq,).
-        aside: displacement and rotation vector of the child's body in bearing axes, by source of
-            play, shape (6,) [m, rad].
+    None if the loops cannot be closed. `aside` are displacement and rotation vector of the child's
+    body in bearing axes, by source of play, (6,) [m, rad].
     """
     mechanism = closing.mechanism
-    at_loops = {
-        name: pin.SE3(pin.exp3(xi[3:]), xi[:3])
-        for name, xi in aside.items()
-        if name in mechanism.loops
-    }
-    own = {name: xi for name, xi in aside.items() if name not in at_loops}
+    own, looped = dict[str, np.ndarray](), {}
+    for name, xi in aside.items():
+        if name in mechanism.loops:
+            looped[name] = pin.SE3(pin.exp3(xi[3:]), xi[:3])
+        else:
+            own[name] = xi
     moved = displaced_configuration(mechanism, q, own)
-    closed = closing.close(moved, at_loops, exactly=False)
+    closed = closing.close(moved, looped, exactly=False)
     return None if closed is None else tool_place(mechanism, closed)
 
 
 def displaced_configuration(
     mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """The configuration with journals of the tree and teeth displaced, shape (nq,).
-
-    Args:
-        q: journals centred, shape (nq,).
-        aside: see `displaced`; no joint that closes a loop.
-    """
+    """The configuration with journals of the tree and teeth `displaced`, (nq,)."""
     moved = q.copy()
     gears = {name + GEAR: name for name in mechanism.gears}
     for name, xi in aside.items():
@@ -333,18 +303,15 @@ def _push(
     arm = seat.rotation.T @ (data.oMi[index].translation - axes.translation)
     turn = pin.exp3(turned @ xi[3:])
     shift = turned @ xi[:3] + turn @ arm - arm
-    at = {
-        part: mechanism.coordinates.index(Coordinate(name, part))
-        for part in mechanism.clearance[name].freedoms
-    }
+    freedoms = mechanism.clearance[name].freedoms
+    at = {part: mechanism.coordinates.index(Coordinate(name, part)) for part in freedoms}
     for part, value in zip("xyz", shift, strict=True):
         if part in at:
             moved[at[part]] += value
     parts = ("roll", "pitch", "yaw")
     angles = [q[at[part]] if part in at else 0.0 for part in parts]
-    for part, value in zip(
-        parts, pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles)), strict=True
-    ):
+    turned_to = pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles))
+    for part, value in zip(parts, turned_to, strict=True):
         if part in at:
             # The same turn, not one more.
             moved[at[part]] = value + 2.0 * np.pi * round((q[at[part]] - value) / (2.0 * np.pi))

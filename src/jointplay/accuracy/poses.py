@@ -33,13 +33,10 @@ def at_pose(
     driven: Sequence[str] | None = None,
     near: Mapping[str, float] | None = None,
 ) -> np.ndarray:
-    """The configuration with the given joint positions, (1, nq); the rest where `middle` says.
+    """The configuration with the given joint positions [rad or m], (1, nq); else `middle`.
 
-    Args:
-        positions: by joint [rad or m].
-        driven: with loops: joints that stand where `positions` say; see `budget`.
-        near: with loops: positions at which they are closed first, by joint, and from which the
-            driven joints go on to `positions`; unless these hold others of the loops, too.
+    Loops are closed first at the positions `near`, from which the `driven` joints go on to
+    `positions`, unless these hold others of the loops, too.
 
     Raises:
         MissingName: no such joint.
@@ -66,16 +63,14 @@ def along_motion(
 ) -> np.ndarray:
     """Configurations along a motion at equal intervals, its waypoints among them, (n, nq).
 
-    Args:
-        mechanism: the robot; with loops, those joints of them are driven that the motion moves.
-        motion: of its joints.
+    Of loops those joints are driven that the motion moves.
 
     Raises:
         JointplayError: fewer than two poses; a pose outside the URDF's limits; loops that cannot be
             closed.
         MissingName: the motion moves a joint that the mechanism has not.
     """
-    _check_count(count, 2)
+    require_whole("the number of poses", count, 2, MOST_POSES)
     names = moving(mechanism)
     for name in motion.joints:
         if name not in names:
@@ -111,11 +106,10 @@ def over_workspace(
     driven joints are spread; poses in which the loops cannot be closed within the limits are left
     out.
 
-
     Raises:
         JointplayError: no pose.
     """
-    _check_count(count, 1)
+    require_whole("the number of poses", count, 1, MOST_POSES)
     seed = require_whole("seed", seed)
     names = moving(mechanism)
     low, high = joint_limits(mechanism, names)
@@ -177,10 +171,6 @@ def standing(
 def moving(mechanism: Mechanism) -> list[str]:
     """Joints that have one coordinate of their own, the drives' motors aside."""
     return [name for name in mechanism.joints if name in mechanism.description.joints]
-
-
-def _check_count(count: int, least: int) -> None:
-    require_whole("the number of poses", count, least, MOST_POSES)
 
 
 def _begin(mechanism: Mechanism, near: Mapping[str, float] | None) -> dict[str, float]:

@@ -65,7 +65,7 @@ _SMALL = 1e-6
 
 
 class RestPlace(NamedTuple):
-    """Where a machine rests without friction; NaN where no place of rest is found."""
+    """Where a machine rests without friction; NaN where no equilibrium is found."""
 
     parts: np.ndarray
     """The tool's error by source of play, shape (j, 6) [m, rad]; NaN where plays hold each other,
@@ -104,12 +104,10 @@ class RestPositions:
 
     @property
     def coefficients(self) -> dict[str, float]:
-        return {
-            name: max(joint.friction.coefficients.values(), default=0.0)
-            if self.friction is None
-            else self.friction
-            for name, joint in self.mechanism.clearance.items()
-        }
+        if self.friction is not None:
+            return dict.fromkeys(self.mechanism.clearance, self.friction)
+        every = self.mechanism.clearance.items()
+        return {n: max(one.friction.coefficients.values(), default=0.0) for n, one in every}
 
     @property
     def unsearched(self) -> tuple[str, ...]:
@@ -174,18 +172,9 @@ class RestPositions:
         loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if self.force.any() else {}
         sites = [load_site(one, mechanism, {}) for one in loads.values()]
         balance = StaticEquilibrium(
-            mechanism,
-            mechanism.model,
-            q,
-            nothing,
-            drives,
-            tables.drives,
-            tables.servos,
-            reference.table[0],
-            {},
-            StaticLoads(loads, mechanism, sites),
-            nothing.copy(),
-        )
+            mechanism, mechanism.model, q, nothing, drives, tables.drives, tables.servos,
+            reference.table[0], {}, StaticLoads(loads, mechanism, sites), nothing.copy(),
+        )  # fmt: skip
         found = balance.settle(None if mechanism.loops else self._near(pose))
         if not found.solved:
             found = balance.settle()
@@ -201,22 +190,15 @@ class RestPositions:
             parts = np.full_like(parts, np.nan)
         borne = balance.wrenches(found.q)
         teeth = np.array([0.0] * 5 + [1.0])
-        bearing = [
-            teeth * own if name in self._gears else borne[name]
-            for name, own in zip(
-                self.model.names, self.model.load[:, pose, 5].tolist(), strict=True
-            )
-        ]
+        each = zip(self.model.names, self.model.load[:, pose, 5].tolist(), strict=True)
+        bearing = [teeth * own if name in self._gears else borne[name] for name, own in each]
         return RestPlace(parts, whole, np.array(bearing))
 
     def interval(self, pose: int) -> np.ndarray:
-        """Where friction can hold the machine at a pose, to about 3 % of the width.
+        """Between which errors friction can hold the tool at a pose, to about 3 % of the width.
 
+        Least and largest along world x, y, z, and its distance from the ideal one, (4, 2) [m].
         `unsearched` joints may be anywhere within their play.
-
-        Returns:
-            Least and largest error of the tool along world x, y, z, and its least and largest
-            distance from the ideal one, shape (4, 2) [m].
         """
         if pose not in self._intervals:
             self._intervals[pose] = self._interval(pose)
@@ -356,10 +338,8 @@ def _held_states(
 ) -> tuple[list[np.ndarray], list[Pressed | None]]:
     """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
 
-    Args:
-        plays: journals at one pose, which do not hold each other.
-        friction: coefficient of friction of each.
-        bend: how their loads fall with their displacements, shape (6 j, 6 j).
+    Of journals at one pose, which do not hold each other; by their loads' fall with their
+    displacements, (6 j, 6 j).
     """
     random = np.random.default_rng(0)
     sets = [loop_play.ended(play) for play in plays.plays]
@@ -428,12 +408,9 @@ def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float)
         if patches.any():
             # Anywhere within a square around the face.
             places = np.sqrt(2.0) * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
-            spread = np.repeat(columns[:, None], len(places), axis=1)
-            shifted = np.cross(
-                patches[:, None, None] * places, contacts.normal[i, touching, None, :3]
-            )
-            spread[..., 3:] += shifted[:, :, None]
-            columns = spread
+            arms = patches[:, None, None] * places
+            columns = np.repeat(columns[:, None], len(places), axis=1)
+            columns[..., 3:] += np.cross(arms, contacts.normal[i, touching, None, :3])[:, :, None]
         matrix = -(columns.reshape(-1, 6)[:, rows] * weight).T
         good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * friction + _EXACT) * size[i]
     return good

@@ -97,9 +97,7 @@ class RobotErrors(Described):
             )
 
 
-_ASSUMED: dict[
-    str, tuple[Any, ...]
-] = {  # by the order of `CLASSES`; hobby servos' encoders have 4096 counts a turn
+_ASSUMED: dict[str, tuple[Any, ...]] = {  # by the order of `CLASSES`; 4096 counts a turn
     "encoder": (5e-6, 5e-6, 1.53e-3),
     "zero_offset": (2e-5, 3e-4, 8e-3),
     "gear_error": (1.5e-4, 2.5e-4, 2e-3),

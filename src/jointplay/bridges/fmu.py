@@ -82,7 +82,6 @@ class Inputs:
         Inputs.newest = self
 
     def __call__(self, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """See `Controller`: the torques, held until the next sample."""
         if not self.gains[0]:
             return self.values[0]
         if self.ideal is None:  # before anything was given
@@ -92,12 +91,9 @@ class Inputs:
         return np.asarray(pin.rnea(model, data, np.array(q), np.array(v), acceleration))
 
     def memory(self) -> list[list[float]]:
-        """See `Controller`."""
-        kept: list[list[float]] = self.values.tolist()
-        return kept
+        return self.values.tolist()  # type: ignore[no-any-return]
 
     def recall(self, memory: Sequence[Sequence[float]]) -> None:
-        """See `Controller`."""
         self.values[:] = memory
 
 
@@ -108,11 +104,9 @@ def fmu(
     inputs: str = INPUTS[0],
     period: float | str = 1e-3,
 ) -> bytes:
-    """The unit's content.
+    """The unit's content, of a result's simulation.
 
     Args:
-        result: of the simulation that the unit runs.
-        suffix, progress: of no consequence here.
         inputs: one of `INPUTS`.
         period: sampling period of the inputs [s]; communication steps are multiples of it.
 
@@ -165,11 +159,7 @@ def driven(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def with_torques(simulation: Simulation, period: float) -> Simulation:
-    """The simulation with a controller that applies the torques that it is given.
-
-    Raises:
-        JointplayError: the simulation has a load of the controller's name.
-    """
+    """The simulation with a controller that applies the torques that it is given."""
     joints = driven(simulation.mechanism)
     return _controlled(simulation, Controller(joints, Inputs, (float(len(joints)),), period=period))
 
@@ -256,9 +246,8 @@ class Machine:
             **{f"force {name}": self.moment.force(name) for name in mechanism.clearance},
         }
 
-    def _reader(self, what: str, k: int) -> Callable[[], float]:
-        """What an output is asked for: component `k` of what was seen last."""
-        return lambda: float(self._seen[what][k])
+    def _read(self, what: str, k: int) -> float:
+        return float(self._seen[what][k])
 
     def _declare(self) -> None:
         from pythonfmu3 import Float64, Fmi3Causality, Fmi3Variability
@@ -267,64 +256,34 @@ class Machine:
         self.register_units([Unit(name, **base) for name, base in _UNITS.items()])
         mechanism = self.simulation.mechanism
         self.time = 0.0
-        self.register_variable(
-            Float64(
-                "time",
-                causality=Fmi3Causality.independent,
-                variability=Fmi3Variability.continuous,
-            )
-        )
+        how = {"causality": Fmi3Causality.independent, "variability": Fmi3Variability.continuous}
+        self.register_variable(Float64("time", **how))
 
-        def output(name: str, unit: str | None, words: str, getter: Callable[[], float]) -> None:
-            variable = Float64(
-                name,
-                causality=Fmi3Causality.output,
-                unit=unit,
-                description=words,
-                getter=getter,
-            )
+        def declare(causality: Any, name: str, unit: str | None, words: str, **how: Any) -> None:
+            variable = Float64(name, causality=causality, unit=unit, description=words, **how)
             self.register_variable(variable, nested=False)
 
+        rows: list[tuple[str, str | None, str, str, int]] = []
         for name in driven(mechanism):
-            turns = mechanism.description.joints[name].turns
-            unit = "rad" if turns else "m"
-            motor = mechanism.motor(name)
-            link = mechanism.coordinate(name)
-            for side, at in (("motor", motor), ("link", link)):
-                output(
-                    f"{name}.{side}.position",
-                    unit,
-                    f"encoder of the {side}",
-                    self._reader("q", at),
-                )
-                output(
-                    f"{name}.{side}.speed",
-                    f"{unit}/s",
-                    f"speed of the {side}",
-                    self._reader("v", at),
-                )
-        for k, axis in enumerate("xyz"):
-            output(
-                f"tool.{axis}",
-                "m",
-                f"place of the frame {mechanism.tool}, world axes",
-                self._reader("place", k),
-            )
-        for k, axis in enumerate(("qx", "qy", "qz", "qw")):
-            output(
-                f"tool.{axis}",
-                None,
-                f"orientation of the frame {mechanism.tool}, a unit quaternion",
-                self._reader("turn", k),
-            )
+            unit = "rad" if mechanism.description.joints[name].turns else "m"
+            for side, at in (
+                ("motor", mechanism.motor(name)),
+                ("link", mechanism.coordinate(name)),
+            ):
+                place = f"{name}.{side}"
+                rows.append((f"{place}.position", unit, f"encoder of the {side}", "q", at))
+                rows.append((f"{place}.speed", f"{unit}/s", f"speed of the {side}", "v", at))
+        words = f"place of the frame {mechanism.tool}, world axes"
+        rows += [(f"tool.{axis}", "m", words, "place", k) for k, axis in enumerate("xyz")]
+        words = f"orientation of the frame {mechanism.tool}, a unit quaternion"
+        rows += [(f"tool.q{axis}", None, words, "turn", k) for k, axis in enumerate("xyzw")]
+        words = "contact force on the journal, bearing axes"
         for name in mechanism.clearance:
             for k, axis in enumerate("xyz"):
-                output(
-                    f"{name}.force.{axis}",
-                    "N",
-                    "contact force on the journal, bearing axes",
-                    self._reader(f"force {name}", k),
-                )
+                rows.append((f"{name}.force.{axis}", "N", words, f"force {name}", k))
+        for name, unit_of, words, what, k in rows:
+            getter = partial(self._read, what, k)
+            declare(Fmi3Causality.output, name, unit_of, words, getter=getter)
         controller = self.simulation.loads.get(_CONTROLLER)
         if not isinstance(controller, Controller):
             return
@@ -337,19 +296,13 @@ class Machine:
                 ("reference.speed", f"{unit}/s", "speed to be followed"),
             ]
             assert self.inputs is not None
-            for row, (what, unit, words) in enumerate(
-                followed if self.inputs.gains[0] else [torque]
-            ):
-                variable = Float64(
-                    f"{name}.{what}",
-                    causality=Fmi3Causality.input,
-                    start=self._given(row, k),
-                    unit=unit,
-                    description=f"{words}; held between samples",
-                    getter=partial(self._given, row, k),
+            kinds = followed if self.inputs.gains[0] else [torque]
+            for row, (what, unit, words) in enumerate(kinds):
+                declare(
+                    Fmi3Causality.input, f"{name}.{what}", unit, f"{words}; held between samples",
+                    start=self._given(row, k), getter=partial(self._given, row, k),
                     setter=partial(self._give, row, k),
-                )
-                self.register_variable(variable, nested=False)
+                )  # fmt: skip
 
     def _given(self, row: int, k: int) -> float:
         assert self.inputs is not None
@@ -372,10 +325,7 @@ class Machine:
                 f"{current_time:g} s; restore a state to go back"
             )
         elif steps < 1 or abs(steps - step_size / own) > 1e-6 * steps:
-            reason = (
-                f"a communication step of {step_size:g} s is no multiple of the run's step, "
-                f"{own:g} s"
-            )
+            reason = f"a step of {step_size:g} s is no multiple of the run's step, {own:g} s"
         elif now + steps > self.run.total_steps:
             reason = (
                 f"the simulation ends at {self.run.total_steps * own:g} s; give it a longer "

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
@@ -84,7 +83,7 @@ def plotjuggler(result: Result, suffix: str, progress: bool) -> bytes:
     for name, each in charts(result).items():
         tab = ElementTree.SubElement(window, "Tab", {"tab_name": name, "containers": "1"})
         container = ElementTree.SubElement(tab, "Container")
-        rows = list(_rows(each))
+        rows = [each[first : first + 2] for first in range(0, len(each), 2)]
         down = _splitter(container, "-", len(rows))
         for row in rows:
             across = _splitter(down, "|", len(row)) if len(row) > 1 else down
@@ -132,21 +131,14 @@ def foxglove(result: Result, suffix: str, progress: bool) -> bytes:
     panels: dict[str, Any] = {}
     tabs = []
     for name, each in charts(result).items():
-        rows = []
-        for row in _rows(each):
-            keys = []
-            for chart in row:
-                keys.append(f"Plot!{len(panels)}")
-                panels[keys[-1]] = _panel(chart)
-            rows.append(_mosaic(keys, "row"))
+        keys = [f"Plot!{len(panels) + k}" for k in range(len(each))]
+        panels |= dict(zip(keys, map(_panel, each), strict=True))
+        rows = [_mosaic(keys[first : first + 2], "row") for first in range(0, len(keys), 2)]
         tabs.append({"title": name, "layout": _mosaic(rows, "column")})
     panels["Tab!tabs"] = {"activeTabIdx": 0, "tabs": tabs}
     layout = {
-        "configById": panels,
-        "globalVariables": {},
-        "userNodes": {},
+        **{"configById": panels, "globalVariables": {}, "userNodes": {}, "layout": "Tab!tabs"},
         "playbackConfig": {"speed": 0.1},
-        "layout": "Tab!tabs",
     }
     return json.dumps(layout, indent=1).encode() + b"\n"
 
@@ -155,36 +147,19 @@ def _panel(chart: Chart) -> dict[str, Any]:
     paths = []
     for number, curve in enumerate(chart.curves):
         index = "" if curve.joint is None else f"[{curve.joint}]"
-        paths.append(
-            {
-                "value": f"{curve.topic}.{'.'.join(curve.fields)}{index}",
-                "enabled": True,
-                "label": curve.label,
-                "color": _colour(curve, number),
-                "timestampMethod": "headerStamp",
-            }
-        )
+        value, colour = f"{curve.topic}.{'.'.join(curve.fields)}{index}", _colour(curve, number)
+        look = {"enabled": True, "label": curve.label, "timestampMethod": "headerStamp"}
+        paths.append({"value": value, "color": colour, **look})
+    shown = ("showXAxisLabels", "showYAxisLabels", "showLegend", "isSynced")
     panel: dict[str, Any] = {
-        "foxglovePanelTitle": chart.title,
-        "paths": paths,
-        "xAxisVal": "timestamp",
-        "showXAxisLabels": True,
-        "showYAxisLabels": True,
-        "showLegend": True,
-        "legendDisplay": "floating",
-        "showPlotValuesInLegend": False,
-        "isSynced": True,
-        "sidebarDimension": 240,
+        **{"foxglovePanelTitle": chart.title, "paths": paths, "xAxisVal": "timestamp"},
+        **dict.fromkeys(shown, True),
+        **{"legendDisplay": "floating", "showPlotValuesInLegend": False, "sidebarDimension": 240},
     }
     if chart.over_each_other:
         first = {"value": paths[0]["value"], "enabled": True}
         panel |= {"paths": paths[1:], "xAxisVal": "custom", "xAxisPath": first, "isSynced": False}
     return panel
-
-
-def _rows(each: list[Chart]) -> Iterable[list[Chart]]:
-    for first in range(0, len(each), 2):
-        yield each[first : first + 2]
 
 
 def _mosaic(parts: list[Any], way: str) -> Any:

@@ -13,7 +13,6 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_non_negative
 from jointplay.base.tables import Column, Table
-from jointplay.bridges.reduced_mjcf import servo_friction
 from jointplay.bridges.reduction import Reduction
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Servo
@@ -77,7 +76,7 @@ def intervals(
         own = mechanism.description.joints[one.joint].friction
         numbers = {"half_play": 0.5 * one.dead_band}
         numbers |= {"friction": one.friction, "stiffness": one.stiffness}
-        numbers["motor_friction"] = servo_friction(servos.get(one.joint))["frictionloss"]
+        numbers["motor_friction"] = servos[one.joint].friction if one.joint in servos else 0.0
         numbers["tilt"] = one.tilt if one.joint in leaning else 0.0
         ends = {k: (x * (1.0 - spread), x * (1.0 + spread)) for k, x in numbers.items()}
         mine = {name: row for (joint, name), row in known.items() if joint == one.joint}
@@ -91,11 +90,9 @@ def intervals(
         if {"dry_friction", "friction"} & set(mine):
             bearing = max(one.friction - own, 0.0)
             dry = mine.get("dry_friction", (own, own, own))
-            low, high, nominal = mine.get("friction", (1.0, 1.0, 1.0))
-            better["friction"] = (
-                dry[0] + bearing * low / nominal,
-                dry[1] + bearing * high / nominal,
-            )
+            *ends_of, nominal = mine.get("friction", (1.0, 1.0, 1.0))
+            low, high = (dry[k] + bearing * ends_of[k] / nominal for k in (0, 1))
+            better["friction"] = (low, high)
         used += len(better)
         for quantity in QUANTITIES:
             low, high = better.get(quantity, ends[quantity])
@@ -135,15 +132,14 @@ def read_identified(path: str | Path, joints: Iterable[str]) -> dict[str, Any]:
         MissingName: it is about a joint that the robot does not have.
         JointplayError: it cannot be read, or is another file.
     """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise JointplayError(f"cannot read {str(path)!r}: {error}") from None
-    except ValueError as error:
-        raise JointplayError(f"{str(path)!r} is no JSON: {error}") from None
     names = list(joints)
     try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
         known = _known(data)
+    except (OSError, UnicodeDecodeError) as error:
+        raise JointplayError(f"cannot read {str(path)!r}: {error}") from None
+    except json.JSONDecodeError as error:
+        raise JointplayError(f"{str(path)!r} is no JSON: {error}") from None
     except JointplayError as error:
         raise JointplayError(f"{str(path)!r}: {error}") from None
     for joint, _ in known:

@@ -18,11 +18,12 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.error_budget import PlayBudget, budget
-from jointplay.accuracy.error_model import Line, Tilt
+from jointplay.accuracy.error_model import Contribution, Line, Tilt
 from jointplay.base.errors import JointplayError, MissingName, require_non_negative
 from jointplay.bridges.reduction import Reduction
 from jointplay.model.elements import Element, document, moments, put, put_inertial, written
 from jointplay.model.mechanism import Mechanism
+from jointplay.physics.joints.play import Play
 from jointplay.simulation.motion.cartesian import joint_limits
 
 ENCODERS = ("motor", "link")
@@ -92,34 +93,24 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
         one = reduced.get(name, Reduction(name, friction=entry.friction, viscous=entry.damping))
         parent, placement = carriers[model.parents[index]], model.jointPlacements[index]
         inertia = model.inertias[index]
+        place = placement if parent is None else parent.place * placement
+        limits = float(low[index - 1]), float(high[index - 1])
+        axis = twist[:3] if slides else twist[3:]
+        inertia = inertia if inertia.mass > 0.0 else LEAST
         body = Body(
-            name,
-            f"{name}_link",
-            parent,
-            placement,
-            placement if parent is None else parent.place * placement,
-            slides,
-            twist[:3] if slides else twist[3:],
-            (float(low[index - 1]), float(high[index - 1])),
-            inertia if inertia.mass > 0.0 else LEAST,
-            one.friction,
-            one.viscous,
-        )
+            name, f"{name}_link", parent, placement, place, slides, axis, limits, inertia,
+            one.friction, one.viscous,
+        )  # fmt: skip
         if one.dead_band > 0.0:
             half = 0.5 * one.dead_band
             turning = rotor(body.axis, one.rotor_inertia)
             motor = replace(body, link=f"{name}_motor", inertia=turning)
             tree.append(motor)
             body = replace(
-                body,
-                name=f"{name}_play",
-                parent=motor,
-                placement=pin.SE3.Identity(),
-                limits=(-half, half),
-                friction=0.0,
-                damping=one.damping,
+                body, name=f"{name}_play", parent=motor, placement=pin.SE3.Identity(),
+                limits=(-half, half), friction=0.0, damping=one.damping,
                 stop=(one.stiffness, one.damping),
-            )
+            )  # fmt: skip
         tree.append(body)
         carriers.append(body)
     return tree
@@ -175,11 +166,7 @@ def _put_texts(element: Element, /, **values: Any) -> None:
 
 
 def refuse_taken(mechanism: Mechanism, reductions: Iterable[Reduction]) -> None:
-    """Refuse robots that already have a link or joint called as play needs it.
-
-    Raises:
-        JointplayError: the robot has a `J_motor` or a `J_play` of a joint J with a dead band.
-    """
+    """Refuse a robot that has a `J_motor` or a `J_play` of a joint J with a dead band."""
     described = mechanism.description
     for one in reductions:
         for name in (f"{one.joint}_motor", f"{one.joint}_play"):
@@ -247,7 +234,11 @@ def _put_control(
             _put_interfaces(system, name, () if follows else ("effort",))
         for name, follows in mimics.items():
             if not follows:
-                _put_transmission(system, name)
+                element = put(system, "transmission", name=f"{name}_transmission")
+                _put_texts(element, plugin="transmission_interface/SimpleTransmission")
+                put(element, "actuator", name=f"{name}_actuator", role="actuator1")
+                held = put(element, "joint", name=name, role="joint1")
+                _put_texts(held, mechanical_reduction="1.0")
     for one in reductions:
         if one.dead_band > 0.0:
             _put_interfaces(system, f"{one.joint}_play", ())
@@ -261,24 +252,13 @@ def _put_interfaces(system: Element, joint: str, commands: Sequence[str]) -> Non
         put(element, "state_interface", name=state)
 
 
-def _put_transmission(system: Element, joint: str) -> None:
-    element = put(system, "transmission", name=f"{joint}_transmission")
-    _put_texts(element, plugin="transmission_interface/SimpleTransmission")
-    put(element, "actuator", name=f"{joint}_actuator", role="actuator1")
-    held = put(element, "joint", name=joint, role="joint1")
-    _put_texts(held, mechanical_reduction="1.0")
-
-
 def to_yaml(reductions: Iterable[Reduction], encoder: str = "motor") -> str:
-    """What a URDF cannot say, for a node to read: YAML by joint, SI units.
-
-    Args:
-        encoder: see `to_json`.
-    """
+    """What a URDF cannot say, for a node to read: YAML by joint, SI units; see `to_json`."""
+    check_encoder(encoder)
     lines = ["# Reduced models of joints with play; SI units. See docs/decisions.md of jointplay."]
     for one in reductions:
         lines.append(f"{json.dumps(one.joint)}:")
-        for key, value in _parameters(one, encoder).items():
+        for key, value in (one.describe() | {"encoder": encoder}).items():
             # Readers of YAML 1.1 take 1e-05 for a word.
             lines.append(re.sub(r"(?<![\d.])(\d+)e", r"\1.0e", f"  {key}: {json.dumps(value)}"))
     return "\n".join(lines) + "\n"
@@ -296,36 +276,24 @@ def to_json(reductions: Iterable[Reduction], encoder: str = "motor", spread: flo
         MissingName: no such place for an encoder.
     """
     require_non_negative("spread", spread, "")
-    joints = [_parameters(one, encoder) | _ranges(one, spread) for one in reductions]
+    check_encoder(encoder)
+    note = f"5 % to 95 % of the full model's run; all others: +-{100 * spread:g} %, assumed"
+    joints = []
+    for one in reductions:
+        ranges: dict[str, Any] = {}
+        for name in ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial"):
+            if (value := getattr(one, name)) > 0.0:
+                ranges[name] = [value * max(1.0 - spread, 0.0), value * (1.0 + spread)]
+        if one.friction > 0.0:
+            low, high = one.friction_range
+            ranges["friction"] = [min(low, one.friction), max(high, one.friction)]
+        more = {"encoder": encoder, "ranges": ranges, "ranges_note": f"friction: {note}"}
+        joints.append(one.describe() | more)
     return json.dumps({"joints": joints}, indent=2) + "\n"
 
 
-def _ranges(reduction: Reduction, spread: float) -> dict[str, Any]:
-    ranges: dict[str, Any] = {}
-    for name in ("dead_band", "stiffness", "damping", "viscous", "tilt", "lateral", "axial"):
-        value = getattr(reduction, name)
-        if value > 0.0:
-            ranges[name] = [value * max(1.0 - spread, 0.0), value * (1.0 + spread)]
-    if reduction.friction > 0.0:
-        low, high = reduction.friction_range
-        ranges["friction"] = [min(low, reduction.friction), max(high, reduction.friction)]
-    note = (
-        f"friction: 5 % to 95 % of the full model's run; all others: +-{100 * spread:g} %, assumed"
-    )
-    return {"ranges": ranges, "ranges_note": note}
-
-
-def _parameters(reduction: Reduction, encoder: str) -> dict[str, Any]:
-    check_encoder(encoder)
-    return {**reduction.describe(), "encoder": encoder}
-
-
 def check_encoder(encoder: str) -> None:
-    """Refuse what is no place for an encoder.
-
-    Raises:
-        MissingName: it is not of `ENCODERS`.
-    """
+    """Refuse what is not of `ENCODERS`."""
     if encoder not in ENCODERS:
         raise MissingName("place for the encoder", encoder, ENCODERS)
 
@@ -346,10 +314,11 @@ def reach(
     found = budget(mechanism, pose)
     bands = {one.joint: one.dead_band for one in reductions}
     tilts = {one.joint: one.tilt for one in reductions if one.joint in set(leaning)}
-    own = tuple(
-        replace(one, set=Line((0.0,) * 5 + (0.5 * bands.get(one.joint, 0.0),)))
-        if one.gear
-        else replace(one, set=Tilt(tilts.get(one.joint, 0.0)))
-        for one in found.model.contributions
-    )
+
+    def file_of(one: Contribution) -> Play:
+        if one.gear:
+            return Line((0.0,) * 5 + (0.5 * bands.get(one.joint, 0.0),))
+        return Tilt(tilts.get(one.joint, 0.0))
+
+    own = tuple(replace(one, set=file_of(one)) for one in found.model.contributions)
     return float(replace(found.model, contributions=own).farthest().size[0]), found

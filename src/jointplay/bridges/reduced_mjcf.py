@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -89,15 +89,22 @@ class CompiledRobot:
         """
         check_encoder(encoder)
         reduced = {one.joint: one for one in reductions}
-        check_servos(self.mechanism, servos, reduced.values())
         loose = {name: one for name, one in reduced.items() if one.dead_band > 0.0}
+        for name, servo in servos.items():
+            if name not in self.mechanism.joints:
+                raise MissingName("moving joint", name, self.mechanism.joints)
+            if name in loose and servo.encoder == "link":
+                raise JointplayError(
+                    f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can "
+                    'only control what it turns, the motor: give its encoder as "motor", or no '
+                    "servo"
+                )
         root = copy.deepcopy(self.root)
-        option = root.find("option")
+        option, world = root.find("option"), root.find("worldbody")
         assert option is not None
+        assert world is not None
         step = self.step(loose.values())
         option.set("timestep", f"{step:.6g}")
-        world = root.find("worldbody")
-        assert world is not None
         for element in world.iter("joint"):
             name = element.get("name", "")
             if name in self.mechanism.joints:
@@ -117,7 +124,13 @@ class CompiledRobot:
             for part in (name, f"{name}_play"):
                 put(link, "joint", joint=part, coef=1.0)
         for name in self.leaning:
-            put_rim(tendon, reduced[name], step)
+            rim = put(
+                tendon, "spatial", name=f"{name}.rim", limited="true",
+                range=(0.0, reduced[name].half_length * reduced[name].tilt),
+                solreflimit=(2.0 * step, 1.0), solimplimit=_STIFF,
+            )  # fmt: skip
+            for end in ("bore", "rim"):
+                put(rim, "site", site=f"{name}.{end}")
         described = self.mechanism.description.joints
         for name in self.mechanism.joints:
             if described[name].mimics:
@@ -137,7 +150,9 @@ class CompiledRobot:
     def _losses(
         self, name: str, reduction: Reduction | None, servo: Servo | None
     ) -> dict[str, float]:
-        numbers = servo_friction(servo)
+        numbers = {"frictionloss": 0.0, "damping": 0.0}
+        if servo is not None:
+            numbers = {"frictionloss": servo.friction, "damping": servo.viscous}
         if reduction is not None and reduction.dead_band > 0.0:
             return numbers | {"armature": reduction.rotor_inertia}
         entry = self.mechanism.description.joints[name]
@@ -151,21 +166,17 @@ class CompiledRobot:
     def step(self, reductions: Iterable[Reduction]) -> float:
         """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s]."""
         loose = list(reductions)
-        matrix = self.mass.copy()
+        if not loose:
+            return LONGEST_STEP_S
+        matrix, own = self.mass.copy(), {one.joint: one.rotor_inertia for one in loose}
         for name in self.mechanism.joints:
             row = self.dofs[name]
-            matrix[row, row] += rotor_inertia(self.mechanism, name)
-        for one in loose:
-            row = self.dofs[one.joint]
-            matrix[row, row] += one.rotor_inertia - rotor_inertia(self.mechanism, one.joint)
-        step = LONGEST_STEP_S
-        if loose:
-            rows = [self.dofs[f"{one.joint}_play"] for one in loose]
-            gives = np.linalg.inv(matrix)[np.ix_(rows, rows)]
-            root = np.sqrt([one.stiffness for one in loose])
-            fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
-            step = min(step, _RESOLVED / math.sqrt(fastest))
-        return step
+            matrix[row, row] += own.get(name, rotor_inertia(self.mechanism, name))
+        rows = [self.dofs[f"{one.joint}_play"] for one in loose]
+        gives = np.linalg.inv(matrix)[np.ix_(rows, rows)]
+        root = np.sqrt([one.stiffness for one in loose])
+        fastest = float(np.linalg.eigvalsh(root[:, None] * gives * root)[-1])
+        return min(LONGEST_STEP_S, _RESOLVED / math.sqrt(fastest))
 
 
 def compile_robot(
@@ -176,13 +187,9 @@ def compile_robot(
 ) -> CompiledRobot:
     """Have MuJoCo compile the robot's URDF, and put a hinge in series with each loose joint.
 
-    Pairs of bodies whose shapes touch at the pose do not collide in the file: MuJoCo takes each
-    mesh for its convex hull.
-
-    Args:
-        reductions: joints with a dead band get the hinge.
-        pose: joint positions at which shapes must not touch [rad or m]; the rest zero.
-        tilt: joints whose axes can lean get hinges for it.
+    Pairs of bodies whose shapes touch at the pose (joint positions [rad or m], the rest zero) do
+    not collide in the file: MuJoCo takes each mesh for its convex hull. With `tilt`, joints whose
+    axes can tilt get hinges for it.
 
     Raises:
         JointplayError: MuJoCo is not installed, or cannot compile the robot; a robot that is no
@@ -257,10 +264,8 @@ def _meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list
                 known[path] = f"{stem}.stl"
                 made[f"{stem}.stl"] = whole.export(file_type="stl")
             mesh.set("filename", known[path])
-    notes = []
-    if missing:
-        notes.append(f"shapes left out of the MJCF, their meshes are missing: {', '.join(missing)}")
-    return made, notes
+    left = f"shapes left out of the MJCF, their meshes are missing: {', '.join(missing)}"
+    return made, [left] * bool(missing)
 
 
 def _edit(
@@ -270,21 +275,20 @@ def _edit(
     reductions: Sequence[Reduction],
     leaning: Sequence[Reduction],
 ) -> None:
+    hinge = mujoco.mjtJoint.mjJNT_HINGE
     spec.option.gravity = mechanism.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for one in reductions:
         if one.dead_band > 0.0:
             motor = spec.joint(one.joint)
             motor.armature = one.rotor_inertia  # without it two hinges would turn one inertia
-            hinge = mujoco.mjtJoint.mjJNT_HINGE
-            where = {"pos": motor.pos, "axis": motor.axis}
-            motor.parent.add_joint(name=f"{one.joint}_play", type=hinge, **where)
+            where = {"type": hinge, "pos": motor.pos, "axis": motor.axis}
+            motor.parent.add_joint(name=f"{one.joint}_play", **where)
     tree = {body.name: body for body in bodies(mechanism)}
     for one in leaning:
         body, moved = tree[one.joint], spec.joint(one.joint).parent
         for part, axis in lean_axes(body.axis).items():
-            kind = mujoco.mjtJoint.mjJNT_HINGE
-            moved.add_joint(name=f"{one.joint}.{part}", type=kind, axis=axis)
+            moved.add_joint(name=f"{one.joint}.{part}", type=hinge, axis=axis)
         end = one.half_length * body.axis
         moved.add_site(name=f"{one.joint}.rim", pos=end)
         holder = spec.worldbody if body.parent is None else spec.joint(body.parent.name).parent
@@ -297,12 +301,8 @@ def _edit(
     for name in mechanism.joints:
         mimic = mechanism.description.joints[name].mimic
         if mimic is not None:
-            follows = spec.add_equality(
-                type=mujoco.mjtEq.mjEQ_JOINT,
-                objtype=mujoco.mjtObj.mjOBJ_JOINT,
-                name1=name,
-                name2=mimic.leader,
-            )
+            kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
+            follows = spec.add_equality(name1=name, name2=mimic.leader, **kind)
             follows.data[:2] = mimic.offset, mimic.multiplier
 
 
@@ -315,15 +315,11 @@ def _place(mujoco: Any, model: Any, data: Any, pose: Mapping[str, float]) -> Non
 def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[str, str]]:
     data = mujoco.MjData(model)
     _place(mujoco, model, data, pose)
-    pairs: dict[tuple[str, str], None] = {}
-    for contact in data.contact:
-        first, second = (model.body(model.geom_bodyid[i]).name for i in contact.geom)
-        pairs[first, second] = None
-    return list(pairs)
+    names = [[model.body(model.geom_bodyid[i]).name for i in one.geom] for one in data.contact]
+    return list(dict.fromkeys((first, second) for first, second in names))
 
 
-@dataclass(frozen=True)
-class PlayFound:
+class PlayFound(NamedTuple):
     """What MuJoCo's link does when it is pushed to and fro while its motor stands."""
 
     dead_band: float
@@ -332,7 +328,8 @@ class PlayFound:
     """Of what stops it [N m/rad]."""
 
 
-def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
+def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes], bare: bool = False) -> Any:
+    """The model without contacts between shapes; a bare one also without gravity and friction."""
     try:
         model = mujoco.MjModel.from_xml_string(
             text, {f"{FOLDER}/{k}": v for k, v in meshes.items()}
@@ -340,15 +337,9 @@ def _load(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
     except ValueError as error:
         raise JointplayError(f"MuJoCo cannot load the MJCF: {error}") from None
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    return model
-
-
-def _load_bare(mujoco: Any, text: str, meshes: Mapping[str, bytes]) -> Any:
-    """As `_load`, without gravity and friction."""
-    model = _load(mujoco, text, meshes)
-    model.opt.gravity[:] = 0.0
-    model.tendon_frictionloss[:] = 0.0
-    model.dof_frictionloss[:] = 0.0
+    if bare:
+        for numbers in (model.opt.gravity, model.tendon_frictionloss, model.dof_frictionloss):
+            numbers[:] = 0.0
     return model
 
 
@@ -364,7 +355,7 @@ def find_play(
         JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
-    model = _load_bare(mujoco, text, meshes)
+    model = _load(mujoco, text, meshes, bare=True)
     found = {}
     for index in range(model.ntendon):
         tendon = model.tendon(index)
@@ -373,8 +364,7 @@ def find_play(
         name = tendon.name.removesuffix(".play")
         alone = copy.copy(model)
         row = int(alone.joint(f"{name}_play").dofadr[0])
-        others = np.arange(alone.nv) != row
-        alone.dof_armature[others] = 1e6
+        alone.dof_armature[np.arange(alone.nv) != row] = _HELD
         data = mujoco.MjData(alone)
         mujoco.mj_setConst(alone, data)
         stiffness = float(np.ravel(model.tendon_stiffness[index])[0])
@@ -412,28 +402,23 @@ def find_reach(
     pose: Mapping[str, float],
     direction: np.ndarray,
 ) -> float:
-    """How far the lean of a written MJCF lets the tool move along a direction, either way [m].
+    """How far the tilts of a written MJCF let the tool move along a direction, either way [m].
 
-    The tool is pushed there and back in MuJoCo, all hinges but those of lean held, without gravity,
-    friction and contacts.
-
-    Args:
-        tool: frame of the tool.
-        pose: joint positions [rad or m]; the rest zero.
-        direction: unit vector in world axes, shape (3,).
+    The tool is pushed along the unit vector (3,) and back in MuJoCo, all hinges but those of tilt
+    held at the pose, without gravity, friction and contacts.
 
     Raises:
         JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
-    model = _load_bare(mujoco, text, meshes)
+    model = _load(mujoco, text, meshes, bare=True)
     leans = [
         int(model.jnt_dofadr[i])
         for i in range(model.njnt)
         if model.joint(i).name.endswith((".pitch", ".roll"))
     ]
     held = np.setdiff1d(np.arange(model.nv), leans)
-    model.dof_armature[held] = 1e6
+    model.dof_armature[held] = _HELD
     data = mujoco.MjData(model)
     mujoco.mj_setConst(model, data)
     _place(mujoco, model, data, pose)
@@ -456,26 +441,6 @@ def find_reach(
             mujoco.mj_step(model, data)
         ends.append(float(direction @ data.site_xpos[site]))
     return 0.5 * (ends[1] - ends[0])
-
-
-def check_servos(
-    mechanism: Mechanism, servos: Mapping[str, Servo], reductions: Iterable[Reduction]
-) -> None:
-    """Refuse servos that MuJoCo's ``dcmotor`` cannot stand for.
-
-    Raises:
-        MissingName: a servo of a joint that is none.
-        JointplayError: a servo whose encoder is on the link of a joint with play.
-    """
-    loose = {one.joint for one in reductions if one.dead_band > 0.0}
-    for name, servo in servos.items():
-        if name not in mechanism.joints:
-            raise MissingName("moving joint", name, mechanism.joints)
-        if name in loose and servo.encoder == "link":
-            raise JointplayError(
-                f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can only "
-                'control what it turns, the motor: give its encoder as "motor", or no servo'
-            )
 
 
 def dc_motor(servo: Servo) -> dict[str, Any]:
@@ -504,23 +469,12 @@ def explain(servo: Servo) -> str:
     if servo.d_gain > 0.0:
         part = servo.d_gain / (servo.d_gain + servo.torque_constant)
         words.append(f"second input: the goal's speed [rad/s] times {part:.6g}")
-    lost = []
-    if servo.band > 0.0:
-        lost.append(f"dead band {servo.band:g} rad")
-    if servo.resolution > 0.0:
-        lost.append(f"counts of {servo.resolution:g} rad")
-    if servo.period is not None:
-        lost.append(f"sampling every {servo.period:g} s")
+    lost = [f"dead band {servo.band:g} rad"] if servo.band > 0.0 else []
+    lost += [f"counts of {servo.resolution:g} rad"] if servo.resolution > 0.0 else []
+    lost += [] if servo.period is None else [f"sampling every {servo.period:g} s"]
     if lost:
         words.append("not represented: " + ", ".join(lost))
     return f" {'; '.join(words)} "
-
-
-def servo_friction(servo: Servo | None) -> dict[str, float]:
-    """Dry and viscous friction of a servo's motor."""
-    if servo is None:
-        return {"frictionloss": 0.0, "damping": 0.0}
-    return {"frictionloss": servo.friction, "damping": servo.viscous}
 
 
 def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
@@ -536,27 +490,7 @@ def lean_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
     return {"pitch": first, "roll": np.cross(axis, first)}
 
 
-def put_rim(tendon: Element, reduction: Reduction, step: float) -> None:
-    """Append the tendon that holds the sites `J.rim` and `J.bore` together as the bore does.
-
-    Args:
-        step: of the file [s]; the bore is as stiff as it bears.
-    """
-    rim = put(
-        tendon,
-        "spatial",
-        name=f"{reduction.joint}.rim",
-        limited="true",
-        range=(0.0, reduction.half_length * reduction.tilt),
-        solreflimit=(2.0 * step, 1.0),
-        solimplimit=_STIFF,
-    )
-    for end in ("bore", "rim"):
-        put(rim, "site", site=f"{reduction.joint}.{end}")
-
-
-@dataclass(frozen=True)
-class Followed:
+class Followed(NamedTuple):
     """How MuJoCo's link followed the full model's."""
 
     time: np.ndarray
@@ -570,7 +504,7 @@ class Followed:
     step_seconds: float
     """Computing time of a step [s]."""
     step: float
-    """Time step [s]."""
+    """[s]."""
     lean_error: float | None = None
     """Largest difference of the axis' lean, a vector, after a tenth of the time [rad]; None if the
     file's joint cannot lean."""
@@ -587,25 +521,16 @@ def load_mujoco() -> Any:
     with extra("simulators", "mujoco"):
         import mujoco
     if mujoco.get_mju_user_warning() is None:
-        mujoco.set_mju_user_warning(_warn)
+        mujoco.set_mju_user_warning(lambda text: print(f"MuJoCo: {text}", file=sys.stderr))
     return mujoco
-
-
-def _warn(text: str) -> None:
-    print(f"MuJoCo: {text}", file=sys.stderr)
 
 
 def follow(
     text: str, reduction: Reduction, meshes: Mapping[str, bytes] = MappingProxyType({})
 ) -> Followed:
-    """Load the MJCF in MuJoCo, move a motor as the full model's, and compare the links.
+    """Load a written MJCF in MuJoCo, move a motor as the full model's, and compare the links.
 
-    The other joints stand as in the full model's run.
-
-    Args:
-        text: what `CompiledRobot.mjcf` wrote.
-        reduction: of the joint, with the history to compare with, such as another run's.
-        meshes: shapes by name.
+    The other joints stand as in the full model's run, whose history the reduction has.
 
     Raises:
         JointplayError: MuJoCo is not installed, or cannot load the file.
@@ -617,17 +542,12 @@ def follow(
     time, step = past["time"], float(model.opt.timestep)
     grid = np.arange(time[0], time[-1], step)
     motor = np.interp(grid, time, past["motor"])
+    names = [model.joint(index).name for index in range(model.njnt)]
     free = [f"{joint}{part}" for part in ("_play", ".pitch", ".roll")]
-    held, wanted, play = [], [], None
-    for index in range(model.njnt):
-        name = model.joint(index).name
-        if name not in free:
-            held.append(index)
-            stands = np.full(len(grid), reduction.pose.get(name, 0.0))
-            wanted.append(motor if name == joint else stands)
-        elif name == free[0]:
-            play = index
-    goals = np.array(wanted).T
+    held = [index for index, name in enumerate(names) if name not in free]
+    play = names.index(free[0]) if free[0] in names else None
+    goals = np.tile([reduction.pose.get(names[index], 0.0) for index in held], (len(grid), 1))
+    goals[:, held.index(names.index(joint))] = motor
     at, dof = model.jnt_qposadr[held], model.jnt_dofadr[held]
     model.dof_armature[dof] = _HELD
     mujoco.mj_setConst(model, data)
@@ -656,20 +576,10 @@ def follow(
             lean[i] = (rim - bore) / reduction.half_length
     spent = clock.process_time() - begun
     difference = angle - np.interp(grid, time, past["full"])
-    return Followed(
-        grid,
-        angle,
-        float(np.abs(difference).max()),
-        float(np.sqrt(np.mean(difference**2))),
-        spent / max(len(grid) - 1, 1),
-        step,
-        _lean_difference(grid, lean, past) if leans else None,
-    )
-
-
-def _lean_difference(grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]) -> float:
-    """Largest difference of leans (n, 3), the beginning left aside, in which one falls."""
-    wanted = np.column_stack([np.interp(grid, past["time"], one) for one in past["lean"].T])
-    settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
-    away = np.linalg.norm(lean - wanted, axis=1)[settled]
-    return float(away.max())
+    tilted = None
+    if leans:  # the beginning left aside, in which the journal falls
+        wanted = np.column_stack([np.interp(grid, time, one) for one in past["lean"].T])
+        settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
+        tilted = float(np.linalg.norm(lean - wanted, axis=1)[settled].max())
+    largest, rms = float(np.abs(difference).max()), float(np.sqrt(np.mean(difference**2)))
+    return Followed(grid, angle, largest, rms, spent / max(len(grid) - 1, 1), step, tilted)

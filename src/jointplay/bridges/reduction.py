@@ -48,20 +48,15 @@ _MOST = 400
 """Records of leans that are compared."""
 
 
-@dataclass(frozen=True)
-class Leaning:
-    """A journal's lean in a run, and how the reduced model differs."""
+def _compare_tilts(
+    mechanism: Mechanism, joint: str, q: np.ndarray
+) -> tuple[np.ndarray, float, float] | None:
+    """A journal's tilt in the configurations q (n, nq) of a run; None if the joint has none.
 
-    full: np.ndarray
-    """Where the journal's axis points beside the bearing's, world axes, shape (n, 3) [rad]."""
-    largest: float
-    """Largest difference of the reduced model's lean, a vector, from it [rad]."""
-    rms: float
-    """[rad]."""
-
-
-def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | None:
-    """Compare leans in the configurations q (n, nq) of a run; None if the joint cannot lean."""
+    Returns:
+        Where the journal's axis points beside the bearing's, world axes, (n, 3) [rad]; and the
+        largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
+    """
     clearance = mechanism.clearance.get(joint)
     if clearance is None or clearance.hinge is None or not clearance.hinge.leans:
         return None
@@ -89,7 +84,7 @@ def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | 
     lean = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
     there = np.einsum("nij,nj->ni", axes[some], lean)
     away = np.linalg.norm(full[some] - there, axis=1)
-    return Leaning(full, float(away.max()), float(np.sqrt(np.mean(away**2))))
+    return full, float(away.max()), float(np.sqrt(np.mean(away**2)))
 
 
 SAFETY = 3.0
@@ -109,10 +104,6 @@ LONGEST_STEP_S = 1e-3
 """Of a simulator that runs the reduced model."""
 _BEYOND = 1e-3
 """Part of the play by which a bearing's ring must lean further to tell a chord."""
-_LOOPED = (
-    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
-    "two ends; jointplay budget and allocate accept loops"
-)
 
 
 @dataclass(frozen=True)
@@ -223,9 +214,7 @@ def reduce(
         JointplayError: loops; a joint that slides or is a ball; a run that failed.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    if mechanism.loops:
-        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
-    names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
+    names = _with_play(mechanism)
     if joint not in names:
         raise MissingName("joint with play", joint, names)
     if why := _no_hinge(mechanism, joint):
@@ -267,10 +256,9 @@ def reduce(
         step_error = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
     leans: dict[str, Any] = {}
-    lean = compare_leans(alone, joint, q)
-    if lean is not None:
-        history["lean"] = lean.full
-        leans = {"tilt_error": SAFETY * lean.largest, "tilt_rms": lean.rms}
+    if (tilted := _compare_tilts(alone, joint, q)) is not None:
+        history["lean"], largest, rms = tilted
+        leans = {"tilt_error": SAFETY * largest, "tilt_rms": rms}
     return Reduction(
         joint,
         **teeth,
@@ -293,13 +281,7 @@ def reduce_all(
     period: float = PERIOD,
     progress: bool = False,
 ) -> tuple[list[Reduction], dict[str, str]]:
-    """Reduce every joint that has play; each alone, as `reduce` does.
-
-    Args:
-        mechanism: the robot.
-        pose: joint positions about which each reverses [rad or m]; the rest zero.
-        amplitude, period: of the reversals [rad, s].
-        progress: show a bar.
+    """Reduce every joint that has play; each alone, and as `reduce` does.
 
     Returns:
         The reductions, and why other joints with play have none, by joint.
@@ -307,9 +289,7 @@ def reduce_all(
     Raises:
         JointplayError: loops; no joint has play; none that has can be a hinge; a run that failed.
     """
-    if mechanism.loops:
-        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
-    names = list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
+    names = _with_play(mechanism)
     if not names:
         raise JointplayError(
             "no joint has play; joints that could have it: " + ", ".join(mechanism.joints)
@@ -318,11 +298,19 @@ def reduce_all(
     able = [name for name in names if name not in refused]
     if not able:
         raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
-    found = []
     with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
-        for name in bar:
-            found.append(reduce(mechanism, name, pose, amplitude=amplitude, period=period))
-    return found, refused
+        how = {"amplitude": amplitude, "period": period}
+        return [reduce(mechanism, name, pose, **how) for name in bar], refused
+
+
+def _with_play(mechanism: Mechanism) -> list[str]:
+    if mechanism.loops:
+        raise JointplayError(
+            f"the mechanism has the loop {next(iter(mechanism.loops))!r}: a hinge is fitted to "
+            "what it alone carries, but a loop has two ends; jointplay budget and allocate accept "
+            "loops"
+        )
+    return list(dict.fromkeys([*mechanism.clearance, *mechanism.gears]))
 
 
 def _no_hinge(mechanism: Mechanism, joint: str) -> str:
@@ -368,24 +356,18 @@ def _full_run(
     for name in pose:
         if name not in names:
             raise MissingName("moving joint", name, names)
-    middle = np.array([pose.get(name, 0.0) for name in names])
-    signs = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
-    positions = np.tile(middle, (len(times), 1))
-    positions[:, names.index(joint)] += amplitude * signs
+    begin = {name: pose.get(name, 0.0) for name in names}
+    positions = np.tile(list(begin.values()), (len(times), 1))
+    positions[:, names.index(joint)] += amplitude * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     motion = Motion(names, times, positions)
-    begin = dict(zip(names, middle.tolist(), strict=True))
     step = 1e-5
     if mechanism.clearance:
         step = fitting_step(mechanism, mechanism.configuration(begin))
     simulation = Simulation(
-        mechanism,
-        motion,
-        drive=Prescribed(),
-        step=step,
-        record_every=max(round(2e-4 / step), 1),
+        mechanism, motion, drive=Prescribed(), step=step, record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction},
-    )
+    )  # fmt: skip
     return simulation.run(progress, estimate=False).completed("the run of the full model")
 
 
@@ -409,9 +391,7 @@ def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str,
     left = float(np.sqrt(np.mean((shape @ [dry, viscous] - torque) ** 2)))
     low, high = np.quantile(torque, [0.05, 0.95])
     return {
-        "dry": float(dry),
-        "viscous": float(viscous),
-        "friction_error": left,
+        **{"dry": float(dry), "viscous": float(viscous), "friction_error": left},
         "friction_range": (float(low), float(high)),
     }
 
@@ -420,13 +400,9 @@ class _Link:
     """The written model: one body about a fixed axis, driven through play, with friction."""
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        joint: str,
-        pose: Mapping[str, float],
-        friction: float,
+        self, mechanism: Mechanism, joint: str, pose: Mapping[str, float], friction: float,
         viscous: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         ideal = mechanism.ideal()
         at = ideal.coordinate(joint)
         q = ideal.configuration(pose)
@@ -501,45 +477,27 @@ def _across(
         return {}
     hinge = clearance.hinge
     load = play_model(mechanism, pose).load[0, 0]
-    if isinstance(clearance, RollingBearing):
-        return _across_elements(clearance, load)
-    _, tilt = clearance.play(second_order=False).reach
+    tilt = float(clearance.play(second_order=False).reach[1])
     arm = hinge.length / 2.0
-    # Each rim carries half the force, and what the moment over the length asks for.
-    push = math.hypot(load[0], load[1]) / 2.0
-    push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
-    stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
-    found = {
-        "lateral": hinge.lateral,
-        "axial": hinge.axial,
-        "contact_stiffness": stiffness,
-        "load": tuple(float(x) for x in load),
-    }
-    if hinge.leans:
+    found = {"lateral": hinge.lateral, "axial": hinge.axial, "load": tuple(load.tolist())}
+    if isinstance(clearance, RollingBearing):
+        rest = clearance.deflection(load[:3], [load[3], load[4], 0.0])
+        matrix = clearance.load(rest).stiffness
+        stiffness = float(np.linalg.eigvalsh(matrix[:2, :2]).mean())
+        tilting = float(np.linalg.eigvalsh(matrix[3:5, 3:5]).mean())
+        moment, turned = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
+        if moment > 0.0 and turned > (1.0 + _BEYOND) * tilt:
+            tilting = moment / (turned - tilt)  # the chord beyond the play
+    else:
+        # Each rim carries half the force, and what the moment over the length asks for.
+        push = math.hypot(load[0], load[1]) / 2.0
+        push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
+        stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
         tilting = 2.0 * stiffness * arm**2
+    found["contact_stiffness"] = stiffness
+    if hinge.leans or isinstance(clearance, RollingBearing):
         found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
     return found
-
-
-def _across_elements(bearing: RollingBearing, load: np.ndarray) -> dict[str, Any]:
-    """The same of a rolling bearing: the chord of its moment beyond the play, at rest."""
-    hinge = bearing.hinge
-    tilt = float(bearing.play(second_order=False).reach[1])
-    rest = bearing.deflection(load[:3], [load[3], load[4], 0.0])
-    stiffness = bearing.load(rest).stiffness
-    moment, lean = math.hypot(load[3], load[4]), math.hypot(rest[3], rest[4])
-    tangent = float(np.linalg.eigvalsh(stiffness[3:5, 3:5]).mean())
-    if moment > 0.0 and lean > (1.0 + _BEYOND) * tilt:
-        tangent = moment / (lean - tilt)
-    return {
-        "lateral": hinge.lateral,
-        "axial": hinge.axial,
-        "contact_stiffness": float(np.linalg.eigvalsh(stiffness[:2, :2]).mean()),
-        "load": tuple(float(x) for x in load),
-        "tilt": tilt,
-        "tilt_stiffness": tangent,
-        "half_length": hinge.length / 2.0,
-    }
 
 
 def _chord(clearance: Clearance, radius: float, force: float) -> float:

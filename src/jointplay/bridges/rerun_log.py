@@ -46,8 +46,10 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
         pose = poses[:, k]
         moved = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, 3:])
         recording.send_columns(f"robot/{escape(name)}", [time], moved)
-    _tool(rr, recording, result, time)
-    _forces(rr, recording, result, _bearings(scene, poses), ARROW * scene.look.reach, time)
+    path = result["tool_position"].values
+    recording.log("tool/path", rr.LineStrips3D([path], colors=[_BLUE]), static=True)
+    recording.send_columns("tool/position", [time], rr.Points3D.columns(positions=path))
+    _forces(rr, recording, result, scene, poses, time)
     for name, (values, unit) in columns(result).items():
         if name == "time":
             continue
@@ -67,50 +69,25 @@ def _robot(rr: Any, recording: Any, scene: Scene) -> None:
         for k, (part, colour) in enumerate(zip(shape.parts, shape.colours, strict=True)):
             mesh = trimesh.Trimesh(part.points, part.triangles)
             mesh.apply_transform(shape.placement)
-            recording.log(
-                f"robot/{escape(shape.link)}/{number}_{k}",
-                rr.Mesh3D(
-                    vertex_positions=mesh.vertices,
-                    triangle_indices=mesh.faces,
-                    vertex_normals=mesh.vertex_normals,
-                    albedo_factor=[int(255 * value) for value in colour],
-                ),
-                static=True,
-            )
-
-
-def _bearings(scene: Scene, poses: np.ndarray) -> dict[str, np.ndarray]:
-    """Origins of the bearings of joints with clearance, by name, shape (n, 3) [m]."""
-    return {
-        joint.name: np.array(
-            [pin.XYZQUATToSE3(pose).act(joint.place.translation) for pose in poses[:, joint.link]]
-        )
-        for joint in scene.joints
-        if joint.play
-    }
-
-
-def _tool(rr: Any, recording: Any, result: Result, time: Any) -> None:
-    path = result["tool_position"].values
-    recording.log("tool/path", rr.LineStrips3D([path], colors=[_BLUE]), static=True)
-    recording.send_columns("tool/position", [time], rr.Points3D.columns(positions=path))
+            drawn = rr.Mesh3D(
+                vertex_positions=mesh.vertices, triangle_indices=mesh.faces,
+                vertex_normals=mesh.vertex_normals, albedo_factor=[int(255 * x) for x in colour],
+            )  # fmt: skip
+            recording.log(f"robot/{escape(shape.link)}/{number}_{k}", drawn, static=True)
 
 
 def _forces(
-    rr: Any,
-    recording: Any,
-    result: Result,
-    origins: dict[str, np.ndarray],
-    longest: float,
-    time: Any,
+    rr: Any, recording: Any, result: Result, scene: Scene, poses: np.ndarray, time: Any
 ) -> None:
-    """Peak contact forces as arrows at their bearings, the largest of all as long as `longest`."""
-    if not result.joints:
-        return
+    """Peak contact forces as arrows at their bearings, the largest of all as long as `ARROW`."""
+    places = {joint.name: joint for joint in scene.joints if joint.play}
+    longest = ARROW * scene.look.reach
     largest = float(np.linalg.norm(result["joint_force_peak"].values, axis=2).max(initial=0.0))
     for joint in result.joints:
         arrows = result["joint_force_peak"].sel(joint=joint).values * (longest / (largest or 1.0))
+        at, link = places[joint].place.translation, places[joint].link
+        origins = np.array([pin.XYZQUATToSE3(pose).act(at) for pose in poses[:, link]])
         place = f"force/{rr.escape_entity_path_part(joint)}"
         recording.log(place, rr.Arrows3D.from_fields(colors=[_RED]), static=True)
-        vectors = rr.Arrows3D.columns(vectors=arrows, origins=origins[joint])
+        vectors = rr.Arrows3D.columns(vectors=arrows, origins=origins)
         recording.send_columns(place, [time], vectors)

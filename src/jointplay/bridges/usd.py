@@ -99,12 +99,10 @@ class _Stage:
     def body(self, name: str, place: pin.SE3, inertia: pin.Inertia) -> Any:
         """Add a body; its path."""
         body = self.geom.Xform.Define(self.stage, f"{self.root}/{self._name(name)}")
-        body.AddTranslateOp(precision=self.geom.XformOp.PrecisionDouble).Set(
-            self.gf.Vec3d(*place.translation.tolist())
-        )
-        body.AddOrientOp(precision=self.geom.XformOp.PrecisionDouble).Set(
-            self._turned(place.rotation, self.gf.Quatd)
-        )
+        double = self.geom.XformOp.PrecisionDouble
+        at, turn = place.translation.tolist(), self._turned(place.rotation, self.gf.Quatd)
+        body.AddTranslateOp(precision=double).Set(self.gf.Vec3d(*at))
+        body.AddOrientOp(precision=double).Set(turn)
         prim = body.GetPrim()
         self.physics.RigidBodyAPI.Apply(prim)
         moments, axes = np.linalg.eigh(inertia.inertia)
@@ -137,6 +135,6 @@ class _Stage:
 
     def newton(self, prim: Any, **values: float) -> None:
         prim.AddAppliedSchema("NewtonJointAPI")
+        kind = self.sdf.ValueTypeNames.Float
         for name, value in values.items():
-            kind = self.sdf.ValueTypeNames.Float
             prim.CreateAttribute(f"newton:{name}", kind, custom=False).Set(float(value))

@@ -136,7 +136,7 @@ def siconos(folder: Path) -> None:
         names += [f"{scheme.removesuffix('Projection').lower()}_{part}" for part in PARTS]
         columns += list(found[:, 1:].T)
     notes = (
-        f"Siconos {siconos_engine.version()}, Moreau-Jean, at five steps, run by",
+        f"Siconos {siconos_engine.VERSION}, Moreau-Jean, at five steps, run by",
         "truth/peer_engines/siconos_guide.py; `limit` is the straight line through them at",
         "h = 0. `direct` and `combined`: the reference results of Siconos's own example at 0.1 ms.",
         *origin(
