@@ -239,11 +239,7 @@ def test_without_ties_the_cones_of_a_play_reach_as_far_as_its_support(seed):
 
 
 def test_a_slider_leans_about_its_own_middle_wherever_it_is(urdf):
-    path = urdf(
-        body("car"),
-        joint("s", "base", "car", "prismatic", "1 0 0"),
-        tip("car", "0.3 0 0"),
-    )
+    path = urdf(body("car"), joint("s", "base", "car", "prismatic", "1 0 0"), tip("car", "0.3 0 0"))
     mechanism = Mechanism(path, {"s": PrismaticClearance(clearance=PLAY)})
     near, far = (budget(mechanism, {"s": at}).worst[0] for at in (0.0, 0.8))
     assert far == pytest.approx(near, rel=1e-9)

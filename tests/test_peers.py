@@ -217,8 +217,7 @@ def test_impacts_of_a_trace_with_a_known_impulse():
 
 
 @pytest.mark.parametrize(
-    ("scenario", "task"),
-    [("slider_crank.toml", slider_crank), ("scara.toml", common.scara)],
+    ("scenario", "task"), [("slider_crank.toml", slider_crank), ("scara.toml", common.scara)]
 )
 def test_joint_is_the_shipped_one(scenario, task):
     shipped = jp.Scenario.load(jp.shipped(scenario)).simulation("0.2 mm").mechanism.clearance

@@ -9,14 +9,7 @@ import pinocchio as pin
 import pytest
 from conftest import body, joint
 
-from jointplay import (
-    Gear,
-    JointplayError,
-    Mechanism,
-    Motion,
-    RevoluteClearance,
-    Simulation,
-)
+from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.bridges.reduced_files import to_json, to_urdf, to_yaml
 from jointplay.bridges.reduced_mjcf import compile_robot, follow, load_mujoco
 from jointplay.bridges.reduction import reduce

@@ -342,10 +342,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         (["--all", *OPTIONS, "--batch", "2", "--identified", "none.json"], "none.json"),
         (["--all", *OPTIONS, "--gear", "zz=1 mrad"], "zz"),
         (["--all", *OPTIONS, "--tilt", "--format", "sdf"], "--format sdf with --tilt"),
-        (
-            ["--all", "--joint", "a=0.1 mm"],
-            "mjcf, sdf, urdf, usd would have no play",
-        ),
+        (["--all", "--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play"),
         (["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"], "--tilt"),
         (["--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play: the clearance of a"),
         (["--clearance", "0.1 mm"], "got none: name it, or add --all"),

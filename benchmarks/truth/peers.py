@@ -24,14 +24,7 @@ from typing import Any
 import numpy as np
 from common import DOCS, folder_of
 from truth.peer_engines import pinocchio_engine
-from truth.peer_engines.common import (
-    Problem,
-    missing,
-    read_links,
-    scara,
-    slider_crank,
-    undriven,
-)
+from truth.peer_engines.common import Problem, missing, read_links, scara, slider_crank, undriven
 from truth.peer_engines.figures import draw_growth, draw_orbits, draw_work
 from truth.peer_engines.jointplay_engine import run_jointplay
 from truth.peer_engines.trace import Impact, Trace, impacts, offset

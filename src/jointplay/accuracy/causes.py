@@ -322,9 +322,7 @@ def is_proportional(mechanism: Mechanism, joint: str) -> bool:
 
 
 def _checked(
-    mechanism: Mechanism,
-    remaining: Mapping[tuple[str, str], float],
-    causes: Mapping[str, Cause],
+    mechanism: Mechanism, remaining: Mapping[tuple[str, str], float], causes: Mapping[str, Cause]
 ) -> dict[tuple[str, str], float]:
     known = [*mechanism.joints, *mechanism.mounts]
     parts = {}

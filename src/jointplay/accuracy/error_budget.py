@@ -15,20 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.causes import Cause, cause_model, named, told_apart
-from jointplay.accuracy.error_model import (
-    ErrorModel,
-    Farthest,
-    covering,
-    half_sphere,
-    play_model,
-)
-from jointplay.accuracy.jacobians import (
-    configurations,
-    displaced,
-    force_on_tool,
-    place,
-    tool_place,
-)
+from jointplay.accuracy.error_model import ErrorModel, Farthest, covering, half_sphere, play_model
+from jointplay.accuracy.jacobians import configurations, displaced, force_on_tool, place, tool_place
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite

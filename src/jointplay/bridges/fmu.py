@@ -98,11 +98,7 @@ class Inputs:
 
 
 def fmu(
-    result: Result,
-    suffix: str,
-    progress: bool,
-    inputs: str = INPUTS[0],
-    period: float | str = 1e-3,
+    result: Result, suffix: str, progress: bool, inputs: str = INPUTS[0], period: float | str = 1e-3
 ) -> bytes:
     """The unit's content, of a result's simulation.
 

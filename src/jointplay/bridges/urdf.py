@@ -126,10 +126,7 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
             put(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
-        ends = [
-            Element("parent", link=link),
-            Element("child", link=following),
-        ]
+        ends = [Element("parent", link=link), Element("child", link=following)]
         if not chain and (origin := original.find("origin")) is not None:
             ends.append(origin)
         for place, end in enumerate(ends):
