@@ -83,9 +83,7 @@ def offers_of(
 ) -> tuple[Offer, ...]:
     """What can be bought instead of a bearing: all classes of its size, and a pair preloaded.
 
-    Args:
-        joint: the bearing.
-        prices: by class; those of `PRICES` where not given.
+    Prices are by class, those of `PRICES` where not given.
 
     Raises:
         MissingName: a price of a class that does not exist.

@@ -250,11 +250,7 @@ CAUSES = tuple(ALL)
 
 
 def named(causes: Collection[str | Cause]) -> dict[str, Cause]:
-    """Causes by name, the known ones first and in their order, then one's own.
-
-    Raises:
-        MissingName: no such cause.
-    """
+    """Causes by name, the known ones first and in their order, then one's own."""
     own = {one.name: one for one in causes if isinstance(one, Cause)}
     for one in causes:
         if isinstance(one, str) and one not in ALL:

@@ -445,9 +445,6 @@ def play_model(
     """The error by play alone, of joints with clearance and then of gears; arguments of `budget`.
 
     With `loops` mechanisms with loops are taken, too, whose plays may be tied to each other.
-
-    Raises:
-        JointplayError: nothing has play; see `budget`.
     """
     if relative_to is not None:
         check_body(mechanism, relative_to)

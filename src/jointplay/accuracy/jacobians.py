@@ -83,11 +83,7 @@ def jacobians(
 
 
 def force_on_tool(force: Sequence[float]) -> np.ndarray:
-    """A force on the tool, shape (3,) [N].
-
-    Raises:
-        JointplayError: not three finite components.
-    """
+    """A force on the tool, (3,) [N]; refused unless it has three finite components."""
     push = np.array([require_finite("force on the tool", one, "N") for one in force])
     if push.shape != (3,):
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")

@@ -22,11 +22,7 @@ CLASSES = ("calibrated-industrial", "industrial", "printed")
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors(Described):
-    """Errors of one joint besides its play; what is not given is that of the robot.
-
-    Raises:
-        JointplayError: a value that is negative or not finite.
-    """
+    """Errors of one joint besides its play; what is not given is that of the robot."""
 
     encoder: float | None = quantity("rad", "m", default=None, least=0.0, words="resolution")
     """Resolution of the encoder, at the joint [rad or m]."""
@@ -54,13 +50,7 @@ class JointErrors(Described):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotErrors(Described):
-    """Errors of all joints of a robot besides play, and of single ones.
-
-    What is not given is that of a class.
-
-    Raises:
-        JointplayError: a value that is negative or not finite; a spread above 1.
-    """
+    """Errors of all joints of a robot besides play, and of single ones; else those of a class."""
 
     assumed: str | None = choice("class of errors", CLASSES, default=None)
     """Class of robots from which all that is not given is assumed: ``calibrated-industrial``,
@@ -117,12 +107,7 @@ ERROR_CLASSES: Mapping[str, RobotErrors] = {
 
 
 def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
-    """Refuse errors of joints that there are not, and springs of another kind of joint.
-
-    Raises:
-        MissingName: no such joint.
-        JointplayError: springs of a joint that turns for one that slides, or the other way.
-    """
+    """Refuse errors of joints that there are not, and springs of another kind of joint."""
     for name, own in errors.joints.items():
         if name not in mechanism.joints:
             raise MissingName("joint", name, mechanism.joints, where=("joints", name))

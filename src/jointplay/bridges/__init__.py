@@ -64,19 +64,13 @@ def export(
     progress: bool = False,
     **options: Any,
 ) -> Path:
-    """Write a result for other programs.
+    """Write a result for other programs; the file.
 
     Args:
-        result: what is written.
         path: the file; its ending must be one of the kind's.
         to: one of `KINDS`; None tells it by the file's ending (.csv is the table).
         every: only each n-th record and the last; peaks keep what lies between.
-        overwrite: whether a file of that name is replaced.
-        progress: whether to show a bar.
-        options: of the kind: ``inputs`` and ``period`` of an fmu (`exports.fmu.fmu`).
-
-    Returns:
-        The file.
+        options: of the kind: ``inputs`` and ``period`` of an fmu (`bridges.fmu.fmu`).
 
     Raises:
         JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
@@ -94,11 +88,7 @@ def export(
 
 
 def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> str:
-    """Kind of file that `path` will be; refuses what cannot be written, before any work is done.
-
-    Raises:
-        JointplayError: no such kind, a wrong ending, or a file that exists or cannot be written.
-    """
+    """Kind of file that `path` will be; refuses what cannot be written, before any work is done."""
     path = Path(path)
     suffix = path.suffix.lower()
     if to is None:

@@ -22,11 +22,7 @@ from jointplay.simulation.result.result import AXES, Result
 
 
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:
-    """The bag's content.
-
-    Raises:
-        JointplayError: the library is not installed.
-    """
+    """The bag's content."""
     with extra("ros", "mcap-ros2-support"):
         from mcap_ros2.writer import Writer
     sink = io.BytesIO()

@@ -126,12 +126,7 @@ def _known(identified: Mapping[str, Any]) -> dict[tuple[str, str], tuple[float, 
 
 
 def read_identified(path: str | Path, joints: Iterable[str]) -> dict[str, Any]:
-    """What `jointplay identify` wrote as ``identified.json``, of a robot with these joints.
-
-    Raises:
-        MissingName: it is about a joint that the robot does not have.
-        JointplayError: it cannot be read, or is another file.
-    """
+    """What `jointplay identify` wrote as ``identified.json``, of a robot with these joints."""
     names = list(joints)
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -149,11 +144,7 @@ def read_identified(path: str | Path, joints: Iterable[str]) -> dict[str, Any]:
 
 
 def draw(ranges: Sequence[Interval], count: int, seed: int) -> np.ndarray:
-    """Values within the intervals, each as likely as any other, shape (count, len(ranges)) [SI].
-
-    Raises:
-        JointplayError: fewer than one copy, or a negative seed.
-    """
+    """Values within the intervals, each as likely as any other, shape (count, len(ranges)) [SI]."""
     if count < 1:
         raise JointplayError(f"a batch has at least one copy, got {count}")
     if seed < 0:

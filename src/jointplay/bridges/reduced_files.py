@@ -128,9 +128,6 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction) -> str:
 
     The bearing's friction acts on the motor's side of the play, for SDF has no joint beside
     another.
-
-    Raises:
-        JointplayError: a robot that cannot be held as a tree of single joints; see `bodies`.
     """
     root = Element("sdf", version="1.9")
     model = put(root, "model", name=mechanism.description.path.stem)
@@ -182,13 +179,8 @@ def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) 
 
     Motors have the command interface ``effort`` and a transmission of 1, for the numbers are those
     of the joint's side of the gear; hinges of play are only read. If the URDF has tags of
-    ros2_control of its own, only the hinges of play are added to the first of them.
-
-    Args:
-        plugin: of the hardware, such as ``mock_components/GenericSystem``.
-
-    Raises:
-        JointplayError: see `refuse_taken`.
+    ros2_control of its own, only the hinges of play are added to the first of them. `plugin` is
+    that of the hardware, such as ``mock_components/GenericSystem``.
     """
     refuse_taken(mechanism, reductions)
     root = mechanism.description.elements()
@@ -306,10 +298,8 @@ def reach(
 ) -> tuple[float, PlayBudget]:
     """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
 
-    Of both the worst case. Files have no travel of journals aside and along.
-
-    Args:
-        leaning: joints whose axes lean in the files.
+    Of both the worst case. Files have no travel of journals aside and along; the axes of the joints
+    `leaning` tilt in them.
     """
     found = budget(mechanism, pose)
     bands = {one.joint: one.dead_band for one in reductions}

@@ -78,7 +78,6 @@ class CompiledRobot:
         """The MJCF with these numbers of play.
 
         Args:
-            reductions: of the joints for which the robot was compiled.
             encoder: ``motor`` or ``link``: what the sensor `J.encoder` reads.
             servos: by joint; each is a ``dcmotor`` (MuJoCo 4); other joints have a ``motor`` whose
                 input is the torque. Joints that mimic others have none.
@@ -350,9 +349,6 @@ def find_play(
 
     All other joints are held; gravity, friction and contacts are switched off. The torques turn the
     link by a tenth and by a fifth of its play beyond it.
-
-    Raises:
-        JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
     model = _load(mujoco, text, meshes, bare=True)
@@ -406,9 +402,6 @@ def find_reach(
 
     The tool is pushed along the unit vector (3,) and back in MuJoCo, all hinges but those of tilt
     held at the pose, without gravity, friction and contacts.
-
-    Raises:
-        JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
     model = _load(mujoco, text, meshes, bare=True)
@@ -511,13 +504,7 @@ class Followed(NamedTuple):
 
 
 def load_mujoco() -> Any:
-    """The package mujoco; what it warns of is written to stderr.
-
-    By itself it writes that to a file in the folder that one happens to be in.
-
-    Raises:
-        JointplayError: it cannot be imported.
-    """
+    """The package mujoco; its warnings go to stderr, not to a file in the working folder."""
     with extra("simulators", "mujoco"):
         import mujoco
     if mujoco.get_mju_user_warning() is None:
@@ -531,9 +518,6 @@ def follow(
     """Load a written MJCF in MuJoCo, move a motor as the full model's, and compare the links.
 
     The other joints stand as in the full model's run, whose history the reduction has.
-
-    Raises:
-        JointplayError: MuJoCo is not installed, or cannot load the file.
     """
     mujoco = load_mujoco()
     model = _load(mujoco, text, meshes)

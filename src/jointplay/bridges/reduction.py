@@ -204,7 +204,6 @@ def reduce(
     """Fit the reduced model of a revolute joint with clearance, or a gear with play, or both.
 
     Args:
-        mechanism: the robot; of its play only that of `joint` counts here.
         pose: joint positions about which the joint reverses [rad or m]; the rest zero.
         amplitude, period: of the reversals [rad, s].
         joint_friction: of the joint besides its bearing's; None takes the URDF's.
@@ -281,13 +280,10 @@ def reduce_all(
     period: float = PERIOD,
     progress: bool = False,
 ) -> tuple[list[Reduction], dict[str, str]]:
-    """Reduce every joint that has play; each alone, and as `reduce` does.
+    """Reduce every joint that has play, each alone, as `reduce` does.
 
     Returns:
         The reductions, and why other joints with play have none, by joint.
-
-    Raises:
-        JointplayError: loops; no joint has play; none that has can be a hinge; a run that failed.
     """
     names = _with_play(mechanism)
     if not names:

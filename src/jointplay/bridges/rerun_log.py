@@ -24,11 +24,7 @@ _RED, _BLUE = (209, 53, 43), (0, 114, 178)
 
 
 def rrd(result: Result, suffix: str, progress: bool) -> bytes:
-    """The recording's content.
-
-    Raises:
-        JointplayError: rerun is not installed, or the result's mechanism cannot be built.
-    """
+    """The recording's content."""
     with extra("rerun", "rerun-sdk"):
         import rerun as rr
     escape = rr.escape_entity_path_part

@@ -53,11 +53,9 @@ def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
 
 
 def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
-    """A pandas table, one row a record, one column a number.
+    """A pandas table, one row a record, one column a number, the time [s] among them.
 
-    Returns:
-        The time [s] is a column. ``attrs["units"]`` has the units by column, ``attrs["message"]``
-        how the run ended.
+    ``attrs["units"]`` has the units by column, ``attrs["message"]`` how the run ended.
 
     Raises:
         JointplayError: `every` is not a whole number from 1 on.
@@ -89,11 +87,7 @@ def csv(result: Result, suffix: str, progress: bool) -> bytes:
 
 
 def parquet(result: Result, suffix: str, progress: bool) -> bytes:
-    """Apache Parquet, with each column's unit in its field's metadata and in pandas' ``attrs``.
-
-    Raises:
-        JointplayError: pyarrow is not installed.
-    """
+    """Apache Parquet, with each column's unit in its field's metadata and in pandas' ``attrs``."""
     with extra("tables", "pyarrow"):
         import pyarrow as pa
         import pyarrow.parquet as pq

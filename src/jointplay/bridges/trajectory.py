@@ -61,11 +61,7 @@ def encoders(result: Result) -> dict[str, int]:
 
 
 def joint_trajectory(result: Result) -> Trajectory:
-    """Positions, velocities and drive efforts of the joints as their encoders see them.
-
-    Raises:
-        JointplayError: no joint has a single coordinate.
-    """
+    """Positions, velocities and drive efforts of the joints as their encoders see them."""
     at = encoders(result)
     if not at:
         raise JointplayError("no joint of this result has one coordinate: there is no trajectory")
@@ -100,11 +96,7 @@ def message(motion: Trajectory) -> dict[str, Any]:
 
 
 def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
-    """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads.
-
-    Raises:
-        JointplayError: PyYAML is not installed (for YAML).
-    """
+    """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads."""
     motion = joint_trajectory(result)
     if suffix == ".csv":
         text = io.StringIO()

@@ -23,11 +23,7 @@ _PER_DEGREE = math.pi / 180.0
 
 
 def load_usd() -> tuple[Any, ...]:
-    """The modules Gf, Sdf, Tf, Usd, UsdGeom and UsdPhysics, with Newton's schemas registered.
-
-    Raises:
-        JointplayError: one of the packages cannot be imported.
-    """
+    """The modules Gf, Sdf, Tf, Usd, UsdGeom and UsdPhysics, with Newton's schemas registered."""
     with extra("simulators", "OpenUSD with Newton's schemas"):
         import newton_usd_schemas  # noqa: F401 - before the registry of schemas is first used
         from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
@@ -38,8 +34,7 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
     """The robot as text of a USD stage (.usda): metres, kilograms, z upwards; angles in degrees.
 
     Raises:
-        JointplayError: a package is missing; a robot that cannot be held as a tree of single
-            joints; see `bodies`.
+        JointplayError: a package is missing; a robot that is no tree of `bodies`.
     """
     stage = _Stage(mechanism)
     paths = {"": stage.base}
