@@ -210,16 +210,6 @@ def test_messages_are_those_of_ros(result, bagged):
             assert store.deserialize_cdr(raw, kind).header.stamp.sec == 0
 
 
-def test_trajectory_files_have_the_fields_of_the_message(result, tmp_path):
-    from rosbags.typesys import Stores, get_typestore
-
-    fields = get_typestore(Stores.ROS2_HUMBLE).fielddefs
-    read = yaml.safe_load(result.export(tmp_path / "t.yaml", every=500).read_text())
-    kind = "trajectory_msgs/msg/JointTrajectory"
-    assert list(read) == [name for name, _ in fields[kind][1]]
-    assert list(read["points"][0]) == [name for name, _ in fields[f"{kind}Point"][1]]
-
-
 def test_bags_come_back_as_motions(result, tmp_path):
     path = result.export(tmp_path / "r.mcap", every=10)
     names = ["joint_a", "joint_b.yaw", "stroke", "joint_c"]

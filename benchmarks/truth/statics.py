@@ -25,6 +25,7 @@ import jointplay as jp
 from jointplay.accuracy import poses
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.rest import AGREES_M
+from jointplay.base.tables import Table
 from jointplay.model.robots import robot_urdf
 
 BEARING = {
@@ -51,29 +52,44 @@ def arm(name: str, *joints: str) -> jp.Simulation:
 
 
 def simulations() -> dict[str, jp.Simulation]:
-    """By name."""
-    shipped = {
-        "slider-crank, 0.2 mm": ("slider_crank", "0.2 mm", {}),
-        "four-bar, 0.2 mm": ("four_bar", "0.2 mm", {}),
-        "SCARA with its weight, 0.2 mm": ("scara", "0.2 mm", {"robot": {"gravity": "loaded"}}),
-    }
     found = {
         "UR5, shoulder lift": arm("ur5", "shoulder_lift_joint"),
         "UR5, all six": arm("ur5"),
         "Panda, all seven": arm("panda"),
     }
-    for name, (file, case, changes) in shipped.items():
-        found[name] = jp.Scenario.load(f"jointplay:{file}.toml").simulation(case, changes)
+    for name, file, changes in (
+        ("slider-crank, 0.2 mm", "slider_crank", {}),
+        ("four-bar, 0.2 mm", "four_bar", {}),
+        ("SCARA with its weight, 0.2 mm", "scara", {"robot": {"gravity": "loaded"}}),
+    ):
+        found[name] = jp.Scenario.load(f"jointplay:{file}.toml").simulation("0.2 mm", changes)
     return found
 
 
-def peak(simulation: jp.Simulation, start: str, lasts: float) -> tuple[float, float, jp.Result]:
-    """Largest joint force in the first 50 ms and in the rest of the time [N]."""
-    simulation = replace(simulation, start=start, duration=lasts, judge_from=0.0)
-    result = simulation.run(progress=True)
-    force = np.linalg.norm(result["joint_force_peak"].values, axis=2).max(axis=1)
-    early = result.time < min(0.05, 0.5 * lasts)
-    return float(force[early].max()), float(force[~early].max()), result
+def peaks(lasts: float) -> Table:
+    """Peak joint forces of runs from both starts, and what the search for rest costs."""
+    heads = [
+        *(("run", ""), ("centred: first 50 ms", "N"), ("then", "N"), ("at rest: first 50 ms", "N")),
+        *(("then", "N"), ("pressed at rest", "N"), ("unbalanced", "N"), ("states tried", "")),
+        ("time of the search", "s"),
+    ]
+    rows = []
+    for name, simulation in simulations().items():
+        duration = min(lasts, simulation.duration or lasts)
+        jp.Run(replace(simulation, duration=duration))
+        spent, forces = [], []
+        for start in ("centred", "rest"):
+            begun = replace(simulation, duration=duration, start=start, judge_from=0.0)
+            began = time.process_time()
+            rest = jp.Run(begun).rest
+            spent.append(time.process_time() - began)
+            result = begun.run(progress=True)
+            force = np.linalg.norm(result["joint_force_peak"].values, axis=2).max(axis=1)
+            early = result.time < min(0.05, 0.5 * duration)
+            forces += [float(force[early].max()), float(force[~early].max())]
+        found = rest.load, rest.residual, rest.trials, spent[1] - spent[0]
+        rows.append((name, *forces, *found))
+    return Table.of(heads, rows)
 
 
 LOOSE = {
@@ -90,14 +106,12 @@ FRICTION = 0.1
 
 
 def standing(robot: jp.Mechanism, row: np.ndarray, **options: object) -> jp.Simulation:
-    """A machine that holds a configuration."""
     at = row[[robot.coordinate(name) for name in robot.joints]]
     motion = jp.Motion(list(robot.joints), [0.0, 1.0], np.array([at, at]))
     return jp.Simulation(robot, motion, limits="ignore", step=2e-6, **options)
 
 
 def tool(robot: jp.Mechanism, q: np.ndarray) -> np.ndarray:
-    """Where the tool is [m]."""
     pin.framesForwardKinematics(robot.model, robot.data, q)
     return robot.data.oMf[robot.tool_frame].translation.copy()
 
@@ -137,7 +151,6 @@ def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, 
 
 
 def main() -> None:
-    """Print a table in Markdown, then how well budget and run agree."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--lasts", type=float, default=0.3, help="simulated time [s]")
     parser.add_argument("--no-peaks", action="store_true", help="leave the table out")
@@ -151,7 +164,7 @@ def main() -> None:
         options.no_peaks, options.robots = True, "scara"
         options.poses, options.released = 2, 1
     if not options.no_peaks:
-        peaks(options.lasts)
+        print(peaks(options.lasts).markdown())
     worst, looked, outside, away = 0.0, 0, 0, 0
     for name in options.robots.split(","):
         one = agree(name, options.poses, options.seed, options.released)
@@ -160,26 +173,3 @@ def main() -> None:
     print(f"seed {options.seed}: worst disagreement of budget and start=\"rest\" {1e6 * worst:.3g} "
           f"um at {looked} poses, stated {1e6 * AGREES_M:g} um; {outside} starts, {away} ends of "
           f"runs with friction outside the interval")  # fmt: skip
-
-
-def peaks(lasts: float) -> None:
-    """Print a table in Markdown."""
-    head = [
-        "run", "centred: first 50 ms, then [N]", "at rest: first 50 ms, then [N]",
-        "pressed at rest [N]", "unbalanced [N]", "states tried", "time of the search [s]",
-    ]  # fmt: skip
-    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
-    for name, simulation in simulations().items():
-        duration = min(lasts, simulation.duration or lasts)
-        jp.Run(replace(simulation, duration=duration))
-        spent = {}
-        for start in ("centred", "rest"):
-            began = time.process_time()
-            run = jp.Run(replace(simulation, duration=duration, start=start, judge_from=0.0))
-            spent[start] = time.process_time() - began
-        rest = run.rest
-        before, after = (peak(simulation, start, duration) for start in ("centred", "rest"))
-        row = [name, f"{before[0]:.4g}, {before[1]:.4g}", f"{after[0]:.4g}, {after[1]:.4g}",
-               f"{rest.load:.4g}", f"{rest.residual:.1g}", f"{rest.trials}",
-               f"{spent['rest'] - spent['centred']:.2f}"]  # fmt: skip
-        print("| " + " | ".join(row) + " |", flush=True)
