@@ -46,13 +46,6 @@ def spatial():
     return RevoluteClearance(radial_clearance=1e-4, axial_clearance=2e-4)
 
 
-def test_joints_that_weigh_alike_get_the_same_clearance(three):
-    # Discs about z and about y share the x axis, along which all three add up alike.
-    found = allocate(robot(three), {}, 3e-5, cost="reciprocal")
-    assert found.clearance == pytest.approx([1e-5] * 3, rel=1e-2)
-    assert found.error == pytest.approx(3e-5, rel=1e-3)
-
-
 def test_the_optimum_is_the_known_one_for_weights(three):
     # Cost sum w/c with sum c = t: c in proportion to the root of w.
     found = allocate(robot(three), {}, 4e-5, weights={"a": 4.0}, least=1e-6)
@@ -414,17 +407,6 @@ def test_bearings_are_chosen_with_the_causes_and_no_other_choice_is_cheaper(roll
         best = min(best, sizes.total + sum(one.price for one in choice))
     assert found.total == pytest.approx(best, rel=1e-5)
     assert {"class", "remains"} <= {one.head for one in found.table().columns}
-
-
-def test_several_poses_keep_the_target_at_all(arm):
-    random = np.random.default_rng(1)
-    poses = np.array([arm.configuration(dict(zip(arm.joints, random.uniform(-1.5, 1.5, 6),
-                                                 strict=True))) for _ in range(8)])  # fmt: skip
-    target = 0.5 * budget(arm, poses, causes=CAUSES).worst.max()
-    found = allocate(arm, poses, float(target), causes=CAUSES)
-    again = budget(arm, poses, remaining=found.parts, causes=CAUSES)
-    assert again.worst.max() == pytest.approx(target, rel=1e-6)
-    assert found.total > 0.0
 
 
 def test_play_of_rolling_bearings_stays_but_that_of_their_gears_does_not(arm):

@@ -146,13 +146,6 @@ def test_a_ball_in_a_socket(arm, tmp_path):
     compare(mechanism, model, np.random.default_rng(2))
 
 
-@pytest.mark.parametrize("joint", ["shoulder_pan_joint", "elbow_joint", "wrist_3_joint"])
-def test_ur5(tmp_path, joint):
-    mechanism = Mechanism(_robot("ur5"), {joint: BEARING})
-    _, model = exported(mechanism, tmp_path)
-    compare(mechanism, model, np.random.default_rng(3))
-
-
 def test_all_else_stays_byte_for_byte(arm):
     text = to_urdf(Mechanism(arm, {"elbow": BEARING}))
     start = ARM.index('<joint name="elbow"')
@@ -186,14 +179,6 @@ def test_limits_are_about_twice_the_clearance(arm):
         assert float(limit.get("lower")) == -float(limit.get("upper"))
 
 
-def test_locked_freedoms_are_left_out(arm):
-    planar = RevoluteClearance.planar(radial_clearance=1e-4)
-    text = to_urdf(Mechanism(arm, {"shoulder": planar}))
-    root = ElementTree.fromstring(text.encode())
-    names = [joint.get("name") for joint in root.findall("joint")]
-    assert names == ["shoulder.x", "shoulder.y", "shoulder", "elbow", "stroke"]
-
-
 def test_what_a_urdf_cannot_express_is_refused(arm, tmp_path):
     loop = Loop("base", "slider")
     with pytest.raises(JointplayError, match="loop 'closed' cannot be written"):
@@ -204,11 +189,6 @@ def test_what_a_urdf_cannot_express_is_refused(arm, tmp_path):
     arm.write_text(ARM.replace('"fore"', '"elbow.x_link"'), encoding="utf-8")
     with pytest.raises(JointplayError, match=r"already has a 'elbow\.x_link'"):
         to_urdf(Mechanism(arm, {"elbow": BEARING}))
-
-
-def test_jointplay_reads_it_again(arm, tmp_path):
-    path, _ = exported(Mechanism(arm, {"shoulder": BEARING, "elbow": BEARING}), tmp_path)
-    assert len(Mechanism(path).coordinates) == 13
 
 
 def _robot(name):
@@ -307,9 +287,3 @@ def test_a_joint_without_play_is_refused(arm):
         JointplayError, match=r"'shoulder' has no play .*cannot say how it gives way"
     ):
         to_urdf(Mechanism(arm, {"shoulder": pair}))
-
-
-def test_command_names_the_joints_there_are(arm, tmp_path, capsys):
-    out = str(tmp_path / "out.urdf")
-    assert main(["urdf", str(arm), "--joint", "hip", "--out", out]) == 2
-    assert "available: shoulder, elbow" in capsys.readouterr().err

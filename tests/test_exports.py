@@ -297,15 +297,6 @@ def test_layouts_show_numbers_that_the_bag_has(result, bagged):
         assert any("stroke" in name or "effort[" in name for name in curves["machine"])
 
 
-def test_layouts_are_written_by_their_endings(result, tmp_path):
-    assert result.export(tmp_path / "l.xml").read_bytes().startswith(b"<?xml")
-    layout = json.loads(result.export(tmp_path / "l.json").read_text())
-    titles = [one["foxglovePanelTitle"] for one in layout["configById"].values() if "paths" in one]
-    assert "Sliding joints, drive [N]" in titles
-    assert "Joints, drive [N m]" in titles
-    assert len(titles) == len(set(titles))
-
-
 def written(path, *messages):
     """A bag of the given topics, kinds and contents, one each second."""
     from mcap_ros2.writer import Writer
@@ -495,12 +486,18 @@ def test_a_notebook_takes_no_markup_from_a_file(result):
     assert "<script>" not in evil._repr_html_()
 
 
-def test_no_flipped_bit_of_a_bag_gives_another_motion(result, tmp_path):
-    """The library checks the blocks alone; what lists them, their topics and counts is checked."""
+@pytest.fixture
+def summed(result, tmp_path):
+    """A bag, its content, where its summary begins, and its motion."""
     path = result.export(tmp_path / "r.mcap", every=100)
     content = path.read_bytes()
-    reference = Motion.from_mcap(path, "/joint_states")
-    begin = int.from_bytes(content[-28:-20], "little")  # of the summary
+    begin = int.from_bytes(content[-28:-20], "little")
+    return path, content, begin, Motion.from_mcap(path, "/joint_states")
+
+
+def test_no_flipped_bit_of_a_bag_gives_another_motion(summed):
+    """The library checks the blocks alone; what lists them, their topics and counts is checked."""
+    path, content, begin, reference = summed
     for k in range(120):
         changed = bytearray(content)
         at = begin + (len(content) - begin) * k // 120 if k % 2 else len(content) * k // 120
@@ -510,34 +507,28 @@ def test_no_flipped_bit_of_a_bag_gives_another_motion(result, tmp_path):
             assert Motion.from_mcap(path, "/joint_states") == reference
 
 
-def without_checksum(content):
-    """The same bag as a writer leaves it that makes no checksum of its summary."""
-    return content[:-12] + bytes(4) + content[-8:]
+def without_checksum(path, content, at=0, changed=b""):
+    """Write the bag as a writer leaves it that makes no checksum of its summary, changed there."""
+    bare = bytearray(content[:-12] + bytes(4) + content[-8:])
+    bare[at : at + len(changed)] = changed
+    path.write_bytes(bare)
 
 
-def test_definitions_of_a_bag_without_checksum_are_those_of_ros(result, tmp_path):
-    path = result.export(tmp_path / "r.mcap", every=100)
-    content, reference = path.read_bytes(), Motion.from_mcap(path, "/joint_states")
-    path.write_bytes(without_checksum(content))
+def test_definitions_of_a_bag_without_checksum_are_those_of_ros(summed):
+    path, content, begin, reference = summed
+    without_checksum(path, content)
     assert Motion.from_mcap(path, "/joint_states") == reference
-    begin = int.from_bytes(content[-28:-20], "little")
     at = content.index(b"float64[] position\n", begin)
-    changed = bytearray(without_checksum(content))
-    changed[at : at + 27] = b"float64[] velocity\nfloat64["
-    path.write_bytes(changed)
+    without_checksum(path, content, at, b"float64[] velocity\nfloat64[")
     with pytest.raises(JointplayError, match="no checksum, and its definition of sensor_msgs/msg"):
         Motion.from_mcap(path, "/joint_states")
 
 
-def test_messages_of_a_bag_are_as_many_as_its_statistics_say(result, tmp_path):
-    path = result.export(tmp_path / "r.mcap", every=100)
-    content = path.read_bytes()
+def test_messages_of_a_bag_are_as_many_as_its_statistics_say(summed):
+    path, content, begin, _ = summed
     with rosbag.opened(path) as found:
         number = found.messages["/joint_states"]
-    begin = int.from_bytes(content[-28:-20], "little")
     at = content.index(number.to_bytes(8, "little"), begin)
-    changed = bytearray(without_checksum(content))
-    changed[at : at + 8] = (number + 1).to_bytes(8, "little")
-    path.write_bytes(changed)
+    without_checksum(path, content, at, (number + 1).to_bytes(8, "little"))
     with pytest.raises(JointplayError, match=f"there are {number} messages, and {number + 1} by"):
         Motion.from_mcap(path, "/joint_states")

@@ -193,15 +193,6 @@ def test_missing_engine_is_named_with_its_remedy(name, monkeypatch):
     assert "\n" not in reason
 
 
-def test_links_read_here_are_those_of_the_mechanism():
-    task = slider_crank()
-    inertias = list(task.simulation.mechanism.model.inertias)[1:]
-    for link, inertia in zip(task.links, inertias, strict=True):
-        assert link.mass == pytest.approx(inertia.mass)
-        np.testing.assert_allclose(link.com, inertia.lever)
-        np.testing.assert_allclose(link.tensor, inertia.inertia)
-
-
 def test_impacts_of_a_trace_with_a_known_impulse():
     task = slider_crank(mu=0.0, restitution=1.0)
     time = np.linspace(0.0, 1e-3, 1001)

@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
-from jointplay.accuracy.error_model import Line
 from jointplay.physics.geometry import touch
 from jointplay.physics.joints.play import BlockPlay, JournalPlay
 
@@ -132,22 +131,6 @@ def test_support_functions_are_convex(seed):
         )
 
 
-def test_without_axial_load_a_journal_has_the_closed_form_of_two_rims():
-    push = np.array([[3.0, -1.0, 0.0, 0.2, -0.1, 0.0]])
-    joint = bearing(lock_axial=True)
-    bend = np.array([push[0, 4], -push[0, 3]]) / joint.lj
-    half = push[0, :2] / 2
-    wanted = joint.cr * (np.linalg.norm(half + bend) + np.linalg.norm(half - bend))
-    assert joint.play(second_order=False).support(push).value == pytest.approx(wanted, rel=1e-12)
-
-
-def test_a_planar_journal_is_a_disc():
-    one = RevoluteClearance.planar(radial_clearance=2e-4).play()
-    value, point = one.support(np.array([[3.0, 4.0, 7.0, 1.0, 1.0, 1.0]]))
-    assert value == pytest.approx(5.0 * 2e-4)
-    assert point[0] == pytest.approx([1.2e-4, 1.6e-4, 0, 0, 0, 0])
-
-
 def test_an_open_bearing_bears_no_load_along_its_axis():
     joint = bearing(axial_clearance=None, open_ends=True)
     with pytest.raises(JointplayError, match="lock_axial"):
@@ -184,12 +167,6 @@ def test_a_slider_trades_yaw_for_room_across():
     assert one.support(np.array([0, 0, 0, 0, 0, 1.0])).value[0] == pytest.approx(1e-4 / 0.02)
     assert one.support(np.array([1.0, 0, 0, 0, 0, 0])).value[0] == pytest.approx(1e-4)
     assert one.support(np.array([0, 0, 0, 0, 1.0, 0])).value[0] == pytest.approx(1e-4 / 0.04)
-
-
-def test_a_gear_turns_by_half_its_play_either_way():
-    value, point = Line((0.0,) * 5 + (5e-4,)).support(np.array([[1.0, 1, 1, 1, 1, -2.0]]))
-    assert value == pytest.approx(1e-3)
-    assert point[0] == pytest.approx([0, 0, 0, 0, 0, -5e-4])
 
 
 def test_a_worn_bore_is_as_wide_as_its_deepest_place():

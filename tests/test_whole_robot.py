@@ -179,9 +179,8 @@ def test_the_sdf_stands_where_the_robot_stands_and_has_all_play(mechanism, reduc
         limit = joints[f"{one.joint}_play"].find("axis/limit")
         width = float(limit.find("upper").text) - float(limit.find("lower").text)
         assert (width, float(limit.find("stiffness").text)) == (one.dead_band, one.stiffness)
-        assert (
-            joints[one.joint].find("child").text == joints[f"{one.joint}_play"].find("parent").text
-        )
+        motor = joints[f"{one.joint}_play"].find("parent").text
+        assert joints[one.joint].find("child").text == motor
     assert {one.find("child").text for one in joints.values()} == set(links)
     assert {one.find("parent").text for one in joints.values()} <= {*links, "world"}
 
@@ -212,11 +211,8 @@ def test_usd_has_the_play_in_newtons_attributes(mechanism, reductions):
         if not prim.IsA(physics.Joint) or prim.IsA(physics.FixedJoint):
             continue
         made = physics.Joint(prim)
-        ends = []
-        for end, at in (
-            (made.GetBody0Rel(), made.GetLocalPos0Attr()),
-            (made.GetBody1Rel(), made.GetLocalPos1Attr()),
-        ):
+        ends, first = [], (made.GetBody0Rel(), made.GetLocalPos0Attr())
+        for end, at in (first, (made.GetBody1Rel(), made.GetLocalPos1Attr())):
             (target,) = end.GetTargets()
             matrix = cache.GetLocalToWorldTransform(stage.GetPrimAtPath(target))
             ends.append(np.array(matrix.Transform(at.Get()), float))
@@ -279,10 +275,8 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
         assert model.tendon_lengthspring[model.tendon("a.play").id] == pytest.approx([-half, half])
         robot = yourdfpy.URDF.load(str(out / f"{row['copy']}.urdf"), load_meshes=False)
         assert robot.joint_map["a_play"].limit.upper == pytest.approx(half)
-    assert [one["joint"] for one in json.loads((out / "robot.json").read_text())["joints"]] == [
-        "a",
-        "b",
-    ]
+    written = json.loads((out / "robot.json").read_text())["joints"]
+    assert [one["joint"] for one in written] == ["a", "b"]
     assert main(order) == 2
     assert "robot.xml" in capsys.readouterr().err
 
@@ -386,12 +380,8 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
     assert main([*order, "--out", str(tmp_path / "o")]) == 0
     said = capsys.readouterr().out
     assert said.count("pip install '.[simulators]'") == 2
-    assert {one.name for one in (tmp_path / "o").iterdir()} == {
-        "robot.sdf",
-        "robot.urdf",
-        "robot.yaml",
-        "robot.json",
-    }
+    names = {one.name for one in (tmp_path / "o").iterdir()}
+    assert names == {f"robot.{ending}" for ending in ("sdf", "urdf", "yaml", "json")}
     assert main([*order, "--format", "mjcf", "--out", str(tmp_path / "p")]) == 2
     assert "package mujoco is missing" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "mujoco", None)

@@ -178,13 +178,9 @@ def problem(simulation: jp.Simulation) -> Problem:
 def slider_crank(
     clearance: float = 0.2e-3, mu: float = 0.01, ramp: float = 0.01, **joint: object
 ) -> Problem:
-    """The shipped slider-crank, restitution and stiffness as shipped, the ramp from zero speed.
+    """The shipped slider-crank, its friction `mu` reached at the sliding speed `ramp` [m/s].
 
-    Args:
-        clearance: C_r [m].
-        mu: friction coefficient.
-        ramp: sliding speed at which it is reached [m/s].
-        joint: other fields of the joint.
+    `joint` are other fields of the joint.
     """
     shipped = _shipped("slider_crank")
     fields = {

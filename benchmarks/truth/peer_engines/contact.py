@@ -46,16 +46,11 @@ def _forces(gap, rate, speed, law, memory, k, commit):
 
 @njit(cache=True)
 def planar_wrench(c, u, w, sizes, law, memory, commit, out):
-    """Force on a journal with parallel axis and its moment about the journal's centre.
+    """Force on a journal with parallel axis and moment about its centre, `out` (6,) [N, N m].
 
-    Args:
-        c, u: journal's centre and its velocity as seen from the bearing, >= 2 components along
-            any axes [m, m/s].
-        w: relative angular velocity about z [rad/s].
-        sizes, law: see `Problem`.
-        memory: d'_0 of the contact, (1,).
-        commit: whether the state is an accepted one, and d'_0 is kept.
-        out: force (3) and moment (3) [N, N m].
+    By its place c and velocity u as seen from the bearing, along any axes [m, m/s], and its
+    relative angular velocity w about z [rad/s]; `memory` has d'_0 of each contact, which is kept
+    if the state is an accepted one (`commit`).
     """
     out[:] = 0.0
     distance = math.hypot(c[0], c[1])
@@ -77,16 +72,7 @@ def planar_wrench(c, u, w, sizes, law, memory, commit, out):
 
 @njit(cache=True)
 def spatial_wrench(c, turn, u, w, sizes, law, memory, commit, out):
-    """Force and moment on a journal that tilts, all in the bearing frame; see `planar_wrench`.
-
-    Args:
-        c, u, w: (3,).
-        turn: orientation of the journal in the bearing, (3, 3).
-        sizes, law: see `Problem`.
-        memory: (4,).
-        commit: see `planar_wrench`.
-        out: (6,).
-    """
+    """The same of a journal that tilts by `turn` (3, 3), all (3,) in the bearing frame."""
     out[:] = 0.0
     for k in range(4):
         gap, rx, ry, rz, nx, ny, nz = touch_cylinder(
@@ -115,16 +101,9 @@ def spatial_wrench(c, turn, u, w, sizes, law, memory, commit, out):
 
 @njit(cache=True)
 def world_wrench(planar, here, there, bearing, journal, slow, fast, sizes, law, memory, out):
-    """Force on the journal and moment about its centre in world axes; commits.
+    """By one of these at centres (3,) and orientations (9,) in the world; whether they touch.
 
-    Args:
-        planar: which of the wrenches above.
-        here, there: centres of bearing and journal (3,) [m].
-        bearing, journal: their orientations row by row, (9,).
-        slow, fast: angular velocity and velocity of bearing and of journal, in world axes (6,).
-        sizes, law, memory, out: see the wrenches above.
-
-    Returns whether they touch.
+    `slow` and `fast` are angular velocity and velocity of bearing and of journal (6,).
     """
     turn, c, u, w = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
     ax, ay, az = there[0] - here[0], there[1] - here[1], there[2] - here[2]

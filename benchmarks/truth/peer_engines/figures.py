@@ -10,23 +10,15 @@ from truth.peer_engines.common import Problem
 from truth.peer_engines.trace import Trace, offset
 
 COLOURS = {
-    "jointplay": "#0072B2",
-    "jointplay, rk4": "#56B4E9",
-    "jointplay, error-controlled": "#003A5C",
-    "MuJoCo, same law": "#D55E00",
-    "MuJoCo, own limit": "#E69F00",
-    "Exudyn, own contact": "#009E73",
-    "Exudyn, same law": "#009E73",
-    "Siconos": "#CC79A7",
-    "MuJoCo, own limit, implicitfast": "#F0C060",
-    "MuJoCo, own limit, discrete": "#8C6100",
-    "Pinocchio, ADMM": "#000000",
-    "Pinocchio, PGS": "#888888",
-    "Drake, constant steps": "#C9A0DC",
-    "Drake, CENIC": "#7B2CBF",
+    **{"jointplay": "#0072B2", "jointplay, rk4": "#56B4E9"},
+    **{"jointplay, error-controlled": "#003A5C"},
+    **{"MuJoCo, same law": "#D55E00", "MuJoCo, own limit": "#E69F00"},
+    **{"MuJoCo, own limit, implicitfast": "#F0C060", "MuJoCo, own limit, discrete": "#8C6100"},
+    **{"Exudyn, own contact": "#009E73", "Exudyn, same law": "#009E73", "Siconos": "#CC79A7"},
+    **{"Pinocchio, ADMM": "#000000", "Pinocchio, PGS": "#888888"},
+    **{"Drake, constant steps": "#C9A0DC", "Drake, CENIC": "#7B2CBF"},
 }
 """Okabe and Ito's, told apart by colour-blind readers; kin in shades of one."""
-
 DPI = 95
 
 
