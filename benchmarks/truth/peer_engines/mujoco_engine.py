@@ -35,48 +35,35 @@ def model(
 
     `limit` = (stiffness, damping) per mass of the tendon's limit, [1/s^2, 1/s].
     """
-    children: dict[int, list[int]] = {}
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = step, np.zeros(3)
+    spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    flags = mujoco.mjtDisableBit
+    spec.option.disableflags = int(flags.mjDSBL_CONTACT | flags.mjDSBL_EULERDAMP)
+    bodies = {-1: spec.worldbody}
     for index, link in enumerate(task.links):
-        children.setdefault(link.parent, []).append(index)
-
-    def numbers(values: object) -> str:
-        return " ".join(repr(float(x)) for x in values)
-
-    def body(index: int) -> str:
-        link = task.links[index]
-        text = f'<body name="{link.name}" pos="{numbers(link.offset)}">'
-        while True:
-            kind = "slide" if link.slides else "hinge"
-            heavy = f' armature="{ARMATURE}"' if index == task.prescribed else ""
-            text += f'<joint name="{link.name}" type="{kind}" axis="{numbers(link.axis)}"{heavy}/>'
-            if link.mass > 0.0:
-                break
-            (index,) = children[index]
-            link = task.links[index]
-            assert not any(link.offset)
-        text += (
-            f'<inertial pos="{numbers(link.com)}" mass="{link.mass!r}" '
-            f'fullinertia="{numbers(link.inertia)}"/>'
-        )
+        if link.parent >= 0 and task.links[link.parent].mass == 0.0:
+            body = bodies[link.parent]
+        else:
+            body = bodies[link.parent].add_body(name=link.name, pos=link.offset)
+        bodies[index] = body
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if link.slides else mujoco.mjtJoint.mjJNT_HINGE
+        heavy = ARMATURE if index == task.prescribed else 0.0
+        body.add_joint(name=link.name, type=kind, axis=link.axis, armature=heavy)
+        if link.mass > 0.0:
+            body.mass, body.ipos, body.fullinertia = link.mass, link.com, link.inertia
+            body.explicitinertial = True
         for name, (at, place) in (("bearing", task.bearing), ("journal", task.journal)):
             if at == index:
-                text += f'<site name="{name}" pos="{numbers(place)}"/>'
-        return text + "".join(body(child) for child in children.get(index, [])) + "</body>"
-
-    tendon = ""
+                body.add_site(name=name, pos=place)
     if limit is not None:
-        stiffness, damping = limit
-        tendon = (
-            f'<tendon><spatial limited="true" range="0 {task.clearance!r}" '
-            f'solreflimit="{-stiffness!r} {-damping!r}" '
-            f'solimplimit="{IMPEDANCE} {IMPEDANCE} 1e-6">'
-            '<site site="bearing"/><site site="journal"/></spatial></tendon>'
-        )
-    return mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian"/><option timestep="{step!r}" gravity="0 0 0" '
-        f'integrator="{integrator}"><flag contact="disable" eulerdamp="disable"/></option>'
-        f"<worldbody>{''.join(body(root) for root in children[-1])}</worldbody>{tendon}</mujoco>"
-    )
+        ends = {"limited": True, "range": (0.0, task.clearance)}
+        ends["solref_limit"] = -np.array(limit)
+        ends["solimp_limit"] = (IMPEDANCE, IMPEDANCE, 1e-6, 0.5, 2.0)
+        tendon = spec.add_tendon(**ends)
+        for site in ("bearing", "journal"):
+            tendon.wrap_site(site)
+    return spec.compile()
 
 
 def matched_limit(duration: float, restitution: float) -> tuple[float, float]:

@@ -36,6 +36,7 @@ from jointplay.base.errors import (
     JointplayError,
     MissingName,
     require_a,
+    require_known,
     require_non_negative,
     require_positive,
     require_share,
@@ -91,8 +92,7 @@ def offers_of(
     """
     known = dict(PRICES)
     for name, price in (prices or {}).items():
-        if name not in known:
-            raise MissingName("class of clearance", name, known)
+        require_known("class of clearance", name, known)
         known[name] = require_non_negative(f"price of {name!r}", price, "")
     return tuple(Offer(name, one, known.get(name, 1.0)) for name, one in joint.of_classes().items())
 
@@ -609,8 +609,7 @@ def _offers(
 ) -> dict[str, tuple[Offer, ...]]:
     rolling = {n: one for n, one in mechanism.clearance.items() if isinstance(one, RollingBearing)}
     for name in given or {}:
-        if name not in rolling:
-            raise MissingName("joint with a rolling bearing", name, rolling)
+        require_known("joint with a rolling bearing", name, rolling)
     names = [name for name in rolling if name not in keep and (not whole or name in (given or {}))]
     if prices and not names and not whole:
         raise JointplayError(
@@ -629,8 +628,7 @@ def _clearances(
     most: float,
     quantile: float | None,
 ) -> Sizes:
-    if cost not in COSTS:
-        raise MissingName("cost", cost, COSTS)
+    require_known("cost", cost, COSTS)
     if quantile is not None and cost == "linear":
         raise JointplayError(
             "the cost 'linear' is possible for the worst case only, because a quantile is not "
@@ -644,8 +642,7 @@ def _clearances(
         )
     names = [name for name, _ in keys]
     for name in weights:
-        if name not in names:
-            raise MissingName("joint with clearance", name, names)
+        require_known("joint with clearance", name, names)
     radial = np.array([mechanism.clearance[name].radial_room for name in names])
     weight = np.array([weights.get(name, 1.0) for name in names])
     return Sizes(keys, weight, least / radial, most / radial, _MM * radial, cost)

@@ -35,7 +35,7 @@ from jointplay.accuracy.robot_errors import (
     RobotErrors,
     refuse_misfit,
 )
-from jointplay.base.errors import JointplayError, MissingName, require_positive
+from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
 
@@ -271,8 +271,7 @@ def cause_model(
 
     All else as for `budget`.
     """
-    if kind not in ERROR_CLASSES:
-        raise MissingName("class of errors", kind, CLASSES)
+    require_known("class of errors", kind, CLASSES)
     refuse_misfit(errors, mechanism)
     parts = _checked(mechanism, remaining, causes)
     smaller = {
@@ -323,10 +322,8 @@ def _checked(
     known = [*mechanism.joints, *mechanism.mounts]
     parts = {}
     for (name, cause), part in remaining.items():
-        if name not in known:
-            raise MissingName("joint", name, known)
-        if cause not in {**ALL, **causes}:
-            raise MissingName("cause of errors", cause, [*CAUSES, *causes])
+        require_known("joint", name, known)
+        require_known("cause of errors", cause, [*CAUSES, *causes])
         parts[name, cause] = require_positive(f"part of {cause} of {name!r} that remains", part, "")
         if cause == "play" and not is_proportional(mechanism, name):
             own = mechanism.clearance.get(name)

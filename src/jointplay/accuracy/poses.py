@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
+from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.initial import position_and_speed
@@ -45,8 +45,7 @@ def at_pose(
     """
     names = moving(mechanism)
     for name, value in positions.items():
-        if name not in names:
-            raise MissingName("moving joint", name, names)
+        require_known("moving joint", name, names)
         require_finite(f"position of joint {name!r}", value, "rad or m")
     begin = _begin(mechanism, near)
     given = {**begin, **positions}
@@ -73,8 +72,7 @@ def along_motion(
     require_whole("the number of poses", count, 2, MOST_POSES)
     names = moving(mechanism)
     for name in motion.joints:
-        if name not in names:
-            raise MissingName("moving joint", name, names, " (in the motion)")
+        require_known("moving joint", name, names, " (in the motion)")
     times = times_along(motion, count)
     position = motion(times)[0]
     begin = _begin(mechanism, near)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base.errors import JointplayError, MissingName, within
+from jointplay.base.errors import JointplayError, require_known, within
 from jointplay.base.schema import Described, check_fields, choice, quantity
 from jointplay.physics.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elasticity
 
@@ -109,8 +109,7 @@ ERROR_CLASSES: Mapping[str, RobotErrors] = {
 def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
     """Refuse errors of joints that there are not, and springs of another kind of joint."""
     for name, own in errors.joints.items():
-        if name not in mechanism.joints:
-            raise MissingName("joint", name, mechanism.joints, where=("joints", name))
+        require_known("joint", name, mechanism.joints, where=("joints", name))
         slides = mechanism.description.joints[name].slides
         if own.elasticity is not None:
             with within("joints", name, "elasticity"):

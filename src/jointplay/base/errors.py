@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import abc
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from numbers import Integral
@@ -96,6 +96,14 @@ class MissingName(JointplayError):
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         return MissingName, (*self._parts, self.where)
+
+
+def require_known(
+    kind: str, name: str, choices: Collection[str], hint: str = "", where: Where = ()
+) -> None:
+    """Refuse a name that is none of the `choices`; see `MissingName`."""
+    if name not in choices:
+        raise MissingName(kind, name, choices, hint, where)
 
 
 @contextmanager

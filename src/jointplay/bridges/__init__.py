@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName, require_a
+from jointplay.base.errors import JointplayError, require_a, require_known
 
 if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
@@ -98,8 +98,7 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
             raise JointplayError(
                 f"the name of the file must end in one of {', '.join(known)}, got {path.name!r}"
             )
-    if to not in KINDS:
-        raise MissingName("kind of export", to, KINDS)
+    require_known("kind of export", to, KINDS)
     if suffix not in KINDS[to].suffixes:
         choices = " or ".join(KINDS[to].suffixes)
         raise JointplayError(f"the name of a {to} file must end in {choices}, got {path.name!r}")

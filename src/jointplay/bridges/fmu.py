@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.imports import extra
 from jointplay.base.units import convert
 from jointplay.simulation.checkpoint import continue_run, save
@@ -112,8 +112,7 @@ def fmu(
     """
     with extra("fmu", "pythonfmu3"):
         from pythonfmu3.builder import FmuBuilder
-    if inputs not in INPUTS:
-        raise MissingName("kind of inputs", inputs, INPUTS)
+    require_known("kind of inputs", inputs, INPUTS)
     simulation = result.simulation
     if inputs != INPUTS[0]:
         change = with_torques if inputs == "torque" else with_references

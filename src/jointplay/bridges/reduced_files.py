@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from jointplay.accuracy.error_budget import PlayBudget, budget
 from jointplay.accuracy.error_model import Contribution, Line, Tilt
-from jointplay.base.errors import JointplayError, MissingName, require_non_negative
+from jointplay.base.errors import JointplayError, require_known, require_non_negative
 from jointplay.bridges.reduction import Reduction
 from jointplay.model.elements import Element, document, moments, put, put_inertial, written
 from jointplay.model.mechanism import Mechanism
@@ -286,8 +286,7 @@ def to_json(reductions: Iterable[Reduction], encoder: str = "motor", spread: flo
 
 def check_encoder(encoder: str) -> None:
     """Refuse what is not of `ENCODERS`."""
-    if encoder not in ENCODERS:
-        raise MissingName("place for the encoder", encoder, ENCODERS)
+    require_known("place for the encoder", encoder, ENCODERS)
 
 
 def reach(

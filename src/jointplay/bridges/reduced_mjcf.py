@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.imports import extra
 from jointplay.bridges.reduced_files import bodies, check_encoder, refuse_taken
 from jointplay.bridges.reduction import LONGEST_STEP_S, SETTLED, Reduction
@@ -90,8 +90,7 @@ class CompiledRobot:
         reduced = {one.joint: one for one in reductions}
         loose = {name: one for name, one in reduced.items() if one.dead_band > 0.0}
         for name, servo in servos.items():
-            if name not in self.mechanism.joints:
-                raise MissingName("moving joint", name, self.mechanism.joints)
+            require_known("moving joint", name, self.mechanism.joints)
             if name in loose and servo.encoder == "link":
                 raise JointplayError(
                     f"the servo of {name!r} has its encoder on the link, and MuJoCo's dcmotor can "

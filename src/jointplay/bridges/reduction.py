@@ -31,7 +31,7 @@ from scipy.optimize import nnls
 from jointplay.accuracy.error_model import play_model
 from jointplay.accuracy.jacobians import place
 from jointplay.accuracy.poses import moving
-from jointplay.base.errors import JointplayError, MissingName, require_a, require_positive
+from jointplay.base.errors import JointplayError, require_a, require_known, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import plain
 from jointplay.model.gear import Gear, Gearing
@@ -214,8 +214,7 @@ def reduce(
     """
     require_a("mechanism", mechanism, "Mechanism")
     names = _with_play(mechanism)
-    if joint not in names:
-        raise MissingName("joint with play", joint, names)
+    require_known("joint with play", joint, names)
     if why := _no_hinge(mechanism, joint):
         raise JointplayError(why)
     clearance = mechanism.clearance.get(joint)
@@ -350,8 +349,7 @@ def _full_run(
 ) -> Result:
     names = moving(mechanism)
     for name in pose:
-        if name not in names:
-            raise MissingName("moving joint", name, names)
+        require_known("moving joint", name, names)
     times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
     begin = {name: pose.get(name, 0.0) for name in names}
     positions = np.tile(list(begin.values()), (len(times), 1))
