@@ -190,8 +190,8 @@ class RestPositions:
             parts = np.full_like(parts, np.nan)
         borne = balance.wrenches(found.q)
         teeth = np.array([0.0] * 5 + [1.0])
-        each = zip(self.model.names, self.model.load[:, pose, 5].tolist(), strict=True)
-        bearing = [teeth * own if name in self._gears else borne[name] for name, own in each]
+        own_loads = zip(self.model.names, self.model.load[:, pose, 5].tolist(), strict=True)
+        bearing = [teeth * own if name in self._gears else borne[name] for name, own in own_loads]
         return RestPlace(parts, whole, np.array(bearing))
 
     def interval(self, pose: int) -> np.ndarray:

@@ -28,14 +28,14 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
-from jointplay.accuracy.error_model import play_model
+from jointplay.accuracy.error_model import play_model, toward
 from jointplay.accuracy.jacobians import place
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import plain
 from jointplay.model.gear import Gear, Gearing
-from jointplay.model.impact import elastic_energy, fitting_step
+from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import JOINT_KINDS, Clearance, Coordinate, RollingBearing
 from jointplay.simulation.analysis.bearings import element_loads
@@ -43,6 +43,7 @@ from jointplay.simulation.loads.drive import JointFriction, Prescribed
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
+from jointplay.simulation.statics import depths
 
 _MOST = 400
 """Records of leans that are compared."""
@@ -76,8 +77,7 @@ def _compare_tilts(
             upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
     plays = play_model(mechanism, upright)
     moment = plays.load[plays.names.index(joint), :, 3:5]
-    size = np.linalg.norm(moment, axis=1, keepdims=True)
-    unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
+    unit = toward(moment, np.zeros_like(moment))
     _, tilt = clearance.play(second_order=False).reach
     # The body turns about its moment; its axis goes across it.
     sign = -1.0 if clearance.exchanged else 1.0
@@ -228,47 +228,34 @@ def reduce(
     entry = mechanism.description.joints[joint]
     own = joint_friction or JointFriction(entry.friction, entry.damping)
     rubs = _fit_friction(result, alone, joint)
-    losses: dict[str, Any] = {
+    found: dict[str, Any] = {
         "friction": own.coulomb + rubs.pop("dry", 0.0),
         "viscous": own.viscous + rubs.pop("viscous", 0.0),
     }
-    link = _Link(alone, joint, positions, **losses)
+    link = _Link(alone, joint, positions, **found)
     kept = result.time >= SETTLED * result.time[-1]
     time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
     motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
     begin = float(full[0]), float(v[0, alone.coordinate(joint)])
-    gear: Gearing | None = gears.get(joint)
     reduced, step_error = full, 0.0
-    teeth: dict[str, Any] = {}
-    if gear is not None:
+    if gears:
         top = float(np.abs(result["gear_torque"].sel(gear=joint).values).max())
-        plain, damping, reduced = link.fit(
-            time, motor, _plain_gears(gear, top, link.inertia), begin, full
-        )
-        teeth = {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
-        teeth["rotor_inertia"] = plain.rotor_inertia
-    difference = reduced - full
-    if teeth:
-        draft = Reduction(joint, **teeth, **losses)
-        coarse = link.run(time, motor, plain, teeth["damping"], begin, draft.timestep)
+        tried = _plain_gears(gears[joint], top, link.inertia)
+        plain, damping, reduced = link.fit(time, motor, tried, begin, full)
+        found |= {"dead_band": plain.play, "stiffness": plain.stiffness, "damping": damping}
+        found["rotor_inertia"] = plain.rotor_inertia
+        step = Reduction(joint, **found).timestep
+        coarse = link.run(time, motor, plain, damping, begin, step)
         step_error = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
-    leans: dict[str, Any] = {}
+    found |= rubs | _across(alone, clearance, positions)
     if (tilted := _compare_tilts(alone, joint, q)) is not None:
         history["lean"], largest, rms = tilted
-        leans = {"tilt_error": SAFETY * largest, "tilt_rms": rms}
-    return Reduction(
-        joint,
-        **teeth,
-        **losses,
-        **rubs,
-        angle_error=SAFETY * (float(np.abs(difference).max()) + step_error),
-        angle_rms=float(np.sqrt(np.mean(difference**2))),
-        **_across(alone, clearance, positions),
-        **leans,
-        pose=positions,
-        history=history,
-    )
+        found |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
+    away = np.abs(reduced - full)
+    found["angle_error"] = SAFETY * (float(away.max()) + step_error)
+    found["angle_rms"] = float(np.sqrt(np.mean(away**2)))
+    return Reduction(joint, **found, pose=positions, history=history)
 
 
 def reduce_all(
@@ -486,19 +473,10 @@ def _across(
         # Each rim carries half the force, and what the moment over the length asks for.
         push = math.hypot(load[0], load[1]) / 2.0
         push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
-        stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
+        push = max(push, 1.0)
+        stiffness = push / float(depths(clearance, 0, np.array(push)))
         tilting = 2.0 * stiffness * arm**2
     found["contact_stiffness"] = stiffness
     if hinge.leans or isinstance(clearance, RollingBearing):
         found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
     return found
-
-
-def _chord(clearance: Clearance, radius: float, force: float) -> float:
-    """Force over penetration of a contact of the journal that carries `force` [N/m]."""
-    law = clearance.normal
-    parameters = law.parameters(clearance.contact_properties(0))
-    depths = np.geomspace(1e-12, 0.05 * radius, 4000)
-    forces = np.gradient(elastic_energy(law, parameters, depths), depths)
-    at = min(int(np.searchsorted(forces, force)), len(depths) - 1)
-    return float(forces[at] / depths[at])
