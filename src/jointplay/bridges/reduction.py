@@ -281,7 +281,7 @@ def reduce_all(
     if not able:
         raise JointplayError(f"no joint with play can be reduced: {'; '.join(refused.values())}")
     with ProgressBar(able, "reducing", unit="joint", disable=not progress) as bar:
-        how = {"amplitude": amplitude, "period": period}
+        how: dict[str, Any] = {"amplitude": amplitude, "period": period}
         return [reduce(mechanism, name, pose, **how) for name in bar], refused
 
 
