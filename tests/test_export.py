@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from jointplay import BallBearing, JointplayError, Mechanism, RevoluteClearance, shipped
-from jointplay.bridges.urdf import LIMIT_FACTOR, MASS_FRACTION, to_urdf
+from jointplay.bridges.urdf import LIMIT_FACTOR, to_urdf
 from jointplay.cli import main
 from jointplay.model import robots
 from jointplay.model.gear import Gear
@@ -109,16 +109,6 @@ def compare(mechanism, model, rng):
         relative = np.linalg.eigvalsh(factor @ added @ factor.T)
         assert relative.min() > -1e-9
         assert 0.0 < relative.max() < 1e-4
-        tiny = MASS_FRACTION * max(
-            mechanism.model.inertias[mechanism.model.getJointId(j)].mass
-            for j in mechanism.clearance
-        )
-        translations = [
-            i
-            for i, c in enumerate(mechanism.coordinates)
-            if c.rpartition(".")[0] in mechanism.clearance and c[-1] in "xyz"
-        ]
-        assert np.diag(added)[translations].max() < 6 * tiny * len(mechanism.clearance)
 
 
 @pytest.mark.parametrize(

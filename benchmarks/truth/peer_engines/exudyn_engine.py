@@ -53,7 +53,7 @@ def _tree(mbs, task: Problem, force=0):
     return node, tree
 
 
-def _solve(mbs, step: float, duration: float, every: int, method: str) -> float:
+def _solve(mbs, step: float, duration: float, every: int) -> float:
     settings = exu.SimulationSettings()
     integration = settings.timeIntegration
     integration.endTime = duration
@@ -67,11 +67,11 @@ def _solve(mbs, step: float, duration: float, every: int, method: str) -> float:
     settings.solution.file.write = False
     settings.solution.sensors.writePeriod = step * every * (1.0 - 1e-6)
     spent = time.process_time()
-    mbs.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, method))
+    mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.RK44)
     return time.process_time() - spent
 
 
-def _trace(mbs, node, step: float, duration: float, every: int, method: str, contact=None) -> Trace:
+def _trace(mbs, node, step: float, duration: float, every: int, contact=None) -> Trace:
     """What the mechanism at a node does, and the force of a contact of its own."""
     kind = exu.OutputVariableType
     sensors = [
@@ -82,7 +82,7 @@ def _trace(mbs, node, step: float, duration: float, every: int, method: str, con
         sensor = {"outputVariableType": kind.Force, "storeInternal": True}
         sensors.append(mbs.AddSensor(items.SensorObject(objectNumber=contact, **sensor)))
     mbs.Assemble()
-    spent = _solve(mbs, step, duration, every, method)
+    spent = _solve(mbs, step, duration, every)
     q, v, *forces = (mbs.GetSensorStoredData(sensor) for sensor in sensors)
     force = np.linalg.norm(forces[0][:, 1:], axis=1) if forces else np.zeros(len(q))
     return Trace(q[:, 0], q[:, 1:], v[:, 1:], force, spent, round(duration / step))
@@ -93,34 +93,23 @@ def _system():
     return container, container.AddSystem()
 
 
-def run_free(
-    task: Problem, step: float, duration: float, every: int, method: str = "RK44"
-) -> Trace:
+def run_free(task: Problem, step: float, duration: float, every: int) -> Trace:
     """Nothing but inertia."""
     _, mbs = _system()
-    return _trace(mbs, _tree(mbs, task)[0], step, duration, every, method)
+    return _trace(mbs, _tree(mbs, task)[0], step, duration, every)
 
 
-def run_own(
-    task: Problem, step: float, duration: float, every: int = 1, method: str = "RK44"
-) -> Trace:
+def run_own(task: Problem, step: float, duration: float, every: int = 1) -> Trace:
     """Exudyn's own contact; planar only."""
     assert task.planar
     _, mbs = _system()
     node, tree = _tree(mbs, task)
-    marks = [
-        mbs.AddMarker(
-            items.MarkerKinematicTreeRigid(
-                objectNumber=tree, linkNumber=link, localPosition=list(place)
-            )
-        )
-        for link, place in (task.journal, task.bearing)
+    places = [
+        items.MarkerKinematicTreeRigid(objectNumber=tree, linkNumber=at, localPosition=list(place))
+        for at, place in (task.journal, task.bearing)
     ]
-    state = mbs.AddNode(
-        items.NodeGenericData(
-            initialCoordinates=[task.clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
-        )
-    )
+    marks, begin = [mbs.AddMarker(one) for one in places], [task.clearance, 0.0, 0.0, 0.0]
+    state = mbs.AddNode(items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=4))
     stiffness, hysteresis, mu, _, ramp, *_ = task.law
     contact = mbs.AddObject(
         items.ObjectContactSphereSphere(
@@ -136,12 +125,10 @@ def run_own(
             restitutionCoefficient=1.0 - hysteresis / 1.5,  # its factor is 3/2 (1 - e)
         )
     )
-    return _trace(mbs, node, step, duration, every, method, contact)
+    return _trace(mbs, node, step, duration, every, contact)
 
 
-def run_law(
-    task: Problem, step: float, duration: float, every: int = 1, method: str = "RK44"
-) -> Trace:
+def run_law(task: Problem, step: float, duration: float, every: int = 1) -> Trace:
     """The law of `common` in a Python user function on the virtual link; spatial only."""
     assert not task.planar
     _, mbs = _system()
@@ -184,6 +171,6 @@ def run_law(
     mbs.Assemble()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        spent = _solve(mbs, step, duration, 10**9, method)
+        spent = _solve(mbs, step, duration, 10**9)
     times, q, v, force = (np.array(part) for part in zip(*log, strict=True))
     return Trace(times, q, v, force, spent, round(duration / step))
