@@ -14,21 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.accuracy import cheapest
 from jointplay.accuracy.causes import CAUSES, Cause, cause_model, named, told_apart
-from jointplay.accuracy.cheapest import (
-    COSTS,
-    FITS,
-    SAMPLES,
-    Error,
-    Key,
-    Problem,
-    Quantile,
-    RootMeanSquare,
-    Sizes,
-    Unreachable,
-    WorstCase,
-    spread,
-)
+from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import configurations, force_on_tool
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -324,9 +312,9 @@ def allocate(
     given = RobotErrors() if errors is None else errors
     kind = kind or given.assumed or "industrial"
     classes = {name: price for name, price in prices.items() if name not in own}
-    make: Any = RootMeanSquare if statistical else WorstCase
+    make: Any = cheapest.RootMeanSquare if statistical else cheapest.WorstCase
     if quantile is not None:
-        make = partial(Quantile, quantile=quantile, seed=seed)
+        make = partial(cheapest.Quantile, quantile=quantile, seed=seed)
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), driven, own if whole else None,
         force_on_tool(force), given, kind, _offers(mechanism, offers, classes, keep, whole), keep,
@@ -349,7 +337,7 @@ def allocate(
     with bar:
         try:
             return search.allocated(target, bar, search.notes(prices, limits) if whole else ())
-        except Unreachable as unreachable:
+        except cheapest.Unreachable as unreachable:
             raise search.refusal(unreachable) from None
 
 
@@ -444,7 +432,7 @@ class _Search:
     def allocated(self, target: float, bar: Any, notes: Sequence[str]) -> Allocation:
         """Allocate, again with the play as it is at each solution until both agree."""
         keys, sizes, count = self.keys, self.sizes, len(self.keys)
-        x, aim = np.ones(count), target * (1.0 - FITS)
+        x, aim = np.ones(count), target * (1.0 - cheapest.FITS)
         curved = any(cause == "play" for _, cause in keys)
         offers = list(self.offers.values())
         start = last = self.error(self.first, x)
@@ -457,7 +445,7 @@ class _Search:
             problem = Problem(error, sizes, own, aim, bar)
             try:
                 z = problem.solve()
-            except Unreachable as refused:
+            except cheapest.Unreachable as refused:
                 least = refused.z[:count]
                 if not curved or np.allclose(x, least, rtol=_SETTLED):
                     raise
@@ -468,8 +456,8 @@ class _Search:
             picked = zip(self.offers.items(), problem.chosen(z), strict=True)
             taken = {name: some[k] for (name, some), k in picked}
             mechanism, model = self.made(self.remaining(x), taken)
-            if isinstance(error, Quantile):  # its states stay, in the first order
-                reached, ends = spread(model, error.quantile, error.seed)
+            if isinstance(error, cheapest.Quantile):  # its states stay, in the first order
+                reached, ends = cheapest.spread(model, error.quantile, error.seed)
             else:
                 last = self.error(model, x)
                 reached = last.at(x) if last.convex else float(model.farthest().size.max())
@@ -531,9 +519,9 @@ class _Search:
             )
 
     def _words(self, error: Error) -> str:
-        if isinstance(error, Quantile):
-            return f"static {100 * error.quantile:g} % quantile, of {SAMPLES} states"
-        if isinstance(error, RootMeanSquare):
+        if isinstance(error, cheapest.Quantile):
+            return f"static {100 * error.quantile:g} % quantile, of {cheapest.SAMPLES} states"
+        if isinstance(error, cheapest.RootMeanSquare):
             return "RMS"
         return "static worst case" if self.causes is None else "worst case"
 
@@ -561,7 +549,7 @@ class _Search:
             )
         return notes
 
-    def refusal(self, unreachable: Unreachable) -> JointplayError:
+    def refusal(self, unreachable: cheapest.Unreachable) -> JointplayError:
         """What prevents a target."""
         count, sizes = len(self.keys), self.sizes
         text = f"a target of {1e6 * unreachable.target:.4g} um cannot be reached"
