@@ -418,11 +418,11 @@ def toward(points: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     return np.where(size > 0.0, points / np.where(size > 0.0, size, 1.0), otherwise)
 
 
-def half_sphere(count: int = DIRECTIONS) -> np.ndarray:
-    """Directions evenly over half a sphere (Fibonacci lattice), shape (count, 3)."""
+def half_sphere(count: int = DIRECTIONS, whole: bool = False) -> np.ndarray:
+    """Directions evenly over half a sphere or the whole one (Fibonacci lattice), (count, 3)."""
     i = np.arange(require_whole("count", count, 1))
-    z = 1.0 - (i + 0.5) / count
-    r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
+    z = 1.0 - (1 + whole) * (i + 0.5) / count
+    r, phi = np.sqrt(1.0 - z * z), (i + 0.5 * whole) * np.pi * (3.0 - np.sqrt(5.0))
     return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
 
 

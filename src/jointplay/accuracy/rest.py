@@ -58,7 +58,7 @@ _NOTHING = 1e-9
 """Load of a joint relative to the machine's weight and the tool's load that presses nothing."""
 _OPEN = 1e-6
 """Part of a load that is added at random, so that all ends of what it leaves open are found."""
-_DIRECTIONS = np.vstack([half_sphere(90), -half_sphere(90)])
+_DIRECTIONS = half_sphere(180, whole=True)
 """In which the farthest tool is sought, (180, 3)."""
 _SMALL = 1e-6
 """Displacement by which coordinates are found [m or rad]."""
