@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from common import COLOURS, Benchmark, Case, new_figure
-from cost.mechanism_cost import JOINT, LINK
+from cost.mechanism_cost import arm_of
 from cost.scale import LONG_S, SHORT_S, bookkeeping, gain, messages, pairs
 
 import jointplay as jp
 from jointplay.base.files import temporary
 from jointplay.physics.kernel import Status
 
-PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
 DURATIONS = (0.2, 0.5, 1.0, 2.0, 3.0)
 JOINTS = (1, 2, 4, 8, 16, 32)
 LOOSE = (0, 1, 2, 3, 4)
@@ -24,15 +23,7 @@ CASES = (10, 100, 1000, 10_000, 100_000)
 
 def arm(joints, loose, folder):
     """An arm of so many links, drifting freely, the last `loose` joints with clearance."""
-    parts = [
-        LINK.format(i=i) + JOINT.format(i=i, parent=f"l{i - 1}" if i else "base", x=0.2 if i else 0)
-        for i in range(joints)
-    ]
-    path = f"{folder}/arm.urdf"
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
-    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(joints - loose, joints)}
-    robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
+    robot = arm_of(joints, range(joints - loose, joints), folder)
     speeds = {name: (None, 0.5 / joints) for name in robot.joints}
     return jp.Simulation(robot, drive={}, state=speeds, duration=0.2, record_every=100)
 

@@ -50,16 +50,21 @@ JOINT = """<joint name="j{i}" type="continuous"><parent link="{parent}"/><child 
 JOINTS = 5
 
 
-def arm(worn, folder):
-    """An arm of `JOINTS` links swinging slowly, the first `worn` joints but one with clearance."""
+def arm_of(number, loose, folder):
+    """An arm of so many links, these of its joints with clearance."""
     parts = [
         LINK.format(i=i) + JOINT.format(i=i, parent=f"l{i - 1}" if i else "base", x=0.2 if i else 0)
-        for i in range(JOINTS)
+        for i in range(number)
     ]
     path = Path(folder) / "arm.urdf"
     path.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
-    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(1, worn + 1)}
-    robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
+    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in loose}
+    return jp.Mechanism(path, clearance, gravity=(0, 0, 0))
+
+
+def arm(worn, folder):
+    """An arm of `JOINTS` links swinging slowly, the first `worn` joints but one with clearance."""
+    robot = arm_of(JOINTS, range(1, worn + 1), folder)
     still, swung = np.zeros(JOINTS), np.full(JOINTS, 0.3)
     motion = jp.Motion(robot.joints, [0, 0.5, 1.0], [still, swung, still])
     return robot, motion, {}
