@@ -19,7 +19,7 @@ from jointplay.show.plots.names import robot_of, title_of
 from jointplay.show.reports import html, sections
 from jointplay.show.reports.cases import Case, Say, build, dark, follow_impacts, settled
 from jointplay.show.reports.charts import MAX_RECORDS, Chart, Pack, all_charts
-from jointplay.show.reports.html import Html, joined, markup, targets
+from jointplay.show.reports.html import Html, joined, markup, note, targets
 from jointplay.show.reports.inputs import parameters
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
@@ -104,21 +104,9 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         return joined(_place(by_name[name]) for name in names if name in by_name)
 
     thinned = [case.label for case in cases if len(case.result.time) > MAX_RECORDS]
-    hint = (
-        "Drag across a chart in time to zoom; all charts in time follow, and the paths and orbits "
-        "show that time only. Double-click, or “whole run” above, to go back. Where an impact was "
-        "followed step by step, each step is a point."
-    )
-    if start:
-        hint += (
-            f" Charts begin at {start:g} s, from which on the tables judge the runs; “whole run” "
-            "shows also how the journals settle before."
-        )
+    hint = note("zoom") + (note("begin", f"{start:g}") if start else "")
     if thinned:
-        hint += (
-            f" Of {', '.join(thinned)} the smallest and the largest record of each of "
-            f"{MAX_RECORDS // 2} intervals are shown."
-        )
+        hint += note("thinned", ", ".join(thinned), MAX_RECORDS // 2)
     journals = chart("journal_orbit", "modes", "loaded") + sections.modes(cases, start)
     met = sections.impacts(cases, start) + chart("impacts") + sections.singles(cases)
     motion = [f"tool_{what}" for what in ("displacement", "velocity")]

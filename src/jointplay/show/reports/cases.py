@@ -11,7 +11,7 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError
 from jointplay.show.plots.figures import coloured
-from jointplay.show.reports.html import Html, markup
+from jointplay.show.reports.html import Html, markup, note
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.replay import (
     Impact,
@@ -41,7 +41,7 @@ class Case:
     replay: Replay | None = None
     impacts: list[Impact] = field(default_factory=list)
     """The largest ones, step by step, one for each window of the replay."""
-    notes: list[str] = field(default_factory=list)
+    notes: list[Html] = field(default_factory=list)
     """What the reader must know of how this case was evaluated."""
 
     @property
@@ -92,32 +92,23 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
         try:
             if (twin := next(twins, None)) is not None:
                 case.ideal = twin.result
-                case.notes.append(f"Tool errors are measured against {twin.label!r}.")
+                case.notes.append(note("given-twin", repr(twin.label)))
             else:
                 key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
                 if key not in made:
                     say(f"simulating the ideal mechanism that {case.label!r} is measured against")
                     made[key] = analysis.twin(case.result)
                 case.ideal = made[key]
-                case.notes.append(
-                    "Tool errors are measured against the ideal mechanism, simulated for this "
-                    "report because no ideal run with the same inputs was given."
-                )
+                case.notes.append(note("made-twin"))
             case.error = analysis.deviation(case.result, case.ideal)
             case.turn = analysis.deviation(case.result, case.ideal, "tool_orientation")
             if not _follows(case.result):
-                case.notes.append(
-                    "No drive follows a reference: the ideal mechanism moves freely, so the "
-                    "tool's difference from it is not a position error."
-                )
+                case.notes.append(note("free"))
             if float(case.error["time"][-1]) < case.duration:
-                case.notes.append(
-                    f"The reference ends at {float(case.error['time'][-1]):g} s; tool errors are "
-                    "those up to there."
-                )
+                case.notes.append(note("short-twin", f"{float(case.error['time'][-1]):g}"))
         except JointplayError as error:
             case.ideal = case.error = case.turn = None
-            case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
+            case.notes.append(note("no-twin", str(error)))
     return cases
 
 
@@ -139,7 +130,7 @@ def _follows(result: Result) -> bool:
 def _follow(case: Case, number: int, say: Say) -> None:
     chosen = largest_impacts(case.result, number)
     if not chosen:
-        case.notes.append("No single steps: there is no contact in the records.")
+        case.notes.append(note("no-contact"))
         return
     step = case.result.audit.step
     say(f"repeating {case.label!r}, for its {len(chosen)} largest impacts step by step")
@@ -149,15 +140,12 @@ def _follow(case: Case, number: int, say: Say) -> None:
             raise JointplayError("its contacts do not match its inputs")
         repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:
-        case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
+        case.notes.append(note("no-repetition", str(error)))
         say(f"{case.label!r} cannot be repeated: {error}")
         return
     if not repetition.faithful:
         versions = case.result.dataset.attrs.get("versions", "unknown")
-        case.notes.append(
-            "No single steps: repeated here, the run does not match the stored one bit for bit "
-            f"(made with {versions}), and impacts magnify any difference."
-        )
+        case.notes.append(note("unfaithful", versions))
         return
     case.replay = repetition
     case.impacts = [

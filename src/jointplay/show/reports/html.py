@@ -7,6 +7,7 @@ Names come from files of others. `Html` is text that is HTML already; the only w
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
@@ -77,6 +78,18 @@ def targets(path: str | Path, pdf: bool) -> list[Path]:
 def markup(pattern: str, *values: object) -> Html:
     """`pattern`, which is HTML, with `values` escaped in the place of each ``{}``."""
     return Html(pattern).format(*map(cell_or_text, values))
+
+
+@cache
+def _notes() -> dict[str, str]:
+    return tomllib.loads(
+        (files("jointplay.show.reports") / "page" / "notes.toml").read_text("utf-8")
+    )
+
+
+def note(name: str, *values: object) -> Html:
+    """What the page says of something, from ``notes.toml``, with these values."""
+    return markup(_notes()[name], *values)
 
 
 def joined(parts: Iterable[Html], between: str = "") -> Html:

@@ -34,6 +34,7 @@ from jointplay.show.reports.html import (
     by_case,
     joined,
     markup,
+    note,
     paragraph,
     table,
 )
@@ -103,16 +104,9 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
             found[dark(case)] = {name: (float(values[key]), "") for key, name in _MEASURES.items()}
     if found:
         caption = "What the claims are about, in these single runs"
-        note = (
-            "No claim is decided on single runs: impacts magnify small differences. Ensembles are "
-            "judged by the command jointplay scara."
-        )
         made = by_case("measure", list(found), list(found.values()), caption=caption)
-        parts += [made, paragraph(note)]
-    return joined(parts) or paragraph(
-        "There are no claims to judge: no claims table was given, and no run with clearance is "
-        f"longer than {2.0 * START_UP:g} s."
-    )
+        parts += [made, paragraph(note("single-runs"))]
+    return joined(parts) or paragraph(note("no-claims", f"{2.0 * START_UP:g}"))
 
 
 # Modes, forms and impacts in joints with clearance.
@@ -186,13 +180,7 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
     ]
     intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
     spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
-    note = (
-        "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
-        "whole run. Durations come from records, known to about one record interval "
-        f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
-        "forces are held between records and exact."
-    )
-    return table(Table.of(heads, rows)) + paragraph(note)
+    return table(Table.of(heads, rows)) + paragraph(note("impacts", spacing))
 
 
 def bearings(cases: Sequence[Case], start: float) -> Html:
@@ -218,17 +206,7 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
             rows.append([*row, life.turned, life.lasting, life.mean_torque, life.friction_power])
     if not rows:
         return Html("")
-    note = (
-        "Loads are those of single balls or rollers; at C0 that of the most loaded one under the "
-        "basic static load rating. L10: basic reference rating life (ISO/TS 16281, a factor "
-        "a_ISO of 1) of repeating this motion, with the damage of each instant's loads summed by "
-        "Palmgren and Miner; the inner ring counts as the one that turns against the load."
-    )
-    if swings:
-        note += (
-            " Rings that swing by less than the distance of two elements: L10 is not meant for "
-            "them, other damage (false brinelling) may come first."
-        )
+    words = note("bearings") + (note("swings") if swings else "")
     heading = Html("<h3>Rolling bearings</h3>")
     heads: tuple[Head, ...] = (
         *(("case, joint", ""), ("bearing", "")),
@@ -237,7 +215,7 @@ def bearings(cases: Sequence[Case], start: float) -> Html:
         *(("turned", "rev"), ("life L10", "")),
         *(("friction torque, mean", "N*m"), ("friction power, mean", "W", True)),
     )
-    return joined([heading, table(Table.of(heads, rows), name="bearings"), paragraph(note)])
+    return joined([heading, table(Table.of(heads, rows), name="bearings"), paragraph(words)])
 
 
 def _percentile(values: np.ndarray, percent: float) -> float | None:
@@ -332,15 +310,10 @@ def certificates(cases: Sequence[Case]) -> Html:
             ("further runs:", "; ".join(one.runs)),
         ):
             points += [markup("{} {} {}.", dark(case), words, text)] if text else []
-    note = (
-        "Figures of the runs with their numerical errors, found by repeating the runs with steps "
-        "chosen by their error: estimated from two further runs, certified by three. Those with "
-        "errors above 5 % are marked."
-    )
     labels = [dark(case) for case, _ in given]
     made = by_case("figure", labels, found, name="certificates")
-    heading = Html("<h3>Numerical errors</h3>")
-    return joined([heading, paragraph(note), made, bullets(points)])
+    heading = Html("<h3>Numerical errors</h3>") + paragraph(note("certificates"))
+    return joined([heading, made, bullets(points)])
 
 
 def _certified(figure: CertifiedFigure) -> Cell:
@@ -388,21 +361,12 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
                 at_stops.append([label, *(markup("<strong>{}</strong>", one) for one in cells)])
     if not rows:
         return paragraph("No case has a tool error: none has play, or none has a reference.")
-    caption = (
-        "Tool position less the ideal mechanism's at the same time, world axes; total: the distance"
-        f"{since(start)}"
-    )
     heads = (("case", ""), ("axis", ""), ("mean", "m"), ("RMS", "m"), ("peak", "m"))
-    parts = [table(Table.of(heads, rows), caption, left=2), *unknown]
+    parts = [table(Table.of(heads, rows), note("accuracy", since(start)), left=2), *unknown]
     if at_stops:
-        caption = (
-            "Tool error at the waypoints of the reference motion. The tool picks and places "
-            "while the reference dwells: the end of a dwell (bold) is what matters to the "
-            "process"
-        )
         axes = ((f"{axis} [mm]", "") for axis in analysis.COMPONENTS)
         at = (("case", ""), ("reference", ""), ("moment", ""), ("time [s]", ""), *axes)
-        parts.append(table(Table.of(at, at_stops), caption, "stops", left=3))
+        parts.append(table(Table.of(at, at_stops), note("stops"), "stops", left=3))
     return joined(parts)
 
 
@@ -440,14 +404,8 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
         *((f"strongest above 20 Hz, {axis}", "Hz") for axis in AXES),
         *(("sampled at", "Hz"), ("window", "s"), ("windows", "")),
     )
-    note = (
-        "Power spectral density of the tool's acceleration, world axes, by Welch's method: "
-        "one-sided, Hann windows that overlap by half, each less its mean. The acceleration is the "
-        "mean one of each record interval (difference of recorded velocities), which lowers the "
-        "density towards the Nyquist frequency, by 59 % there."
-    )
     parts = [table(Table.of(heads, rows))] if rows else []
-    return joined([*parts, paragraph(note), bullets(missing)])
+    return joined([*parts, paragraph(note("spectra")), bullets(missing)])
 
 
 def glance(cases: Sequence[Case], start: float) -> Html:
@@ -562,12 +520,7 @@ def _glance_cell(case: Case, start: float, value: float | None, name: str) -> Ce
 def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
     """What ± and its absence stand for, and what to do about large errors."""
     known = [case for case in cases if case.result.certificate is not None]
-    points: list[Html | str] = []
-    if known:
-        points.append(
-            "±: numerical error, within which 9 of 10 figures are of what the model says. It does "
-            "not say how well the model fits the machine."
-        )
+    points: list[Html | str] = [note("errors")] if known else []
     unsure: list[Html | str] = []
     for case in known:
         certificate = case.result.certificate
@@ -575,29 +528,12 @@ def _what_errors_mean(cases: Sequence[Case], start: float) -> list[Html | str]:
         shown = ("peak joint force", "peak tool", "RMS tool", "impacts")
         found = [f.name for f in certificate.headline if f.name.startswith(shown) and f.marked]
         if start == case.result.judge_from and found and case.joints:
-            note = f" ({certificate.note})" if certificate.note else ""
-            unsure.append(markup("{}: {}{}", dark(case), ", ".join(found), note))
+            why = f" ({certificate.note})" if certificate.note else ""
+            unsure.append(markup("{}: {}{}", dark(case), ", ".join(found), why))
     if unsure:
-        points.append(
-            markup(
-                '<strong class="warn">Uncertain:</strong> the numerical error exceeds {} % of the '
-                "value (of a count, 1). Do not compare designs by smaller differences. A smaller "
-                "tolerance or step (integration.tolerance, integration.step) helps "
-                "where the step is the cause; where the motion itself magnifies small differences, "
-                "only means over perturbed runs can be compared (jointplay sweep, repeats).{}",
-                f"{100.0 * MARKED:g}",
-                bullets(unsure),
-            )
-        )
-    unknown = [case for case in cases if case.result.certificate is None and case.joints]
-    if unknown:
-        points.append(
-            markup(
-                "{} numerical errors are not known; jointplay run --certify finds them.",
-                joined((dark(case) for case in unknown), ", "),
-            )
-        )
-    return points
+        points.append(note("uncertain", f"{100.0 * MARKED:g}", bullets(unsure)))
+    unknown = [dark(case) for case in cases if case.result.certificate is None and case.joints]
+    return [*points, note("unknown", joined(unknown, ", "))] if unknown else points
 
 
 # What every reader of a report must know, from `assumptions.toml`, and which of it holds when.
@@ -666,17 +602,14 @@ def assumed(cases: Sequence[Case], start: float) -> Html:
     holds = conditions(cases)
     points = [text for when, text in all_assumptions() if holds[when]]
     if start:
-        points.append(
-            f"Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "
-            f"from {start:g} s on; penetration and audit are those of whole runs."
-        )
+        points.append(note("judged", f"{start:g}"))
     points += [
         markup("{}: {}.", dark(case), case.result.audit.headline_with(case.result.certificate))
         for case in cases
         if case.joints
     ]
     for case in cases:
-        points += [markup("{} {}", dark(case), note) for note in case.notes]
+        points += [markup("{} {}", dark(case), one) for one in case.notes]
     return bullets(points)
 
 
