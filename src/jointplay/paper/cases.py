@@ -31,13 +31,11 @@ def scenario() -> Scenario:
     return Scenario.load(shipped("scara.toml"))
 
 
-def _clearance(case: str) -> float | None:
-    table: Any = scenario().model(case).joints[JOINT]
-    given = table.fields
-    return None if given.get("ideal") else float(given["radial_clearance"])
-
-
-CASES = {case: _clearance(case) for case in scenario().cases}
+_JOINTS: dict[str, Any] = {case: scenario().model(case).joints[JOINT] for case in scenario().cases}
+CASES = {
+    case: None if joint.fields.get("ideal") else float(joint.fields["radial_clearance"])
+    for case, joint in _JOINTS.items()
+}
 """Clearance C_r = C_a of each case [m] (Table 4)."""
 VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.urdf", ("arm1",))}
 """URDF and the links whose inertia no rigid body has, used because they were printed."""

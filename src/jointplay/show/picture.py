@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 import trimesh
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
@@ -18,10 +19,10 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.tables import few
 from jointplay.model.loop import assemble
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.scene import Scene
-from jointplay.model.visuals import Look
 
 _LIGHT = np.array([0.35, -0.6, 0.72])  # towards the light, in world axes
 _OTHERS = "#c9d3df"
@@ -117,15 +118,10 @@ def picture(
     _frame(axes, low, high, view)
     _write(axes, notes)
     axes.set_title(title, fontsize=11)
-    _say_missing(figure, scene.look)
+    if missing := [Path(name).name for name in scene.look.missing]:
+        words = f"not found, simple shapes instead: {few(missing, 3)}"
+        figure.text(0.01, 0.01, words, fontsize=8)
     return figure
-
-
-def _say_missing(figure: Figure, looks: Look) -> None:
-    if looks.missing:
-        names = ", ".join(Path(name).name for name in looks.missing[:3])
-        more = f" and {len(looks.missing) - 3} more" if len(looks.missing) > 3 else ""
-        figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
 
 
 def _placed(
@@ -144,8 +140,8 @@ def _placed(
                     f"link {shape.link!r} has a shape that reaches beyond {_FARTHEST:g} m, and "
                     "cannot be drawn; see its scale"
                 )
-            own = None if colours is None else _rgb(colours.get(carrier or "", _OTHERS))
-            paints.append(np.array(colour[:3]) if own is None else own)
+            own = colour[:3] if colours is None else to_rgb(colours.get(carrier or "", _OTHERS))
+            paints.append(np.array(own))
     return bodies, paints
 
 
@@ -173,10 +169,6 @@ def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
         return triangles
     points, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, 12)
     return np.asarray(points)[faces]
-
-
-def _rgb(colour: str) -> np.ndarray:
-    return np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
 
 
 def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> Poly3DCollection:

@@ -130,16 +130,12 @@ def check(path: str | Path) -> Path:
     if path.suffix.lower() not in KINDS:
         raise JointplayError(f"a film is one of {', '.join(KINDS)} files, got {str(path)!r}")
     files.check_new(path)
-    _needs(path.suffix.lower())
-    return path
-
-
-def _needs(suffix: str) -> None:
-    for name in ("playwright", *(() if suffix == ".png" else ("imageio", "imageio_ffmpeg"))):
+    encoders = () if path.suffix.lower() == ".png" else ("imageio", "imageio_ffmpeg")
+    for name in ("playwright", *encoders):
         if find_spec(name) is None:
-            raise JointplayError(
-                f"films need {name}, which is not installed: {how_to_install('movie')}"
-            )
+            how = how_to_install("movie")
+            raise JointplayError(f"films need {name}, which is not installed: {how}")
+    return path
 
 
 def film(

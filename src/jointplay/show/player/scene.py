@@ -105,7 +105,8 @@ def close_up(
             int(clearance.shape), dimensions, 0, int(k), *centre[at], rotation[at].reshape(9), 0
         )
         offset[i, k], direction[i, k] = contact[1:4], contact[4:7]
-    place = _turned(ideal[then] @ np.swapaxes(rotation[then], -1, -2), offset)
+    back = ideal[then] @ np.swapaxes(rotation[then], -1, -2)
+    place = np.einsum("...ij,...j->...i", back, offset)
     shift = displacement[then] + np.cross(tilt[then], place)
     at_contact = speed[then, :3] + np.cross(speed[then, 3:], offset)
     sliding = at_contact - direction * np.sum(direction * at_contact, axis=2, keepdims=True)
@@ -165,11 +166,6 @@ def _relative_motion(
     turning = rate[:, 3:].reshape(-1, 3, 3) @ np.swapaxes(rotation, 1, 2)
     spin = turning[:, (2, 0, 1), (1, 2, 0)]
     return rotation, now[:, :3], np.hstack([rate[:, :3], spin])
-
-
-def _turned(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Products of matrices (..., 3, 3) and vectors (..., 3)."""
-    return np.einsum("...ij,...j->...i", matrix, vector)
 
 
 # What play lets the tool do at rest, as the track of an ellipsoid about the ideal tool.

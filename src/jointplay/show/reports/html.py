@@ -76,8 +76,8 @@ def targets(path: str | Path, pdf: bool) -> list[Path]:
 
 
 def markup(pattern: str, *values: object) -> Html:
-    """`pattern`, which is HTML, with `values` escaped in the place of each ``{}``."""
-    return Html(pattern).format(*map(cell_or_text, values))
+    """`pattern`, which is HTML, with `values` as of `text` in the place of each ``{}``."""
+    return Html(pattern).format(*map(text, values))
 
 
 @cache
@@ -95,11 +95,6 @@ def note(name: str, *values: object) -> Html:
 def joined(parts: Iterable[Html], between: str = "") -> Html:
     """Parts of a page one after another; what is not `Html` is escaped."""
     return Html(between).join(parts)
-
-
-def cell_or_text(value: object) -> object:
-    """Numbers as `number` writes them; all else as it is."""
-    return text(value) if value is None or isinstance(value, (bool, int, float)) else value
 
 
 def text(value: object) -> Html:
