@@ -2,18 +2,6 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
-// An element with attributes and children; text is always text.
-function element(tag, attributes = {}, ...children) {
-    const made = document.createElement(tag);
-    for (const [name, value] of Object.entries(attributes)) {
-        if (value === null || value === undefined || value === false) continue;
-        if (name.startsWith("on")) made[name] = value;
-        else made.setAttribute(name, value === true ? "" : value);
-    }
-    made.append(...children);
-    return made;
-}
-
 function shape(tag, attributes, text) {
     const made = document.createElementNS(SVG, tag);
     for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);

@@ -3,23 +3,6 @@
 const LOOKS = {light: [[0.93, 0.95, 0.97], [0.78, 0.82, 0.86]], dark: [[0.16, 0.19, 0.22], [0.09, 0.11, 0.13]]};
 const SEEN_PART = 0.06;  // of the robot's reach: what the largest deviation is magnified to, at least
 
-class LiveCase extends Case {
-    // Other tracks for the same bodies.
-    replace(block, entry) {
-        const table = item => unpack(block, item);
-        this.entry = {...entry, objects: this.entry.objects};
-        this.block = block;
-        this.time = unpack(block, entry.time, Float64Array).values;
-        this.real = {position: table(entry.poses.position), turn: table(entry.poses.turn)};
-        this.ideal = {position: table(entry.ghost.position), turn: table(entry.ghost.turn)};
-        this.tool = table(entry.tool);
-        this.idealTool = table(entry.ghost.tool);
-        for (const {line} of this.traces.lines) line.geometry.dispose();
-        this.traces = this.makeTraces();
-        this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
-    }
-}
-
 class RobotView {
     constructor(pane, bodies, block) {
         this.viewer = new MeshCat.Viewer(pane);
@@ -46,8 +29,11 @@ class RobotView {
     show(block, entry, colour, factor) {
         entry = {...entry, objects: this.bodies.objects, reach: this.bodies.reach, colour};
         const {reach} = this.bodies;
-        if (!this.shown) this.shown = new LiveCase(this.viewer, block, entry, 0, this.surfaces);
-        else this.shown.replace(block, entry);
+        if (!this.shown) this.shown = new Case(this.viewer, block, entry, 0, this.surfaces);
+        else {
+            for (const {line} of this.shown.traces.lines) line.geometry.dispose();
+            this.shown.take(block, entry);  // other tracks for the same bodies
+        }
         const largest = this.shown.largestDeviation();
         this.automatic = largest ? Math.min(1e5, nice(SEEN_PART * reach / largest) || 1) : 1;
         const typical = Math.max(1e-9, ...entry.joints.map(joint => joint.typical));

@@ -608,9 +608,7 @@ class Player {
     // ---- keeping what is seen ------------------------------------------------------------------
 
     save(blob, name) {
-        const link = document.createElement("a");
-        link.href = URL.createObjectURL(blob);
-        link.download = name;
+        const link = element("a", {href: URL.createObjectURL(blob), download: name});
         link.click();
         setTimeout(() => URL.revokeObjectURL(link.href), 1000);
     }
@@ -727,21 +725,14 @@ class Player {
         const {contents} = this;
         $("views").hidden = false;
         this.tags = this.cases.map(c => {
-            const tag = document.createElement("span");
-            tag.textContent = c.label;
-            tag.style.color = this.tone(c.entry.colour);
+            const tag = element("span", {style: `color:${this.tone(c.entry.colour)}`}, c.label);
             $("tags").append(tag);
             return tag;
         });
-        this.cases.forEach((c, i) => {
-            const row = document.createElement("label");
-            row.innerHTML = `<input type="checkbox" id="case-${i}" checked><i class="line"></i><span></span>`;
-            row.querySelector("i").style.background = c.entry.colour;
-            row.querySelector("span").textContent = c.label + (c.entry.completed ? "" : " (stopped early)");
-            row.title = c.entry.message;
-            row.querySelector("input").onchange = event => this.showCase(i, event.target.checked);
-            $("cases").append(row);
-        });
+        this.cases.forEach((c, i) => $("cases").append(element("label", {title: c.entry.message},
+            element("input", {type: "checkbox", id: `case-${i}`, checked: true, onchange: event => this.showCase(i, event.target.checked)}),
+            element("i", {class: "line", style: `background:${c.entry.colour}`}),
+            element("span", {}, c.label + (c.entry.completed ? "" : " (stopped early)")))));
         const parts = {ghost: ["ghost", c => c.ideal], error: ["error", c => c.error], traces: ["trace", () => true], forces: ["joints", () => true]};
         for (const [id, [part, has]] of Object.entries(parts)) {
             $(id).onchange = event => {
@@ -762,13 +753,9 @@ class Player {
             for (const element of document.querySelectorAll(`.needs-${name}`)) element.hidden = !there;
         }
         for (const [i, mode] of MODES.entries()) {
-            const row = document.createElement("div");
-            const term = names[i] === mode.name ? ` <small>${mode.term}</small>` : "";
-            row.innerHTML = `<i class="dot" style="background:${css(mode.colour)}"></i><span>${names[i]}${term}</span>`;
-            row.title = mode.meaning;
-            row.id = `mode-${i}`;
-            row.hidden = !names[i];
-            $("modes").append(row);
+            const term = names[i] === mode.name ? [" ", element("small", {}, mode.term)] : [];
+            $("modes").append(element("div", {id: `mode-${i}`, title: mode.meaning, hidden: !names[i]},
+                element("i", {class: "dot", style: `background:${css(mode.colour)}`}), element("span", {}, names[i], ...term)));
         }
         for (const name of contents.joints) $("joint").append(new Option(name, name, false, name === this.joint));
         $("joint").onchange = event => this.setJoint(event.target.value);
@@ -805,13 +792,8 @@ class Player {
             document.body.classList.toggle("narrow", !this.sidebar);
             this.dirty();
         };
-        $("modes-are").replaceChildren(...(names === LOADS ? [] : MODES).map(mode => {
-            const line = document.createElement("p");
-            line.innerHTML = `<b></b> <span></span>`;
-            line.querySelector("b").textContent = `${mode.name}:`;
-            line.querySelector("span").textContent = `${mode.meaning} (in the paper ${mode.term}).`;
-            return line;
-        }));
+        $("modes-are").replaceChildren(...(names === LOADS ? [] : MODES).map(mode =>
+            element("p", {}, element("b", {}, `${mode.name}:`), ` ${mode.meaning} (in the paper ${mode.term}).`)));
         $("theme").onclick = () => this.setTheme(this.dark ? "light" : "dark");
         matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
             if (!document.documentElement.dataset.theme) this.setTheme("");
@@ -830,11 +812,7 @@ class Player {
         strip.onpointermove = event => { if (strip.hasPointerCapture(event.pointerId)) seekTo(event); };
         $("grid-is").textContent = inUnits(this.cell, "m");
         $("end").textContent = `of ${this.end.toPrecision(4).replace(/\.?0+$/, "")} s`;
-        $("notes").replaceChildren(...contents.notes.map(note => {
-            const line = document.createElement("p");
-            line.textContent = note;
-            return line;
-        }));
+        $("notes").replaceChildren(...contents.notes.map(note => element("p", {}, note)));
         this.signals = this.makeSignals();
         for (const name of Object.keys(this.signals)) $("signal").append(new Option(name, name));
         $("signal-row").hidden = !Object.keys(this.signals).length;

@@ -114,7 +114,18 @@ function ghostOf(object) {
 // One case: tracks, and the objects that they move.
 class Case {
     constructor(viewer, block, entry, index, surfaces) {
-        Object.assign(this, {viewer, block, entry, index, label: entry.label, visible: true});
+        Object.assign(this, {viewer, index, label: entry.label, visible: true});
+        this.group = nodeAt(viewer, ["meshcat", `case${index}`]);
+        this.matrices = entry.links.map(() => new THREE.Matrix4());
+        this.idealMatrices = entry.links.map(() => new THREE.Matrix4());
+        this.take(block, entry);
+        this.bodies = this.makeBodies(surfaces);
+        if (entry.error) this.makeError(item => unpack(block, item));
+    }
+
+    // Tracks, and what they draw.
+    take(block, entry) {
+        Object.assign(this, {block, entry});
         const table = item => unpack(block, item);
         this.time = unpack(block, entry.time, Float64Array).values;
         this.real = {position: table(entry.poses.position), turn: table(entry.poses.turn)};
@@ -123,11 +134,6 @@ class Case {
             this.ideal = {position: table(entry.ghost.position), turn: table(entry.ghost.turn)};
             this.idealTool = table(entry.ghost.tool);
         }
-        this.group = nodeAt(viewer, ["meshcat", `case${index}`]);
-        this.matrices = entry.links.map(() => new THREE.Matrix4());
-        this.idealMatrices = entry.links.map(() => new THREE.Matrix4());
-        this.bodies = this.makeBodies(surfaces);
-        if (entry.error) this.makeError(table);
         this.traces = this.makeTraces();
         this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
     }

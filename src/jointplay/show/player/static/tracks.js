@@ -102,3 +102,15 @@ function inUnits(value, unit, digits = 3) {
     const [step, prefix] = prefixOf(Math.abs(value));
     return `${Number((value / step).toPrecision(digits))} ${prefix}${unit}`;
 }
+
+// An element with attributes and children; text is always text.
+function element(tag, attributes = {}, ...children) {
+    const made = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) {
+        if (value === null || value === undefined || value === false) continue;
+        if (name.startsWith("on")) made[name] = value;
+        else made.setAttribute(name, value === true ? "" : value);
+    }
+    made.append(...children);
+    return made;
+}
