@@ -12,13 +12,13 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections import namedtuple
 from math import cos, sin
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 import warm
-from sybil import Sybil
-from sybil.parsers.markdown import CodeBlockParser
 
 import jointplay as jp
 
@@ -61,32 +61,18 @@ def quick_first(pages):
     ]
 
 
-def blocks(page, language):
-    return [e for e in parsed(page) if e.parsed.language == language]
+FENCE = re.compile(r"^( *)```(python|sh|text|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+Block = namedtuple("Block", "language text start line")
 
 
-class Block:
-    """A block of code with its language; what runs it is below."""
-
-    def __init__(self, language, text):
-        self.language, self.text = language, text
-
-
-def parsed(page):
-    def keep(language):
-        def parser(document):
-            for region in CodeBlockParser(language=language, evaluator=lambda _: None)(document):
-                region.parsed = Block(language, str(region.parsed))
-                yield region
-
-        return parser
-
-    sybil = Sybil(
-        [keep("python"), keep("sh"), keep("text"), keep("console")],
-        path=str(page.parent),
-        patterns=["*"],
-    )
-    return list(sybil.parse(page).examples())
+def blocks(page, *languages):
+    """Blocks of code of a page, and where they are."""
+    text = page.read_text()
+    return [
+        Block(m[2], dedent(m[3]), m.start(), text.count("\n", 0, m.start()) + 1)
+        for m in FENCE.finditer(text)
+        if m[2] in languages
+    ]
 
 
 def commands(text):
@@ -201,7 +187,7 @@ def test_snippets_run_as_they_are_written(page, folder):
     names = {"my_axes": matplotlib.figure().subplots(), "__name__": "__main__"}
     text = page.read_text()
     for block in blocks(page, "python"):
-        source = block.parsed.text
+        source = block.text
         before = text[: block.start].rstrip().splitlines()[-1] if block.start else ""
         file = re.search(r"`(\w+\.py)`", before)
         if file:
@@ -217,16 +203,16 @@ def test_commands_run_as_they_are_written(page, folder):
         command
         for earlier in SHELL[: SHELL.index(page)]
         for block in blocks(earlier, "sh")
-        for command in commands(block.parsed.text)
+        for command in commands(block.text)
     }
-    here = [line for block in blocks(page, "sh") for line in commands(block.parsed.text)]
+    here = [line for block in blocks(page, "sh") for line in commands(block.text)]
     used = {word for line in here if line not in before for word in line.split()[2:]} - {"--out"}
-    for block in parsed(page):
-        if block.parsed.language == "text" and block.parsed.text.startswith("time_s,"):
-            (folder / "move.csv").write_text(block.parsed.text)
-        if block.parsed.language != "sh":
+    for block in blocks(page, "sh", "text"):
+        if block.language == "text" and block.text.startswith("time_s,"):
+            (folder / "move.csv").write_text(block.text)
+        if block.language != "sh":
             continue
-        for plain in commands(block.parsed.text):
+        for plain in commands(block.text):
             if plain in before and not used.intersection(plain.split()[2:]):
                 continue
             if plain.startswith(("python3 -m venv", "mkdocs", *NIGHTLY)):
@@ -252,9 +238,7 @@ def same(shown, printed):
     )
 
 
-SHOWN = [
-    (page, block.line, block.parsed.text) for page in PAGES for block in blocks(page, "console")
-]
+SHOWN = [(page, block.line, block.text) for page in PAGES for block in blocks(page, "console")]
 
 
 @pytest.mark.parametrize(
@@ -280,7 +264,7 @@ def test_answers_that_differ_are_found():
 
 
 def test_the_first_example_of_the_readme_prints_what_it_says(folder, capsys):
-    source = blocks(ROOT / "README.md", "python")[0].parsed.text
+    source = blocks(ROOT / "README.md", "python")[0].text
     exec(compile(source, "README.md", "exec"), {"__name__": "__main__"})
     said = float(re.search(r"# ([\d.]+) mm", source)[1])
     assert float(re.search(r"([\d.]+) mm", capsys.readouterr().out)[1]) == pytest.approx(said, 1e-2)
