@@ -10,20 +10,14 @@ case with clearance. All input options of jointplay run are accepted too.
     --no-picture  do not draw a picture
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands.inputs import scenario_of
-
-if TYPE_CHECKING:
-    from jointplay.scenario import Scenario
-    from jointplay.simulation.run import Run
 
 MARK = "jointplay check"
 """In the PNG's metadata: a picture that this command may replace."""
@@ -48,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]:
+def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
     """Where to draw, and whether a picture there is replaced."""
     beside = scenario.path.with_suffix(".png")
     if ":" in options.place:  # not into the package
@@ -65,7 +59,7 @@ def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]
     return path, replaced
 
 
-def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Run]) -> str:
+def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Any]) -> str:
     from jointplay.show.picture import picture
 
     first = next(iter(runs.values()))

@@ -33,19 +33,13 @@ Example: jointplay dynamics jointplay:slider_crank.toml bifurcation --case "0.5 
     --quiet
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.cli.commands import given
 from jointplay.cli.commands.inputs import scenario_of
-
-if TYPE_CHECKING:
-    from jointplay.study.nonlinear.rows import Observation
-
 
 TURNS = {
     "turns": (20, 2),
@@ -80,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _study(options: argparse.Namespace) -> Observation:
+def _study(options: argparse.Namespace) -> Any:
     """Checks all before anything runs."""
     from jointplay.study.nonlinear import observables, steady_motion
     from jointplay.study.nonlinear.rows import Observation, Varied
