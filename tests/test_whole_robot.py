@@ -339,7 +339,7 @@ def test_shapes_go_with_the_mjcf(path, tmp_path):
         (["--all", "--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play"),
         (["--all", "--joint", "a=0.1 mm", "--format", "mjcf", "--batch", "2"], "--tilt"),
         (["--joint", "a=0.1 mm"], "mjcf, sdf, urdf, usd would have no play: the clearance of a"),
-        (["--clearance", "0.1 mm"], "got none: name it, or add --all"),
+        (["--clearance", "0.1 mm"], "got none; --all reduces every one"),
         (["--all", "--joint", "c=0.1 mm"], "cannot be represented by a hinge"),
     ],
 )
