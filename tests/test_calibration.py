@@ -302,6 +302,23 @@ def test_encoders_on_both_sides_tell_play_compliance_and_their_own_errors_apart(
         encoder_differences(arm, replace(poses, link=None))
 
 
+def test_an_encoder_that_jumps_is_told_though_poses_beside_the_jump_are_left_out(arm):
+    truth = Truth(arm, 9, n=25)
+    q = truth.motor[:, 0]
+    # The jump lies where two poses are nearer to each other than to their other neighbours: with
+    # one of them left out, the others say as well that it lies behind the other.
+    place = 0.5 * np.sort(q)[11:13].sum()
+    saw = np.zeros_like(truth.q)
+    saw[:, 0] = -0.025 * q + 0.17 * (q > place) + 2e-4 * truth.random.normal(size=25)
+    poses = StaticPoses(JOINTS, truth.motor, link=truth.motor + saw)
+    waist = encoder_differences(arm, poses)[0]
+    assert waist.kept == ("gain and jump",)
+    assert waist.left < 1e-3
+    gain, jump = waist.causes
+    assert gain.low < -0.025 < gain.high
+    assert jump.low < 0.17 < jump.high
+
+
 def test_the_right_one_of_two_encoders_is_told_by_the_tool(arm):
     truth = Truth(arm, 10).play(elbow=4e-3, transition=0.3)
     link = truth.motor.copy()

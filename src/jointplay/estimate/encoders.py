@@ -47,7 +47,11 @@ _TERMS = {
     "compliance": ("compliance",),
 }
 """Kinds of calibration's terms that a cause consists of."""
-_EXCLUSIVE = ({"eccentricity", "two harmonics", "gain and jump"}, {"play", "play with friction"})
+_EXCLUSIVE = (
+    {"eccentricity", "two harmonics", "gain and jump"},
+    {"play", "play with friction"},
+    {"approach", "play with friction"},  # which has the approach in it
+)
 """Causes of which a model has one at most."""
 
 
@@ -209,16 +213,23 @@ class _Joint:
             yield choice, np.column_stack(columns)
 
     def _tried(self, names: tuple[str, ...]) -> _Tried:
-        """Leave-one-out errors: the choice is the best for the others, so is the fit."""
+        """Leave-one-out errors: the choice is the best for the others, so is the fit.
+
+        Where the others do not tell choices apart (a jump on either side of the pose left out), it
+        is the best of them for all: rounding would choose otherwise.
+        """
         best, error = np.full(len(self.y), np.inf), np.zeros(len(self.y))
+        whole = best.copy()
         for _, design in self._designs(names):
             hat = design @ np.linalg.pinv(design)
             off = self.y - hat @ self.y
             lever = np.clip(1.0 - np.diag(hat), 1e-6, None)
             # Sum of squares without a row, from the fit with it.
             cost = off @ off - off**2 / lever
-            better = cost < best
+            equal = np.isclose(cost, best, rtol=1e-9, atol=0.0)
+            better = np.where(equal, off @ off < whole, cost < best)
             best[better], error[better] = cost[better], (off / lever)[better]
+            whole[better] = off @ off
         return _Tried(names, error**2)
 
     def _extended(self, now: _Tried, name: str) -> _Tried | None:
