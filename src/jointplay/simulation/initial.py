@@ -120,21 +120,14 @@ class InitialState:
         return (v - self.v) / _AHEAD_S
 
 
-def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int]:
-    """Coordinates that a name in a state means: a joint's own and its motor's, or a single one."""
+def named(mechanism: Mechanism, name: str) -> list[int]:
+    """Coordinates that a name means: a joint's own and its motor's, or a single one."""
     if name in mechanism.joints:
-        indices = [mechanism.coordinate(name), mechanism.motor(name)]
-    elif name in mechanism.coordinates:
-        indices = [mechanism.coordinates.index(name)]
-    else:
-        parts = [c for c in mechanism.coordinates if c.part]
-        raise MissingName("moving joint or coordinate", name, [*mechanism.joints, *parts])
-    for joint in followed:
-        if {mechanism.coordinate(joint), mechanism.motor(joint)} & set(indices):
-            raise JointplayError(
-                f"joint {joint!r} follows the motion from its start; give no other"
-            )
-    return indices
+        return [mechanism.coordinate(name), mechanism.motor(name)]
+    if name in mechanism.coordinates:
+        return [mechanism.coordinates.index(name)]
+    parts = [c for c in mechanism.coordinates if c.part]
+    raise MissingName("moving joint or coordinate", name, [*mechanism.joints, *parts])
 
 
 def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialState:
@@ -150,7 +143,12 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
     given: list[int] = []
     for name, value in simulation.state.items():
         position, speed = position_and_speed(name, value)
-        at = _named(mechanism, name, followed)
+        at = named(mechanism, name)
+        for joint in followed:
+            if set(named(mechanism, joint)) & set(at):
+                raise JointplayError(
+                    f"joint {joint!r} follows the motion from its start; give no other"
+                )
         if position is not None:
             q[at] = position
             held += at
@@ -163,7 +161,7 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
         positions, velocities, _ = simulation.motion(np.zeros(1))
         for name in followed:
             index = simulation.motion.joints.index(name)
-            at = [mechanism.coordinate(name), mechanism.motor(name)]
+            at = named(mechanism, name)
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
     q = loop.assemble(mechanism, q, held + led)
@@ -182,8 +180,7 @@ def find_rest(
         for name, drive in drives.items():
             if drive.follows:
                 index = simulation.motion.joints.index(name)
-                at = [mechanism.coordinate(name), mechanism.motor(name)]
-                along[at] = acceleration[0, index]
+                along[named(mechanism, name)] = acceleration[0, index]
     given = list(start.given)
     gaps = loop.misfit(mechanism, start.q) if mechanism.loops else {}
     if any(np.abs(gap).max() > loop.ASSEMBLY_TOLERANCE_M for gap in gaps.values()):

@@ -96,11 +96,11 @@ class Moment:
 
     def position(self, name: str) -> float:
         """Of a joint or of a single coordinate such as ``joint.x`` [rad or m]."""
-        return float(self.q[self._index(name)])
+        return float(self.q[initial.named(self.mechanism, name)[0]])
 
     def speed(self, name: str) -> float:
         """Of a joint or of a single coordinate [rad/s or m/s]."""
-        return float(self.v[self._index(name)])
+        return float(self.v[initial.named(self.mechanism, name)[0]])
 
     def journal(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
         """Centre (3,) [m] and orientation (3, 3) of a journal in its bearing frame."""
@@ -116,14 +116,6 @@ class Moment:
         at = self._joint(joint)
         names = self.mechanism.clearance[joint].contacts
         return {name: float(self.normal_forces[at, k]) for k, name in enumerate(names)}
-
-    def _index(self, name: str) -> int:
-        if name in self.mechanism.joints:
-            return self.mechanism.coordinate(name)
-        if name not in self.mechanism.coordinates:
-            choices = [*self.mechanism.joints, *(c for c in self.coordinates if c.part)]
-            raise MissingName("moving joint or coordinate", name, choices)
-        return self.mechanism.coordinates.index(name)
 
     def _joint(self, name: str) -> int:
         joints = list(self.mechanism.clearance)
@@ -376,12 +368,9 @@ class Run:
             raise JointplayError("the histories of this run go to a file: save it")
         status = self.run_to_end(progress)
         result = self.result(status)
-        check_step = (
-            check_step and self._origin is not None and step_check.is_needed(self.simulation)
-        )
-        if check_step and status == Status.COMPLETED:
-            assert self._origin is not None
-            error = step_check.step_error(self, result, self._origin, progress)
+        done, origin = status == Status.COMPLETED, self._origin
+        if check_step and done and origin is not None and step_check.is_needed(self.simulation):
+            error = step_check.step_error(self, result, origin, progress)
             if error is not None:
                 result.amend(step_error=error[0], relative_step_error=error[1])
         return result
@@ -412,14 +401,11 @@ class Run:
         return histories(self, status, reactions, only)
 
     def judgement(self) -> Judgement:
-        start = "centred" if self.rest is None or not self.rest.solved else "rest"
-        return Judgement(
-            start,
-            self.judged_from,
-            None if self.rest is None else self.rest.residual,
-            None if self.rest is None else self.rest.load,
-            self._unjudged,
-        )
+        found = Judgement(judged_from=self.judged_from, before=self._unjudged)
+        if self.rest is None:
+            return found
+        start = "rest" if self.rest.solved else "centred"
+        return replace(found, start=start, residual=self.rest.residual, load=self.rest.load)
 
     def run_to_end(self, progress: bool = False) -> Status:
         """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""

@@ -53,14 +53,6 @@ class TrialState:
         return (self.height - other.height) / expected
 
 
-def trust_region_step(
-    slope: np.ndarray, bend: np.ndarray, radius: float
-) -> tuple[np.ndarray, float]:
-    """Step to the lowest point of a quadratic within a ball, and how much lower that is."""
-    step = minimize_in_ball(slope, bend, radius)
-    return step, -float(slope @ step + 0.5 * step @ bend @ step)
-
-
 def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
     """Where a quadratic is lowest within a ball about the origin."""
     # Eigen's, for on a busy machine the threads of numpy's wait for each other.
@@ -854,14 +846,15 @@ class StaticEquilibrium:
             load = here.load
             if residual <= SOLVED * (load or self._least_load) or trials >= most or radius < 1e-12:
                 return here.q, residual, load, trials
-            step, expected = trust_region_step(here.slope, here.bend, radius)
+            step = minimize_in_ball(here.slope, here.bend, radius)
+            expected = -float(here.slope @ step + 0.5 * step @ here.bend @ step)
             size = float(np.linalg.norm(step))
             there = self._look(self.close(here.q + ways @ step), ways, names)
             trials += 1
             straight = here.gain(there, expected)
             if straight <= 0.1 and trials < most:
                 # Along curved walls, and where a wall is met: a second step leads back to it.
-                step, _ = trust_region_step(there.slope, there.bend, size)
+                step = minimize_in_ball(there.slope, there.bend, size)
                 there = self._look(self.close(there.q + ways @ step), ways, names)
                 trials += 1
             gain = here.gain(there, expected)
