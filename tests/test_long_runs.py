@@ -349,7 +349,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-LONG = ("--duration", "4", "--no-figures")
+LONG = ("--duration", "4", "--no-figures", "--no-error-estimate")
 
 
 def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_path):
@@ -386,7 +386,7 @@ def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     path.write_text(text, encoding="utf-8")
     scenario = jp.Scenario.load(path)
     first, second = scenario.cases[:2]
-    chosen = ("--case", first, "--case", second, "--no-figures", "--quiet")
+    chosen = ("--case", first, "--case", second, "--no-error-estimate", "--no-figures", "--quiet")
     _, err, status = ended(start("run", path, *chosen, "--out", tmp_path / "whole"))
     assert status == 0, err
     out = tmp_path / "o"

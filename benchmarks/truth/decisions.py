@@ -37,13 +37,6 @@ SPEEDS = {"slow": 2.0, "fast": 0.25}
 """Duration of a movement of `MOVE_RAD` in every joint [s]."""
 
 
-HEAD = [
-    *("joint", "reversals", "stated [urad]", "MuJoCo, largest", "MuJoCo, RMS"),
-    *("lean: stated [mrad]", "MuJoCo's lean, largest", "us a step", "s per s simulated"),
-    "full model, s per s",
-]
-
-
 def robot() -> jp.Mechanism:
     bearing = jp.RevoluteClearance(
         bearing_radius=20e-3, radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M
@@ -128,7 +121,13 @@ def command_times(quick: bool) -> dict[str, float]:
 
 def reductions(quick: bool) -> list[list[str]]:
     """MuJoCo with the reduced model against the full model, in reversals other than the fit's."""
-    rows = [HEAD]
+    rows = [
+        [
+            *("joint", "reversals", "stated [urad]", "MuJoCo, largest", "MuJoCo, RMS"),
+            *("lean: stated [mrad]", "MuJoCo's lean, largest", "us a step", "s per s simulated"),
+            "full model, s per s",
+        ]
+    ]
     pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.0}
     for joint in ("shoulder_pan_joint", "elbow_joint"):
         bearing = jp.RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
@@ -185,13 +184,8 @@ def figure(rows: list[dict[str, float]], path: Path) -> None:
         drawn.savefig(path)
 
 
-def times(quick: bool) -> list[str]:
-    lines = [f"- budget of a 7-joint arm along a motion, in Python: {budget_time():.2f} s"]
-    return lines + [f"- `{name}`: {spent:.1f} s" for name, spent in command_times(quick).items()]
-
-
-def summary(rows: list[dict[str, float]]) -> list[str]:
-    lines = []
+def write_poses(rows: list[dict[str, float]], out: Path) -> None:
+    head, lines = list(rows[0]), []
     for name in SPEEDS:
         part = np.array([row[f"{name}_peak"] / row[f"{name}_bound"] for row in rows])
         rest = np.array([row[f"{name}_rms"] / row[f"{name}_rest"] for row in rows])
@@ -200,14 +194,9 @@ def summary(rows: list[dict[str, float]]) -> list[str]:
             f"{np.median(part):.2f}; {int((part > 1.0).sum())} of {len(rows)} beyond the bound; "
             f"RMS / error at rest {np.median(rest):.2f} (median)"
         )
-    return lines
-
-
-def write_poses(rows: list[dict[str, float]], out: Path) -> None:
-    head = list(rows[0])
     text = [",".join(head)] + [",".join(f"{row[key]:.6g}" for key in head) for row in rows]
     (out / "poses.csv").write_text("\n".join(text) + "\n")
-    (out / "poses.txt").write_text("\n".join(summary(rows)) + "\n")
+    (out / "poses.txt").write_text("\n".join(lines) + "\n")
     figure(rows, out / "poses.png")
 
 
@@ -224,7 +213,8 @@ def main() -> None:
         require(quick, mujoco="pip install 'jointplay[simulators]'")
     out, poses = folder_of(options, "decisions", DOCS), 1 if quick else options.poses
     if "times" in parts:
-        lines = times(quick)
+        lines = [f"- budget of a 7-joint arm along a motion, in Python: {budget_time():.2f} s"]
+        lines += [f"- `{name}`: {spent:.1f} s" for name, spent in command_times(quick).items()]
         (out / "times.txt").write_text("\n".join(lines) + "\n")
         print("\n".join(lines), flush=True)
     if "reductions" in parts:
