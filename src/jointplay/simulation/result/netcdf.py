@@ -247,9 +247,8 @@ class _CheckedFile(io.RawIOBase):
     """
 
     def __init__(self, file: BinaryIO) -> None:
-        self._inner, self._error = file, None
-
-    _error: OSError | None
+        self._inner = file
+        self._error: OSError | None = None
 
     def check(self) -> None:
         self._try(self._inner.flush)
@@ -263,15 +262,6 @@ class _CheckedFile(io.RawIOBase):
             self._error = self._error or error
             return None
 
-    def readable(self) -> bool:
-        return True
-
-    def writable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
-
     def readinto(self, buffer: Any) -> int:
         got = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
         return len(buffer) if got is None else int(got)
@@ -283,9 +273,6 @@ class _CheckedFile(io.RawIOBase):
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         place = self._try(self._inner.seek, offset, whence)
         return offset if place is None else int(place)
-
-    def tell(self) -> int:
-        return int(self._try(self._inner.tell) or 0)
 
     def truncate(self, size: int | None = None) -> int:
         self._try(self._inner.truncate, size)
