@@ -199,7 +199,15 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
 
 
 def _interrupted(lost: str) -> int:
-    print(f"\ninterrupted{_kept(lost)}", file=sys.stderr)
+    """Say what was given up, and what is there."""
+    from jointplay.base import files
+
+    parts = [lost] if lost else []
+    if files.written:
+        names = ", ".join(path.name for path in files.written)
+        parts.append(f"{files.written[0].parent} contains {names}")
+    kept = "; ".join(parts or ["nothing was written"])
+    print(f"\ninterrupted; {kept}", file=sys.stderr)
     return INTERRUPTED
 
 
@@ -210,15 +218,3 @@ def _refuse(options: argparse.Namespace, reason: str) -> int:
     files.remove_made_folders()
     print(f"jointplay {options.command}: error: {reason}", file=sys.stderr)
     return BAD_INPUT
-
-
-def _kept(lost: str) -> str:
-    from jointplay.base import files
-
-    parts = [lost] if lost else []
-    if files.written:
-        names = ", ".join(path.name for path in files.written)
-        parts.append(f"{files.written[0].parent} contains {names}")
-    elif not lost:
-        parts.append("nothing was written")
-    return f"; {'; '.join(parts)}"

@@ -88,14 +88,8 @@ def _play(options: argparse.Namespace, shot: Any) -> None:
     elif options.movie is not None:
         print(player.save_movie(results, options.movie, shot, _note, **shown))
     else:
-        where: dict[str, Any] = {"host": options.host, "port": options.port}
-        player.play(
-            results,
-            **where,
-            browser=not options.no_browser,
-            say=partial(print, flush=True),
-            **shown,
-        )
+        shown |= {"host": options.host, "port": options.port, "browser": not options.no_browser}
+        player.play(results, say=partial(print, flush=True), **shown)
 
 
 def _shot(options: argparse.Namespace) -> Any:
