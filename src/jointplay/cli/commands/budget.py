@@ -19,8 +19,6 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
 """
 
 import argparse
-from collections.abc import Sequence
-from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs
@@ -39,8 +37,20 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError("--whole is known in the world only; leave --relative-to out")
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
+    at = "\n".join([*work.notes, f"at: {work.poses}"])
     if options.whole is not None:
-        return _whole(options, work, force, out)
+        from jointplay.accuracy.causes import CAUSES
+
+        out.names.append("errors.png")
+        out.claim()
+        about = {"causes": options.causes or CAUSES, "errors": work.errors, "force": force}
+        errors = budget(work.mechanism, work.q, kind=error_class(options, work), **about)
+        print(f"{at}\n{errors.table()}")
+        if options.out:
+            from jointplay.show.plots.design import cause_bars
+
+            out.write({"errors.csv": errors.data().csv(), "errors.png": cause_bars(errors)})
+        return 0
     seen = options.relative_to is not None  # figures of the robot are in the world
     out.names += ["bars.png", *([] if seen else ["robot.png", "reach.png"])]
     of_kind = {"motion": ["course.png"], "workspace": [] if seen else ["map.png"]}
@@ -56,19 +66,18 @@ def run(options: argparse.Namespace) -> int:
         drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
         relative_to=options.relative_to,
     )
-    print("\n".join([*work.notes, f"at: {work.poses}"]))
+    print(at)
     if errors.relative_to is not None:
         print(f"seen from {errors.relative_to!r}, in its axes")
     if work.names:
         print(errors.by_pose(work.names))
     if len(errors.worst) > 1:
-        at = errors.worst_pose
-        place = ", ".join(f"{x:.3f}" for x in errors.positions[at])
+        k = errors.worst_pose
+        place = ", ".join(f"{x:.3f}" for x in errors.positions[k])
         print(
             f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
             f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
-            f"{work.names[at] if work.names else at}, tool at {place} m), which is made up like "
-            "this:"
+            f"{work.names[k] if work.names else k}, tool at {place} m), which is made up like this:"
         )
     print(errors.table())
     print(errors.ranking)
@@ -91,27 +100,4 @@ def run(options: argparse.Namespace) -> int:
     if work.kind == "workspace" and not seen:
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
-    return 0
-
-
-def _whole(options: argparse.Namespace, work: Any, force: Sequence[float], out: Outputs) -> int:
-    from jointplay.accuracy.causes import CAUSES
-    from jointplay.accuracy.error_budget import budget
-
-    out.names.append("errors.png")
-    out.claim()
-    errors = budget(
-        work.mechanism,
-        work.q,
-        causes=options.causes or CAUSES,
-        force=force,
-        errors=work.errors,
-        kind=error_class(options, work),
-    )
-    print("\n".join([*work.notes, f"at: {work.poses}"]))
-    print(errors.table())
-    if options.out:
-        from jointplay.show.plots.design import cause_bars
-
-        out.write({"errors.csv": errors.data().csv(), "errors.png": cause_bars(errors)})
     return 0
