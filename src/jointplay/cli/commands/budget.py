@@ -19,6 +19,7 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
 """
 
 import argparse
+from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs
@@ -43,8 +44,10 @@ def run(options: argparse.Namespace) -> int:
 
         out.names.append("errors.png")
         out.claim()
-        about = {"causes": options.causes or CAUSES, "errors": work.errors, "force": force}
-        errors = budget(work.mechanism, work.q, kind=error_class(options, work), **about)
+        about: dict[str, Any] = {"causes": options.causes or CAUSES, "errors": work.errors}
+        errors = budget(
+            work.mechanism, work.q, force=force, kind=error_class(options, work), **about
+        )
         print(f"{at}\n{errors.table()}")
         if options.out:
             from jointplay.show.plots.design import cause_bars
