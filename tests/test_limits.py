@@ -27,8 +27,8 @@ from jointplay.model import impact
 from jointplay.model.loop import closing_rows, misfit
 from jointplay.model.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
 from jointplay.paper import run_study, scara
-from jointplay.show import player
 from jointplay.show.player import movie
+from jointplay.show.player.server import Server
 from jointplay.show.reports.sections import claim_rows
 from jointplay.simulation.analysis import uncertainty
 from jointplay.study import axes, courses, shares
@@ -199,7 +199,7 @@ def test_nothing_but_numbers_passes_for_a_number_of_a_function(wrong):
         lambda: uncertainty.estimate(np.arange(9.0), confidence=wrong),
         lambda: axes.points("random", wrong, 2, 1),
         lambda: movie.Shot(begin=wrong),
-        lambda: player.Server(b"", port=wrong),
+        lambda: Server(b"", port=wrong),
         lambda: shares.sensitivity(scara(2e-4), spread=wrong),
         lambda: shares.sensitivity(scara(2e-4), samples=wrong),
         lambda: courses.traces([], jobs=wrong),
