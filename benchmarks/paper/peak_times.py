@@ -58,14 +58,12 @@ class Timings:
         return jp.Motion(JOINTS, times, [at + (DOWN if deep else 0.0) for at, deep in ends])
 
     def varied(self, random: np.random.Generator, size: float) -> Timings:
-        """One near this."""
         parts = (self.stroke, *self.swings, *self.dwells)
         stroke, *others = (part * np.exp(size * random.normal()) for part in parts)
         return Timings(self.first, stroke, tuple(others[:2]), tuple(others[2:]))
 
 
 def draw(random: np.random.Generator) -> Timings:
-    """Timings at random."""
     swing, dwell = random.uniform(0.3, 1.0), random.uniform(0.02, 0.4)
     swings = swing * np.exp(0.3 * random.normal(size=2))
     dwells = dwell * np.exp(0.5 * random.normal(size=2))

@@ -44,7 +44,6 @@ FIELDS = [
 
 
 def names() -> list[str]:
-    """Mechanisms of the gallery: those that ship with the package first."""
     return [*SHIPPED, *sorted(path.stem for path in FOLDER.glob("*.toml"))]
 
 

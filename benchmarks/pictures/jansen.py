@@ -105,7 +105,6 @@ def ideal_forces() -> dict[str, float]:
 
 
 def interval(values: np.ndarray, factor: float = 1.0) -> str:
-    """Mean, its standard error, least and largest."""
     values = factor * values
     return (
         f"{values.mean():.3g} +- {standard_error(values):.2g} (one run: {values.min():.3g} to "
@@ -141,7 +140,6 @@ def sensitivity(samples: int, phases: int, jobs: int) -> list[str]:
 
 
 def draw(found: dict[str, list[dict[str, np.ndarray]]], ideal: float, path: Path) -> None:
-    """Forces of the runs, and where they wear the knee's bore."""
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(9.0, 4.0), layout="constrained")
@@ -166,7 +164,6 @@ def draw(found: dict[str, list[dict[str, np.ndarray]]], ideal: float, path: Path
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run and write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     for name, number in {"runs": 16, "samples": 64, "phases": 4, "jobs": 2}.items():
         parser.add_argument(f"--{name}", type=int, default=number)

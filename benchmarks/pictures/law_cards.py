@@ -76,13 +76,11 @@ class Card(NamedTuple):
 
 
 def parameters(law):
-    """Parameters of a law in one line."""
     shown = {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in vars(law).items()}
     return ", ".join(f"{key} = {value}" for key, value in shown.items()) or "none"
 
 
 def table(header, rows):
-    """A Markdown table."""
     return Table.of_texts([[str(cell) for cell in row] for row in (header, *rows)]).markdown()
 
 
@@ -326,7 +324,6 @@ def figures_of(ensemble, mechanism, beside=None):
 
 
 def first_warnings(ensemble, kind="law_warnings"):
-    """Those of the first run."""
     return [line for line in str(ensemble[kind][0]).split("\n") if line]
 
 
@@ -366,7 +363,6 @@ def work_section(card, found, quick):
 
 
 def write_card(card, found, folder, quick):
-    """Page and figure of one law."""
     figure, axes = new_figure(2, *((3, 11.0) if card.family == "film" else (2, 8.5)), 6.2)
     by_itself = PROBES[card.family](card, axes[0], quick)
     draw_histories(card, found, axes[1], quick)
@@ -476,7 +472,6 @@ def write_data(path, found):
 
 
 def run_all(cards, args) -> dict[Trial, Ensemble]:
-    """All trials that the cards need, by trial."""
     trials = []
     for mechanism in FIGURES:
         trials.append(Trial(mechanism, *PAPER, args.quick))

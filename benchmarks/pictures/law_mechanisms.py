@@ -92,7 +92,6 @@ class Trial:
 
     @property
     def turns(self):
-        """Of the crank."""
         return 2 if self.quick else TURNS
 
     def law(self):
@@ -109,14 +108,12 @@ class Trial:
         return law
 
     def bearing(self):
-        """The joint with clearance, this law in it."""
         base = self._base()
         if self.family == DRY:
             return base
         return replace(base, **{"lubricant" if self.family == "film" else self.family: self.law()})
 
     def simulation(self, seed):
-        """A run of it."""
         robot, reference, options = self._robot(self.bearing())
         if self.mechanism == SCARA:
             options |= {"step": 1e-5, "record_every": round(RECORD_INTERVAL / 1e-5)}
