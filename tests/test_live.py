@@ -369,8 +369,7 @@ def test_all_controls_and_charts_have_names(tab):
         assert re.search(r"from .* to ", label)
 
 
-@pytest.mark.parametrize("width", [400, 1280])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(400, "light"), (1280, "dark")])
 def test_the_page_fits(browser, address, width, scheme):
     with opened(browser, address, size=(width, 800), color_scheme=scheme) as page:
         assert page.evaluate("() => document.documentElement.scrollWidth") <= width
@@ -530,7 +529,10 @@ def test_a_rolling_bearing_has_its_temperature():
     assert state.controls["joint_b.radial_clearance"].value == pytest.approx(1e3 * cold.cr)
 
 
-@pytest.mark.parametrize("place", [None, SLIDER_CRANK, "jointplay:four_bar.toml"])
+@pytest.mark.parametrize(
+    "place",
+    [None, SLIDER_CRANK, pytest.param("jointplay:four_bar.toml", marks=pytest.mark.thorough)],
+)
 def test_quick_and_exact_answers_agree(place):
     chosen = scenario() if place is None else Scenario.load(place)
     answering = Machine(state_of(chosen, next(one for one in chosen.cases if one != "ideal")))

@@ -117,6 +117,7 @@ def test_packed_numbers_come_back(rows, quantum, seed):
     assert np.abs(again - values).max() <= 0.51 * entry["quantum"]
 
 
+@pytest.mark.thorough
 def test_a_minute_of_motion_fits(cases):
     """60 s of records are thinned to the budget; the strongest impacts stay."""
     parts = [cases["0.5 mm"].dataset]

@@ -59,36 +59,6 @@ class Pack:
         return base64.b64encode(gzip.compress(b"".join(self.chunks), 6, mtime=0)).decode()
 
 
-class Thinning:
-    """How the records of one case are reduced to about `MAX_RECORDS`.
-
-    `sparse`: which points are records; others, recorded step by step, are all kept.
-    """
-
-    def __init__(self, sparse: np.ndarray) -> None:
-        records = np.flatnonzero(sparse)
-        self.size = max(1, -(-2 * len(records) // MAX_RECORDS))
-        """Records in an interval; one: nothing is left out."""
-        self._step_by_step = np.flatnonzero(~sparse)
-        self._intervals = np.split(records, range(self.size, len(records), self.size))
-        self.thins = self.size > 2  # whether anything is left out
-
-    def kept(self, *series: np.ndarray) -> np.ndarray:
-        """Indices that stay: of each interval those of the smallest and the largest of each series.
-
-        The line through them passes through every value of an interval within that interval, so
-        that it is nowhere farther from the records than an interval is long.
-        """
-        if not self.thins:
-            return np.arange(len(series[0]))
-        indices = [self._step_by_step]
-        for interval in self._intervals:
-            for values in series:
-                inside = values[interval]
-                indices.append(interval[[int(inside.argmin()), int(inside.argmax())]])
-        return np.unique(np.concatenate(indices))
-
-
 _FINE, _COARSE = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
@@ -97,18 +67,41 @@ _DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}  # what plot
 
 
 class Times:
-    """Points of time of one case: whole numbers of its steps, each series of them packed once."""
+    """Points of time of one case: whole numbers of its steps, each series of them packed once.
 
-    def __init__(self, case: Case, result: Result) -> None:
-        self.time = result.time
-        self.step = case.result.audit.step
-        self.thinning = Thinning(np.isin(self.time, case.result.time))
+    Too many records, which are `sparse`, are reduced to about `MAX_RECORDS`; points that were
+    recorded step by step are all kept.
+    """
+
+    def __init__(self, time: np.ndarray, step: float, sparse: np.ndarray) -> None:
+        self.time, self.step = time, step
+        records = np.flatnonzero(sparse)
+        size = max(1, -(-2 * len(records) // MAX_RECORDS))
+        self._thins, self._step_by_step = size > 2, np.flatnonzero(~sparse)
+        self._intervals = np.split(records, range(size, len(records), size))
 
     def has(self, time: np.ndarray) -> bool:
+        """Whether these are its own, or the first of them."""
         return len(time) > 1 and np.array_equal(self.time[: len(time)], time)
 
     def steps(self, time: np.ndarray) -> np.ndarray:
+        """Times as whole numbers of steps."""
         return np.rint(time / self.step).astype(np.uint32)
+
+    def kept(self, *series: np.ndarray) -> np.ndarray:
+        """Indices that stay: of each interval those of the smallest and largest of each series.
+
+        The line through them passes through every value of an interval within that interval, so
+        that it is nowhere farther from the records than an interval is long.
+        """
+        if not self._thins:
+            return np.arange(len(series[0]))
+        indices = [self._step_by_step]
+        for interval in self._intervals:
+            for values in series:
+                inside = values[interval]
+                indices.append(interval[[int(inside.argmin()), int(inside.argmax())]])
+        return np.unique(np.concatenate(indices))
 
 
 class Drawing:
@@ -154,7 +147,7 @@ class Drawing:
             return {"x": self._pack.add(x), "y": self._pack.add(y, bits), **look}
         curve, ended = mark.at is not None, np.full(len(timed.time) - len(y), np.nan)
         x, y = np.append(x, ended), np.append(y, ended)  # such as where its reference ended
-        kept = timed.thinning.kept(x, y) if curve else timed.thinning.kept(y)
+        kept = timed.kept(x, y) if curve else timed.kept(y)
         found = {"t": self._time(timed, kept), "dt": timed.step, "y": self._pack.add(y[kept], bits)}
         return {**found, **({"x": self._pack.add(x[kept], bits)} if curve else {}), **look}
 
@@ -184,7 +177,11 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         for case in cases
         if case.error is not None and case.ideal is not None
     }
-    times = [Times(case, results[case.label]) for case in cases]
+    times = [
+        Times(time, case.result.audit.step, np.isin(time, case.result.time))
+        for case in cases
+        for time in [results[case.label].time]
+    ]
     draw = Drawing(pack, times).chart
     paper = figures.is_paper(recorded)
     rolls = {analysis.rolls(case.result, joint) for case in cases for joint in case.joints}
