@@ -251,13 +251,14 @@ def test_torque_and_free_need_no_motion(tmp_path):
     assert result["v"].values[-1, names.index("joint_a")] > 0.0
 
 
-def test_own_laws_are_found_beside_the_scenario(tmp_path):
+def test_own_laws_are_found_in_modules_that_were_imported(tmp_path):
     (tmp_path / "laws_of_this_test.py").write_text(
         "def push(delta, ddelta, ddelta0, p):\n    return p[0] * delta\n"
         "def brush(speed, normal, dwell, p, out):\n    out[0] = 1.0\n    out[1] = 0.0\n"
         "    out[2] = p[0] * normal\n    out[3] = out[4] = out[6] = out[7] = 0.0\n"
         "    out[5] = p[1] * normal\n"
     )
+    jp.import_module(tmp_path / "laws_of_this_test.py")
     law = '"laws_of_this_test:{}"'
     joint = (
         f'normal = {{ law = "custom", function = {law.format("push")}, parameters = ["1e8"] }}\n'

@@ -23,15 +23,13 @@ from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError
+from jointplay.base.modules import imported
 from jointplay.model import viewer
-from jointplay.model.impact import elastic_energy
 from jointplay.model.visuals import find_mesh, mesh_folders
 from jointplay.physics.contact import CustomNormalForce, NormalForceLaw
-from jointplay.physics.contact.trust import trusting
 from jointplay.show import player, reports
 from jointplay.show.player.server import Server
 from jointplay.simulation.result import netcdf
-from jointplay.study.courses import traces
 
 QUOTE = {'"': "&quot;"}
 EVIL = """</script></title><script>owned=1</script>'"><img src=x onerror="owned=1">"""
@@ -181,7 +179,7 @@ def test_a_result_imports_nothing_that_was_not_named(command, lawful):
     assert done.returncode == 0, done.stderr  # the stored run is enough
     (lawful / "o.html").unlink(missing_ok=True)
     (lawful / "o.pdf").unlink(missing_ok=True)
-    call += ["--trust", "strange_laws"]
+    call += ["--import", "strange_laws"]
     done = subprocess.run(call, cwd=lawful, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (lawful / "ran").exists()
@@ -193,10 +191,12 @@ def test_in_python_too_a_result_imports_nothing_unasked(lawful, monkeypatch):
     loaded = jp.Result.load("r.nc")
     law = loaded.simulation.mechanism.clearance["joint_b"].normal
     assert law.source == "def push(delta, ddelta, ddelta0, p):\n    return p[0] * delta\n"
-    with pytest.raises(JointplayError, match=r"strange_laws:push.*trust=\['strange_laws'\]"):
+    with pytest.raises(JointplayError, match=r"strange_laws:push.*import_module\('strange_laws'\)"):
         loaded.simulation.run()
     assert "strange_laws" not in sys.modules
-    assert jp.Result.load("r.nc", trust=["strange_laws"]).simulation.step == 1e-5
+    jp.import_module("strange_laws")
+    assert jp.Result.load("r.nc").simulation.run()
+    imported.pop("strange_laws")
     sys.modules.pop("strange_laws")
 
 
@@ -238,31 +238,30 @@ def mine(delta, ddelta, ddelta0, p):
     return p[0] * delta
 
 
-def test_a_law_defined_in_this_process_needs_no_trust():
+def test_a_law_defined_in_this_process_needs_no_import():
     law = CustomNormalForce(mine, (1e8,))
     assert NormalForceLaw.from_description(law.describe()).function is mine
 
 
 @pytest.mark.parametrize("path", ["..:x", "os", ":", "os:", ":x", "os:path.join:x", "a b:c", ""])
 def test_a_law_of_no_name_is_refused(path):
-    with trusting(["os"]), pytest.raises(JointplayError, match="module:function"):
+    with pytest.raises(JointplayError, match="module:function"):
         NormalForceLaw.from_description({"law": "custom", "function": path})
 
 
-def test_a_scenario_takes_laws_beside_it_and_others_by_trust(tmp_path, monkeypatch):
+def test_a_scenario_takes_laws_of_modules_that_were_imported(tmp_path):
     text = (Path(jp.__file__).parent / "scenario" / "template.toml").read_text(encoding="utf-8")
     law = 'normal = { law = "custom", function = "own_laws:push", parameters = [1e8] }'
     text = text.replace('normal = "lankarani-nikravesh"', law)
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "s.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "own_laws.py").write_text(LAW)
-    monkeypatch.chdir(tmp_path / "b")
-    scenario = tmp_path / "a" / "s.toml"
-    with pytest.raises(JointplayError, match="trust it: --trust own_laws"):
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(text, encoding="utf-8")
+    (tmp_path / "own_laws.py").write_text(LAW)
+    with pytest.raises(JointplayError, match="--import own_laws"):
         jp.Scenario.load(scenario).simulation("0.2 mm")
-    assert jp.Scenario.load(scenario, trust=["own_laws"]).simulation("0.2 mm")
-    sys.modules.pop("own_laws")
+    jp.import_module(tmp_path / "own_laws.py")
+    assert jp.Scenario.load(scenario).simulation("0.2 mm")
+    with pytest.raises(JointplayError, match="another module is called 'json'"):
+        jp.import_module((tmp_path / "own_laws.py").rename(tmp_path / "json.py"))
 
 
 @pytest.mark.parametrize(
@@ -576,52 +575,22 @@ seed = { key = "integration.seed", values = [1, 2] }
 """
 
 
-@pytest.fixture
-def namesakes(tmp_path):
-    """Two scenarios in folders of their own, with laws and helpers of the same names."""
-    paths = []
+def test_a_module_of_the_same_name_or_written_anew_is_read_anew(tmp_path):
+    """With its helpers; runs and measures of other processes have it, too."""
+    path, made = tmp_path / "s.toml", []
+    path.write_text(OWN_SCENARIO)
     for number, stiffness in enumerate((1e6, 1e8)):
         folder = tmp_path / str(number)
         folder.mkdir()
         (folder / "namesake.py").write_text(OWN.format(helper="its_helper"))
-        (folder / "its_helper.py").write_text(f"STIFFNESS = {stiffness}\n")
-        (folder / "s.toml").write_text(OWN_SCENARIO)
-        paths.append(folder / "s.toml")
-    return paths
-
-
-def test_laws_of_one_name_in_two_folders_are_two_laws(namesakes):
-    first, second = (jp.Scenario.load(path).simulation() for path in namesakes)
-    forces = []
-    for made, stiffness in ((first, 1e6), (second, 1e8)):
-        law = made.mechanism.clearance["joint_b"].normal
-        assert law.function(1e-5, 0.0, 0.0, (1.0,)) == pytest.approx(stiffness * 1e-5)
-        again = pickle.loads(pickle.dumps(law))
-        assert again.function(1e-5, 0.0, 0.0, (1.0,)) == pytest.approx(stiffness * 1e-5)
-        forces.append(elastic_energy(law, law.parameters(None), 1e-5))
-    assert forces[1] == pytest.approx(100.0 * forces[0])
-    assert "namesake" not in sys.modules
-    assert "its_helper" not in sys.modules
-
-
-def test_another_process_gets_the_law_of_its_scenario(namesakes):
-    made = [jp.Scenario.load(path).simulation() for path in namesakes]
-    alone, beside = traces(made, jobs=1), traces(made, jobs=2)
-    assert not np.array_equal(alone[0].position, alone[1].position)
-    for one, other in zip(alone, beside, strict=True):
-        assert np.array_equal(one.position, other.position)
-
-
-def test_a_law_that_is_written_anew_is_read_anew(namesakes):
-    path = namesakes[0]
-    for stiffness in (3.0, 4.0, 5.0):
-        (path.parent / "its_helper.py").write_text(f"STIFFNESS = {stiffness}\n")
-        law = jp.Scenario.load(path).simulation().mechanism.clearance["joint_b"].normal
-        assert law.function(1.0, 0.0, 0.0, (1.0,)) == stiffness
-
-
-def test_measures_of_one_name_in_two_folders_are_two_measures(namesakes, tmp_path):
-    for number, path in enumerate(namesakes):
-        found = jp.sweep(path, tmp_path / f"{number}.zarr", jobs=1)
-        assert found["peak"].values.tolist() == [(1e6, 1e8)[number]] * 2
-    assert "namesake" not in sys.modules
+        for factor in (2.0, 1.0):
+            (folder / "its_helper.py").write_text(f"STIFFNESS = {factor} * {stiffness}\n")
+            jp.import_module(folder / "namesake.py")
+            made.append(jp.Scenario.load(path).simulation())
+            law = made[-1].mechanism.clearance["joint_b"].normal
+            assert law.function(1.0, 0.0, 0.0, (1.0,)) == factor * stiffness
+            assert pickle.loads(pickle.dumps(law)) == law
+        found = jp.sweep(path, tmp_path / f"{number}.zarr", jobs=2)
+        assert found["peak"].values.tolist() == [stiffness] * 2
+    with pytest.raises(JointplayError, match="cannot be sent to another process"):
+        pickle.dumps(made[0].mechanism.clearance["joint_b"].normal)

@@ -33,6 +33,7 @@ def done(tmp_path_factory):
         'measures = ["own:longest"]\nhistories = ["tool_position", "joint_force"]\nrepeats = 2'
     )
     path.write_text(SCENARIO.format(axes=GRID, options=options, duration="0.02 s"))
+    jp.import_module(folder / "own.py")
     jp.sweep(path, folder / "store.zarr")
     return folder / "store.zarr", path
 
@@ -160,7 +161,7 @@ CR = 'key = "joints.joint_b.radial_clearance", values = ["0.1 mm"]'
     ("axes", "options", "said"),
     [
         (None, 'histories = ["tool_positon"]', r'"tool_positon"; did you mean "tool_pos'),
-        (None, 'measures = ["statistics:mean"]', "--trust statistics"),
+        (None, 'measures = ["statistics:mean"]', "--import statistics"),
         (f"c = {{ {CR.replace('joint_b', 'joint_d')} }}", "",
          r'no joint "joint_d".*did you mean "joint_'),
         (f"peak_force = {{ {CR} }}", "", "an axis cannot be called 'peak_force'"),
@@ -209,6 +210,7 @@ def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(swept, tmp_pa
 
 def test_a_measure_that_raises_fails_its_case_only(swept, tmp_path):
     (tmp_path / "mine.py").write_text("def bad(result):\n    return 1.0 / result.audit.impacts\n")
+    jp.import_module(tmp_path / "mine.py")
     path = swept('c = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm"] }',
                     'measures = ["mine:bad"]', "1 ms")  # fmt: skip
     found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
@@ -373,6 +375,7 @@ def test_measures_and_axes_may_have_any_name(swept, tmp_path):
     """Joints have names with slashes, and measures are named after joints."""
     lines = "\n".join(f"        {name!r}: {k}.5," for k, name in enumerate(NAMES))
     (tmp_path / "named.py").write_text(f"def own(result):\n    return {{\n{lines}\n    }}\n")
+    jp.import_module(tmp_path / "named.py")
     axes = """
 "x/y" = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "0.2 mm"] }
 "_<z>" = { key = "joints.joint_b.friction.mu_d", values = [0.0, 0.1] }
@@ -406,6 +409,7 @@ def test_a_measure_of_the_users_own_takes_nothing_of_those_shipped(swept, tmp_pa
     names = ("impacts_of_mine", "state", "impulse")
     text = "".join(f"def {name}(result):\n    return 1.0\n" for name in names)
     (tmp_path / "named.py").write_text(text)
+    jp.import_module(tmp_path / "named.py")
     for name in names:
         path = swept(f"clearance = {{ {CR} }}", f'measures = ["named:{name}"]', "2 ms")
         found = jp.sweep(path, tmp_path / name, jobs=1).load()

@@ -6,6 +6,7 @@ import sys
 import pytest
 
 import jointplay as jp
+from jointplay.base.modules import imported
 from jointplay.cli import main
 
 LAW = """
@@ -25,8 +26,13 @@ SAID = (
     "the law 'typed(delta, ddelta, ddelta0, stiffness, alpha)' was typed in another script or "
     "notebook; to run it again, define it here and make "
     "CustomNormalForce(typed, (1000000000.0, 0.08)), or put it into a file, such as laws.py, and "
-    "trust that: --trust laws, or trust=['laws'] in Python"
+    "if you know it: --import laws, or jointplay.import_module('laws') in Python"
 )
+
+
+@pytest.fixture(autouse=True)
+def nothing_imported():
+    imported.clear()
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +51,13 @@ def test_what_to_define_is_said_in_one_line(folder, monkeypatch):
     with pytest.raises(jp.JointplayError) as error:
         simulation.run()
     assert SAID in str(error.value)
-    with pytest.raises(jp.JointplayError, match="'nowhere:typed' cannot be imported here"):
-        jp.Result.load("own.nc", trust=["nowhere"]).simulation.run()
+    with pytest.raises(jp.JointplayError, match="module 'nowhere' cannot be imported"):
+        jp.import_module("nowhere")
 
 
-def test_a_trusted_module_has_the_law_under_its_name(folder, monkeypatch):
-    monkeypatch.chdir(folder)
-    stored = jp.Result.load("own.nc", trust=["typed_laws"])
+def test_a_module_that_was_imported_has_the_law_under_its_name(folder):
+    jp.import_module(folder / "typed_laws.py")
+    stored = jp.Result.load(folder / "own.nc")
     law = stored.simulation.mechanism.clearance["joint_b"].normal
     assert law.function(1.0, 0.0, 0.0, *law.values) == 1e9
     again = stored.simulation.run(estimate=False)
@@ -65,8 +71,8 @@ def test_the_commands_show_the_result_and_say_what_a_repetition_needs(folder, mo
     assert SAID in said.out + said.err
     assert main(["play", "own.nc", "--html", "play.html", "--quiet"]) == 0
     capsys.readouterr()
-    line = ["report", "own.nc", "-o", "trusted.html", "--no-pdf", "--trust", "typed_laws"]
+    line = ["report", "own.nc", "-o", "known.html", "--no-pdf", "--import", "typed_laws"]
     assert main(line) == 0
     said = capsys.readouterr()
     assert "cannot be repeated" not in said.out + said.err
-    assert "No single steps" not in (folder / "trusted.html").read_text(encoding="utf-8")
+    assert "No single steps" not in (folder / "known.html").read_text(encoding="utf-8")

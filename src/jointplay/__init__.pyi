@@ -9,6 +9,7 @@ from .accuracy.error_budget import budget as budget
 from .accuracy.robot_errors import JointErrors as JointErrors
 from .accuracy.robot_errors import RobotErrors as RobotErrors
 from .base.errors import JointplayError as JointplayError
+from .base.modules import import_module as import_module
 from .bridges import export as export
 from .bridges.reduction import reduce as reduce
 from .bridges.urdf import to_urdf as to_urdf

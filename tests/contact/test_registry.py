@@ -17,7 +17,6 @@ from jointplay.physics.contact import (
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.physics.contact.trust import trusting
 
 NEEDED = {"kelvin-voigt": {"damping": 30.0}, "anagnostopoulos": {"mass": 2.0}}
 EVERY = [(NormalForceLaw, name) for name in NORMAL_LAWS] + [
@@ -75,10 +74,10 @@ def test_fields_reach_the_law():
     assert (law.n, law.p, law.q) == (1.2, 1.5, 2.0)
     assert FrictionLaw.from_description({"law": "coulomb", "mu_d": 0.3}).mu_d == 0.3
     bristles = {"law": "custom-bristle", "function": f"{__name__}:own_bristles", "parameters": [2]}
-    with trusting([__name__]):
-        custom = {"law": "custom", "function": f"{__name__}:own_force"}
-        assert NormalForceLaw.from_description(custom).values == ()
-        assert FrictionLaw.from_description(bristles).values == (2.0,)
+    jp.import_module(__name__)
+    custom = {"law": "custom", "function": f"{__name__}:own_force"}
+    assert NormalForceLaw.from_description(custom).values == ()
+    assert FrictionLaw.from_description(bristles).values == (2.0,)
 
 
 @pytest.mark.parametrize(

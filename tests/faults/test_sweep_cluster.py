@@ -82,6 +82,7 @@ def reference(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reference")
     (folder / "arm.urdf").write_text(jp.shipped("scara.urdf").read_text())
     (folder / "own.py").write_text("def rows(result):\n    return len(result.time)\n")
+    jp.import_module(folder / "own.py")
     path = folder / "study.toml"
     options = 'measures = ["own:rows"]\nhistories = ["tool_position"]'
     text = SCENARIO.format(axes=AXES, options=options, duration="0.03 s")
@@ -103,7 +104,15 @@ def test_a_worker_of_a_cluster_that_is_killed_is_of_no_consequence(cluster, refe
     path, whole = reference
     cluster.add(2)
     process = start(
-        "sweep", path, "--out", tmp_path / "s", "--quiet", "--scheduler", cluster.address
+        "sweep",
+        path,
+        "--out",
+        tmp_path / "s",
+        "--quiet",
+        "--scheduler",
+        cluster.address,
+        "--import",
+        path.parent / "own.py",
     )
     grown(tmp_path / "s", 3)
     cluster.workers[0].send_signal(signal.SIGKILL)
@@ -117,7 +126,15 @@ def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, ref
     path, whole = reference
     cluster.add(1)
     process = start(
-        "sweep", path, "--out", tmp_path / "s", "--quiet", "--scheduler", cluster.address
+        "sweep",
+        path,
+        "--out",
+        tmp_path / "s",
+        "--quiet",
+        "--scheduler",
+        cluster.address,
+        "--import",
+        path.parent / "own.py",
     )
     grown(tmp_path / "s", 3)
     pids = descendants(process.copy)

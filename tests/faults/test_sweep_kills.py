@@ -178,6 +178,7 @@ def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on
         "    if result.joints and result.time[-1] < 1e-3:\n"
         "        os.kill(os.getpid(), signal.SIGKILL)\n    return 1.0\n"
     )
+    jp.import_module(tmp_path / "deadly.py")
     path = tmp_path / "study.toml"
     axes = 't = { key = "integration.duration", values = ["0.1 ms", "10 ms", "20 ms"] }'
     options = 'measures = ["deadly:bite"]'

@@ -78,7 +78,7 @@ def test_a_function_that_fails_stops_the_run_and_is_named(urdf):
     assert result.status.name == "BAD_LOAD"
 
 
-def test_a_users_function_is_named_in_files_and_not_run_untrusted(urdf, tmp_path, monkeypatch):
+def test_a_users_function_is_named_in_files_and_not_run_unasked(urdf, tmp_path, monkeypatch):
     module = tmp_path / "my_wrench_of_tests.py"
     module.write_text(
         "def pull(time, pose, twist, p, out):\n    for k in range(6):\n        out[k] = p[0]\n"
@@ -86,21 +86,22 @@ def test_a_users_function_is_named_in_files_and_not_run_untrusted(urdf, tmp_path
     monkeypatch.syspath_prepend(str(tmp_path))
     import my_wrench_of_tests
 
-    from jointplay.physics.contact import trust
+    from jointplay.physics.contact import functions
 
     loads = {"pull": WrenchFunction("cart", my_wrench_of_tests.pull, (1.0,))}
     result = jp.simulate(slider(urdf), duration=0.01, loads=loads, **QUIET)
     result.save(tmp_path / "run.nc")
-    monkeypatch.setattr(trust, "_known", {})
+    monkeypatch.setattr(functions, "_known", {})
     shown = jp.Result.load(tmp_path / "run.nc").simulation
     assert shown.loads["pull"].function.source.startswith("def pull(time, pose")
     assert shown.loads["pull"].describe() == loads["pull"].describe()
     with pytest.raises(
-        jp.JointplayError, match="my_wrench_of_tests:pull' is code of a module that is not trusted"
+        jp.JointplayError,
+        match="my_wrench_of_tests:pull' is code of a module that was not imported",
     ):
         shown.run()
-    trusted = jp.Result.load(tmp_path / "run.nc", trust=["my_wrench_of_tests"])
-    again = trusted.simulation.run()
+    jp.import_module("my_wrench_of_tests")
+    again = jp.Result.load(tmp_path / "run.nc").simulation.run()
     assert np.array_equal(again["q"].values, result["q"].values)
 
 

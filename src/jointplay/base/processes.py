@@ -14,7 +14,7 @@ import threading
 import traceback
 import warnings
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import closing, contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection, wait
@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.modules import import_module, imported_modules
 from jointplay.base.signals import SIGNALS
 
 _FORKS = sys.platform == "linux"
@@ -148,7 +149,7 @@ class Pool(Generic[Item, Value]):
         name: str = "",
     ) -> None:
         self._kept, self._name = kept, name
-        self._target = partial(_serve, work, begin)
+        self._target = partial(_serve, work, begin, () if _FORKS else imported_modules())
         self._number, self._lost, self._small = number, lost, small
         self.processes: dict[Connection, BaseProcess] = {}  # by their connections
         self._queues: dict[Connection, deque[tuple[Any, Item]]] = {}
@@ -295,9 +296,13 @@ def with_item(error: BaseException, name: str, key: Any) -> BaseException:
     return error
 
 
-def _serve(work: Callable[[Any], Any], begin: Callable[[], None], connection: Any) -> None:
+def _serve(
+    work: Callable[[Any], Any], begin: Callable[[], None], modules: Sequence[str], connection: Any
+) -> None:
     """What a process does: the work for each item that comes."""
     begin()
+    for module in modules:
+        import_module(module)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     with one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:

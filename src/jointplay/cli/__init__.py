@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from jointplay.base import signals, streams
 from jointplay.base.errors import JointplayError, one_line
+from jointplay.base.modules import import_module
 from jointplay.base.signals import INTERRUPTED
 from jointplay.cli.commands import MODULES, PLACE, TYPES, UNITS, in_unit, listed, read_help
 from jointplay.cli.commands.inputs import ABOUT, entries, explain
@@ -177,6 +178,8 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         return 0
     try:
         with streams.noting(getattr(options, "quiet", False)):
+            for module in getattr(options, "import", ()):
+                import_module(module)
             module = options.command.replace("-", "_")
             return int(importlib.import_module(f"jointplay.cli.commands.{module}").run(options))
     except JointplayError as error:

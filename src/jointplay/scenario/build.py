@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -26,8 +26,7 @@ from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description, read
-from jointplay.physics.contact import trust
-from jointplay.physics.joints import JOINT_WORDS, Clearance
+from jointplay.physics.joints import JOINT_WORDS
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
@@ -56,16 +55,6 @@ def drafts(table: Any) -> dict[str, Draft]:
     """Objects that the file describes, checked but not yet made, by name."""
     drafts: dict[str, Draft] = dict(table)
     return drafts
-
-
-@contextmanager
-def laws_in_folder(folder: Path, function: str) -> Iterator[None]:
-    """Let a law of the user's own be found beside the scenario that names it."""
-    if trust.is_beside(folder, function.partition(":")[0]):
-        with trust.looking_in(folder):
-            yield
-    else:
-        yield
 
 
 def fit(
@@ -172,12 +161,12 @@ def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] 
     return friction | made_by_joint(model.joint_friction, mechanism, "joint_friction")
 
 
-def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
+def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
     """Springs, wrenches and the like, by name; each is tried on the mechanism."""
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
         own = of_joint(draft, mechanism, draft.fields.get("joint", ""), ("loads", name))
-        with within("loads", name), laws_in_folder(folder, str(draft.fields.get("function", ""))):
+        with within("loads", name):
             load = own.make()
             load.site(mechanism)
             load.numbers(mechanism)
@@ -400,7 +389,7 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
         drive,
         joint_friction=friction_of(model, mechanism),
         payloads=payloads_of(model, mechanism),
-        loads=loads_of(model, mechanism, folder),
+        loads=loads_of(model, mechanism),
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
         **{one.name: getattr(table, one.name) for kind, table in tables for one in fields(kind)},
     )
@@ -480,7 +469,7 @@ def _built_anew(model: Model, description: Description, folder: Path) -> Mechani
                 raise MissingName("joint", name, [*able, *loops])
             plain = _plain_when_ideal(draft.word, name in loops)
             if not (plain and draft.fields.get("ideal")):
-                joint = _joint(draft, folder)
+                joint = draft.make()
                 if not (plain and joint.ideal):
                     joints[name] = joint
     gears = {}
@@ -519,13 +508,3 @@ def _plain_when_ideal(kind: str | None, loop: bool) -> bool:
     chosen = JOINT_WORDS[kind]
     joint: Any = chosen.kind if isinstance(chosen, Preset) else chosen
     return not (joint.compound() or (loop and joint.slides()))
-
-
-def _joint(draft: Draft, folder: Path) -> Clearance:
-    laws = [one for one in draft.fields.values() if isinstance(one, Draft)]
-    functions = [str(law.fields["function"]) for law in laws if "function" in law.fields]
-    with ExitStack() as stack:
-        for function in functions:
-            stack.enter_context(laws_in_folder(folder, function))
-        joint: Clearance = draft.make()
-        return joint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections import OrderedDict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from functools import cached_property
@@ -18,7 +18,6 @@ from jointplay.base.schema import check, fields_of, make, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import not_lost, toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
-from jointplay.physics.contact.trust import trusting
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree, with_names
@@ -53,7 +52,6 @@ class Scenario(Overview):
     Attributes:
         path, text: the file.
         settings: single keys that count more than the file, and more than each of its cases.
-        trust: modules from which it may take laws.
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
@@ -66,7 +64,6 @@ class Scenario(Overview):
         self,
         text: str,
         path: str | Path,
-        trust: Collection[str] = (),
         settings: Sequence[Setting] = (),
         label: str = "",
     ) -> None:
@@ -81,7 +78,6 @@ class Scenario(Overview):
             require_a("a setting", one, "Setting")
         self.path = Path(path)
         self.settings = tuple(settings)
-        self.trust = tuple(trust)
         self.text = text
         self.notes: list[str] = []
         self.assumptions: list[str] = []
@@ -105,7 +101,7 @@ class Scenario(Overview):
 
     def __reduce__(self) -> tuple[Any, ...]:
         label = "" if self._named else self.cases[0]
-        return Scenario, (self.text, self.path, self.trust, self.settings, label)
+        return Scenario, (self.text, self.path, self.settings, label)
 
     def facts(self) -> tuple[str, dict[str, str]]:
         """File and title; its robot, its cases, and what was chosen that nobody gave."""
@@ -136,14 +132,11 @@ class Scenario(Overview):
             raise JointplayError(f"{self.path}: {error}") from None
 
     @classmethod
-    def load(
-        cls, path: str | Path, trust: Collection[str] = (), settings: Sequence[Setting] = ()
-    ) -> Scenario:
+    def load(cls, path: str | Path, settings: Sequence[Setting] = ()) -> Scenario:
         """Read and check a scenario file; ``jointplay:scara.toml`` is one that ships.
 
         Args:
             path: the file.
-            trust: modules from which it may take laws, besides those that lie beside it.
             settings: keys that count more than the file's; see `settings.parse`.
 
         Raises:
@@ -158,7 +151,7 @@ class Scenario(Overview):
                 f"{str(path)!r} is a robot; a scenario is needed, a file (.toml) that says besides "
                 "which joints have play and how it moves: jointplay init writes one to start from"
             )
-        return cls(read_text(Path(path), "scenario"), path, trust, settings)
+        return cls(read_text(Path(path), "scenario"), path, settings)
 
     def simulation(
         self, case: str | None = None, changes: Mapping[str, Any] | None = None
@@ -199,8 +192,7 @@ class Scenario(Overview):
     def _building(self, case: str) -> Iterator[None]:
         """Say of errors in the block where in the file they are."""
         try:
-            with trusting(self.trust):
-                yield
+            yield
         except JointplayError as error:
             raise self.error(error.where, str(error), case, True) from None
 

@@ -146,7 +146,7 @@ def _of_robot(
         for name in joints
     ]
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
-    scenario = Scenario(written, place, (), (*named, *settings), LABEL)
+    scenario = Scenario(written, place, (*named, *settings), LABEL)
     scenario.assumptions = assumptions
     return scenario
 

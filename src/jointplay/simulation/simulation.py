@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -19,7 +19,6 @@ from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
-from jointplay.physics.contact.trust import trusting
 from jointplay.physics.kernel import Status
 from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
@@ -148,20 +147,18 @@ class Simulation(Overview, Inputs):
         return Run(self).steps(every)
 
     @staticmethod
-    def resume(path: str | Path, trust: Collection[str] = ()) -> Run:
+    def resume(path: str | Path) -> Run:
         """A run as `Run.checkpoint` left it, to be continued bit for bit.
 
         Args:
             path: the file.
-            trust: modules from which laws of the user's own may be imported.
 
         Raises:
             JointplayError: no such file, damaged, or of another version.
         """
 
         def made(description: dict[str, Any], records: Path | None) -> Run:
-            with trusting(trust):
-                return Run(Simulation.from_description(description), records=records)
+            return Run(Simulation.from_description(description), records=records)
 
         return checkpoint.resume(Path(path), made)
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import temporary
+from jointplay.base.modules import import_module
 from jointplay.model.robots import PREFIX, SHIPPED
 from jointplay.physics.kernel import Status
 from jointplay.scenario import Scenario
@@ -53,7 +54,6 @@ class Job:
 
     text: str
     path: str
-    trust: tuple[str, ...]
     settings: tuple[Setting, ...]
     case: str
     joints: tuple[str, ...]
@@ -72,7 +72,7 @@ def job(plan: Plan, send_files: bool = False) -> Job:
     path = scenario.path.name if send_files else str(scenario.path.absolute())
     of_plan = plan.measures, plan.histories, plan.start, plan.tool_error, versions()["jointplay"]
     return Job(
-        scenario.text, path, scenario.trust, scenario.settings, plan.case, tuple(plan.joints),
+        scenario.text, path, scenario.settings, plan.case, tuple(plan.joints),
         *of_plan, plan.inputs if send_files else None,
     )  # fmt: skip
 
@@ -93,10 +93,11 @@ class Bench:
         if work.inputs is not None:
             self._folder = temporary("sweep")
             path = self._unpack(work.inputs, Path(self._folder.name)) / path.name
-        self.scenario = Scenario(text, path, work.trust, work.settings)
-        self.measures = {
-            name: measure_function(name, path.parent, work.trust) for name in work.measures
-        }
+        self.scenario = Scenario(text, path, work.settings)
+        for name in work.inputs or ():
+            if name.endswith(".py"):
+                import_module(path.parent / name)
+        self.measures = {name: measure_function(name) for name in work.measures}
         self._integration = self.scenario.data(work.case).get("integration", {})
         self._ideals: OrderedDict[str, Result] = OrderedDict()
         self._rests: tuple[Motion | None, float, tuple[float, ...]] | None = None

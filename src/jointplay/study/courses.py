@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_whole
+from jointplay.base.modules import files_with
 from jointplay.base.processes import number_of
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
-from jointplay.physics.contact.trust import files_of
+from jointplay.physics.contact.functions import OfFunction
 from jointplay.simulation.analysis.twins import ideal_simulation
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
@@ -132,17 +133,18 @@ def _course(result: Result) -> Arrays:
 
 def _key(simulation: Simulation) -> str:
     inputs = json.dumps(
-        [simulation.describe(), _own_files(simulation)], sort_keys=True, default=str
+        [simulation.describe(), _own_modules(simulation)], sort_keys=True, default=str
     )
     return hashlib.sha256(f"{version('jointplay')} {inputs}".encode()).hexdigest()[:20]
 
 
-def _own_files(simulation: Simulation) -> list[dict[str, str]]:
-    """What the files of the user's own laws say, of which the description has one function only."""
+def _own_modules(simulation: Simulation) -> list[str]:
+    """Texts of the modules of the user's own laws, of which the description has one function."""
     acting: list[Any] = [*simulation.loads.values()]
     for joint in simulation.mechanism.clearance.values():
         acting += [getattr(joint, field.name) for field in dataclasses.fields(joint)]
-    return [files_of(getattr(one, "function", None)) for one in acting]
+    names = [one.function.__module__ for one in acting if isinstance(one, OfFunction)]
+    return [file.read_text(encoding="utf-8") for name in names for file in files_with(name)]
 
 
 # What a static error is worth: the tool's error in dynamic runs of the same mechanism.

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError
-from jointplay.physics.contact.trust import function_in_folder, imported, is_beside
+from jointplay.physics.contact.functions import function_at
 from jointplay.physics.geometry import Mode
 from jointplay.simulation.analysis.bearings import bearing_life
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation, stops
@@ -213,22 +212,13 @@ def own_measures(name: str, returned: Any) -> dict[str, float]:
 # Measures of a user's own: functions of a result, named ``module:function``.
 
 
-def measure_function(name: str, folder: Path, trust: Collection[str]) -> Any:
-    """The function that ``module:function`` names: beside the scenario, or of a trusted module.
+def measure_function(name: str) -> Any:
+    """The function that ``module:function`` names, of a module that was imported.
 
     Raises:
-        JointplayError: it is neither, or cannot be imported.
+        JointplayError: it was not, or has no such function.
     """
-    module = name.partition(":")[0]
     try:
-        if is_beside(folder, module):
-            return function_in_folder(folder, name)
-        ways = {".".join(module.split(".")[:n]) for n in range(1, module.count(".") + 2)}
-        if not ways.isdisjoint(trust):
-            return imported(name)
+        return function_at(name)
     except JointplayError as error:
-        raise JointplayError(str(error).replace("the law", "the measure", 1)) from None
-    trusted = f"if you trust it: --trust {module}, or trust=[{module!r}] in Python"
-    raise JointplayError(
-        f"the measure {name!r} is not a module in the scenario's folder; {trusted}"
-    )
+        raise JointplayError(str(error).replace("law", "measure", 1)) from None

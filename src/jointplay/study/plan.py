@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,8 @@ from typing import Any, Literal
 import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_non_negative, require_whole
-from jointplay.base.files import is_file, read_text
+from jointplay.base.files import read_text
+from jointplay.base.modules import file_of, imported
 from jointplay.base.schema import check, unknown_key
 from jointplay.base.units import toml_text
 from jointplay.model.robots import resolve
@@ -224,11 +225,10 @@ class Plan:
         named |= {("function", name) for name in self.measures}
         texts = {}
         for word, name in sorted(named):
-            beside = folder / f"{name.partition(':')[0].partition('.')[0]}.py"
             if word != "function":
                 texts[name] = read_text(resolve(name, folder), "file")
-            elif is_file(beside):
-                texts[beside.name] = read_text(beside, "module")
+            elif (own := imported.get(name.partition(":")[0])) and (file := file_of(own)):
+                texts[file.name] = read_text(file, "module")
         return texts
 
 
@@ -275,8 +275,6 @@ def _flat(value: Any, path: Key = ()) -> Iterator[tuple[str, str]]:
 def plan_of(
     source: Scenario | str | Path,
     axes: Mapping[str, Any] | None = None,
-    *,
-    trust: Collection[str] = (),
     **options: Any,
 ) -> Plan:
     """Read the table [sweep] of a scenario, or what is given in its place, and check it.
@@ -284,13 +282,12 @@ def plan_of(
     Args:
         source: a scenario or its file.
         axes: instead of those of the file: by name, see docs/sweeps.md.
-        trust: modules from which a file may take laws and measures.
         options: other keys of the table [sweep], instead of those of the file.
 
     Raises:
         JointplayError: an empty or contradictory sweep, keys that do not exist.
     """
-    scenario = source if isinstance(source, Scenario) else Scenario.load(source, trust)
+    scenario = source if isinstance(source, Scenario) else Scenario.load(source)
     given = {**scenario.sweep, **{k: v for k, v in options.items() if v is not None}}
     if axes is not None:
         given["axes"] = dict(axes)

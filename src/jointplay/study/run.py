@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import chain
@@ -95,7 +95,6 @@ def sweep(
     resume: bool = False,
     extend: bool = False,
     yes: bool = False,
-    trust: Collection[str] = (),
     progress: bool = False,
     **options: Any,
 ) -> xr.Dataset:
@@ -114,7 +113,6 @@ def sweep(
         extend: the same, and let it become larger: more samples, repeats, values at the end of a
             list.
         yes: run also what is very large; see `MANY`.
-        trust: modules from which laws and measures may be taken, besides those beside the file.
         progress: show a bar.
         options: keys of the table [sweep], instead of the file's: case, samples, repeats, ...
 
@@ -129,7 +127,7 @@ def sweep(
     require_a("source", source, "Scenario", "str", "Path")
     require_a("store", store, "str", "Path")
     run_plan(
-        plan_of(source, axes, trust=trust, **options), store, jobs=jobs, scheduler=scheduler,
+        plan_of(source, axes, **options), store, jobs=jobs, scheduler=scheduler,
         resume=resume, extend=extend, yes=yes, progress=progress,
     )  # fmt: skip
     return open_sweep(store)

@@ -65,8 +65,8 @@ SHARED = {
     "--case": "--case NAME  case of the scenario (not needed if there is only one)",
     "--jobs": "--jobs N  processes (default: one per core)",
     "--quiet": "--quiet  do not show progress",
-    "--trust": "--trust MODULE ...  allow laws to be imported from this module (by default a "
-    "result imports no module, a scenario only those in its own folder)",
+    "--import": "--import MODULE ...  import this module of your own, by name or file: a file that "
+    "is read may name functions in it (none is imported otherwise)",
 }
 """Options that several commands have; their help has only the name."""
 

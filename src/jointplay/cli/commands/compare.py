@@ -9,7 +9,7 @@ Example: jointplay compare old/result.nc new/result.nc --out difference
     B  result file (.nc), or a folder with one
     --out DIR  folder for comparison.txt and the figures that compare both
     --quiet
-    --trust
+    --import
 """
 
 import argparse
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
         labels = [str(path) for path in paths]
     found = {}
     for label, path in zip(labels, paths, strict=True):
-        read = reports.load([path], [], options.trust)
+        read = reports.load([path], [])
         if len(read) > 1:
             names = ", ".join(f"{name}.nc" for name in read)
             raise JointplayError(f"{str(path)!r} has {len(read)} results; name one: {names}")

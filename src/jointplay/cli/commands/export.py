@@ -16,7 +16,7 @@ rerun, .fmu the extra fmu: pip install '.[ros]' in the clone of jointplay.
         or references in place of motion and drives (default: none)
     --period TIME  of an .fmu: sampling period of its inputs (default: 1 ms)
     --quiet
-    --trust
+    --import
 """
 
 import argparse
@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
     bridges.check(options.out, options.to)
     from jointplay.simulation.result.result import Result
 
-    result = Result.load(options.result, options.trust)
+    result = Result.load(options.result)
     path = bridges.export(
         result,
         options.out,

@@ -93,7 +93,7 @@ HELP = """
     --set KEY=VALUE ...  any key of the scenario, such as
         joints.joint_b.radial_clearance="0.3 mm"; docs/scenarios.md lists them
     --case
-    --trust
+    --import
   robot:
     --allow-unphysical LINK,... ...  accept these links' inertias although they are physically
         impossible, or all
@@ -280,7 +280,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
             wanted.insert(0, Setting(("robot", key), list(names), f"--{key.replace('_', '-')}"))
     if is_scenario(options):
         _require_known(options.place)
-        file = Scenario.load(options.place, options.trust)
+        file = Scenario.load(options.place)
     if file is not None and ideal:
         raise JointplayError("--ideal is for a robot; here use --set joints.NAME.ideal=true")
     if file is None and options.case:
@@ -306,7 +306,7 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     elif not settings:
         return file
     else:
-        scenario = Scenario.load(options.place, options.trust, settings)
+        scenario = Scenario.load(options.place, settings)
     if preset is not None:
         words = (preset.words, *preset.origins)
         scenario.assumptions.extend(f"preset {preset.name}: {one}" for one in words)

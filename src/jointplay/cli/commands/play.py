@@ -20,7 +20,7 @@ jointplay[movie] and Chromium, but neither a screen nor a graphics card.
     --port N  port to listen on (default 7000)
     --no-browser  do not open a browser
     --quiet
-    --trust
+    --import
   film (--movie):
     --speed X  relative to real time, such as 0.01 (default: one that makes a film of 4 to 20 s)
     --begin T  start time [s]; for a picture, its time (default: the start; the hardest impact)
@@ -74,7 +74,7 @@ def _play(options: argparse.Namespace, shot: Any) -> None:
     from jointplay.show import player
     from jointplay.show.plots.names import load
 
-    results = load(options.result, trust=options.trust)
+    results = load(options.result)
     shown: dict[str, Any] = {
         "joint": options.joint,
         "magnification": options.magnify,

@@ -19,7 +19,7 @@ is not among the results.
     --impacts N  impacts of each run to show step by step; with 0, no run is repeated (default: 5)
     --no-pdf  write the page only
     --quiet  do not report progress
-    --trust
+    --import
 """
 
 import argparse
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
             check_new(target)
         from jointplay.show import reports
 
-        results = reports.load(paths, options.label, options.trust)
+        results = reports.load(paths, options.label)
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
         claims = Path(options.claims) if options.claims else claims

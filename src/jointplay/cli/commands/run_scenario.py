@@ -208,11 +208,10 @@ class _Summaries:
         path = self.items[case].path
         if case in self.results or not path.exists():
             return
-        trust = self.scenario.trust
         if path.stat().st_size < thinning.LARGE_FILE:
-            result = Result.load(path, trust)
+            result = Result.load(path)
         else:
-            result = Result.load(path, trust, most=thinning.SUMMARY_RECORDS, only=self.only)
+            result = Result.load(path, most=thinning.SUMMARY_RECORDS, only=self.only)
         # What was run, rather than built once more from the file, recorded as seldom as this is.
         every = json.loads(result.dataset.attrs["simulation"])["record_every"]
         result.simulation = replace(self.simulations[case], record_every=every)

@@ -16,7 +16,7 @@ payloads[1].mass is the first payload's.
     --yes  run the sweep even if it is very large
     --rows N  rows of the printed table (default 20)
     --quiet
-    --trust
+    --import
 """
 
 import argparse
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.study.store import reading
     from jointplay.study.table import table
 
-    made = plan_of(options.file, trust=options.trust)
+    made = plan_of(options.file)
     words = f"{made.scenario.path}: {made.words}"
     run_plan(
         made,

@@ -16,7 +16,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError
-from jointplay.physics.contact.trust import Absent
+from jointplay.physics.contact.functions import Absent
 
 if TYPE_CHECKING:
     from jointplay.physics.contact.law import Law

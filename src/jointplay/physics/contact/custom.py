@@ -23,8 +23,8 @@ from jointplay.base.schema import quantity
 from jointplay.physics.contact.bristle import BristleLaw
 from jointplay.physics.contact.compiled import check_parameters, check_signature, parameter_names
 from jointplay.physics.contact.film import FilmLaw
+from jointplay.physics.contact.functions import Absent, FunctionDescription, OfFunction
 from jointplay.physics.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
-from jointplay.physics.contact.trust import Absent, FunctionDescription, OfFunction
 
 Parameters = Sequence[float] | Mapping[str, float]
 """Parameters of a law in the order of its arguments, or by name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,14 +54,11 @@ def file_names(paper: bool, rolling: bool = True) -> list[str]:
     return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
 
 
-def load(
-    paths: Sequence[str | Path], labels: Sequence[str] = (), trust: Collection[str] = ()
-) -> dict[str, Result]:
+def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, Result]:
     """Read results by label; a folder stands for those in it, the ideal mechanism's first.
 
     Labels are by default the cases of a scenario as its author wrote them, or the first that tell
-    the results apart: the files' names without suffix, their folders', or the whole paths. Laws of
-    the user's own are taken from the modules of `trust` only; see `Result.load`.
+    the results apart: the files' names without suffix, their folders', or the whole paths.
 
     Raises:
         JointplayError: a file that is missing, given twice, damaged or no result; a folder without
@@ -84,7 +81,7 @@ def load(
     for label in labels:
         if list(labels).count(label) > 1:
             raise JointplayError(f"two results are called {label!r}; name them with --label")
-    results = [Result.load(file, trust) for file in files]
+    results = [Result.load(file) for file in files]
     for file, result in zip(files, results, strict=True):
         if not len(result.time):
             raise JointplayError(f"{str(file)!r} holds no records")

@@ -56,7 +56,7 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     """
     finite = np.isfinite(result["tool_position"].values).all(axis=1)
     if not finite.all():  # where the run stopped
-        result = Result(result.dataset.isel(time=finite), result.trust)
+        result = Result(result.dataset.isel(time=finite))
     start = result.judge_from
     since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []

@@ -98,7 +98,7 @@ def seen_from(result: Result, body: str) -> Result:
     for name, found in zip(TOOL_MOTIONS, values, strict=True):
         if name in dataset:
             dataset = dataset.assign({name: dataset[name].copy(data=found)})
-    return Result(dataset, result.trust)
+    return Result(dataset)
 
 
 def difference(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:

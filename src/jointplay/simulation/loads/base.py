@@ -24,7 +24,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Described, check_fields, quantity
 from jointplay.physics.contact.compiled import compiled_function
-from jointplay.physics.contact.trust import Absent
+from jointplay.physics.contact.functions import Absent
 from jointplay.physics.kernel.words import NEVER
 
 if TYPE_CHECKING:

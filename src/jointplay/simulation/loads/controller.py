@@ -12,7 +12,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import choice, quantity
-from jointplay.physics.contact.trust import Absent, OfFunction, path_of
+from jointplay.physics.contact.functions import Absent, OfFunction, path_of
 from jointplay.simulation.loads.base import Load, Series, Site
 from jointplay.simulation.loads.wrench import LoadFunctionDescription, check_arguments
 

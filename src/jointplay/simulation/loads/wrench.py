@@ -11,14 +11,14 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_increasing
 from jointplay.base.schema import choice, quantity
-from jointplay.physics.contact.trust import FunctionDescription, OfFunction
+from jointplay.physics.contact.functions import FunctionDescription, OfFunction
 from jointplay.simulation.loads.base import WORLD, OnFrame, Series, Site, Vector, between, frame
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 
-# Loads of a user's function (`contact.trust`): it finds its parameters in an array.
+# Loads of a user's function (`contact.functions`): it finds its parameters in an array.
 
 
 @dataclass(frozen=True, kw_only=True)

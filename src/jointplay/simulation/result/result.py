@@ -14,7 +14,7 @@ import numpy as np
 from jointplay.base import files
 from jointplay.base.conveniences import provided
 from jointplay.base.errors import JointplayError, require_a, require_whole
-from jointplay.physics.contact.trust import showing, trusting
+from jointplay.physics.contact.functions import showing
 from jointplay.physics.kernel import Status
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.audit import Audit
@@ -38,7 +38,6 @@ class Result:
 
     Args:
         dataset: of a run.
-        trust: modules from which laws of the user's own may be imported; see `load`.
 
     Attributes:
         dataset: `xarray.Dataset` with named dimensions and units; docs/results.md lists them.
@@ -47,10 +46,9 @@ class Result:
         message: the same in one line.
     """
 
-    def __init__(self, dataset: xr.Dataset, trust: Collection[str] = ()) -> None:
+    def __init__(self, dataset: xr.Dataset) -> None:
         require_a("dataset", dataset, "Dataset")
         self.dataset = dataset
-        self.trust = tuple(trust)
         self.audit = Audit.from_description(json.loads(dataset.attrs["audit"]))
         self.status = Status[dataset.attrs["status"].upper()]
         self.message: str = dataset.attrs["message"]
@@ -172,7 +170,7 @@ class Result:
             JointplayError: its inputs do not make a simulation.
         """
         kind: type[Simulation] = provided("simulation")
-        with trusting(self.trust), showing():
+        with showing():
             try:
                 return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
             except JointplayError:
@@ -200,7 +198,6 @@ class Result:
     def load(
         cls,
         path: str | Path,
-        trust: Collection[str] = (),
         every: int = 1,
         most: int | None = None,
         only: Collection[str] | None = None,
@@ -208,11 +205,10 @@ class Result:
         """Read a file that `save` or a long run wrote.
 
         A file runs no code. If it names a law of the user's own, `simulation` finds it only among
-        those defined in this process or in the modules of `trust`.
+        those defined in this process or in modules that were imported by `import_module`.
 
         Args:
             path: the file.
-            trust: modules, such as ``"my_laws"``, that may be imported when the file names them.
             every: only each n-th record and the last, peaks covering what lies between: the result
                 of a run that recorded so seldom. A file of any size then fits into memory.
             most: records at most, about, in place of `every`.
@@ -222,17 +218,17 @@ class Result:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
         if require_whole("every", every, 1) == 1 and most is None:
-            return cls.read(path, trust, netcdf.load)
+            return cls.read(path, netcdf.load)
         from jointplay.simulation.result.thinning import thin
 
-        with cls.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
+        with cls.read(path, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
             if most is not None:
                 every = max(-(-dataset.sizes["time"] // most), 1)
             made = thin(dataset, every, only)
         simulation = json.loads(made.attrs["simulation"])
         simulation["record_every"] *= every
         made.attrs["simulation"] = json.dumps(simulation)
-        return cls(made, trust)
+        return cls(made)
 
     def thinned(self, every: int) -> Result:
         """Each n-th record and the last one, what lay between covered as by `thinning.thin`."""
@@ -240,25 +236,23 @@ class Result:
             return self
         from jointplay.simulation.result.thinning import thin
 
-        return Result(thin(self.dataset, every), self.trust)
+        return Result(thin(self.dataset, every))
 
     @classmethod
-    def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
+    def open(cls, path: str | Path) -> Result:
         """Open a file that `save` or a long run wrote, and read from it only what is asked for.
 
         Histories stay on disk, but for the times; what one takes from them, such as
         ``result["q"].isel(time=slice(0, 1000))``, is read when its values are. Nothing is kept:
-        whatever goes over all histories reads them, and needs memory for them. `trust`: see `load`.
+        whatever goes over all histories reads them, and needs memory for them.
 
         Raises:
             JointplayError: no such file, damaged, without checksum, or not a jointplay result.
         """
-        return cls.read(path, trust, netcdf.open_lazily)
+        return cls.read(path, netcdf.open_lazily)
 
     @classmethod
-    def read(
-        cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
-    ) -> Result:
+    def read(cls, path: str | Path, reader: Callable[[Path], xr.Dataset]) -> Result:
         require_a("path", path, "str", "Path")
         from jointplay.simulation.result.stored import check
 
@@ -277,4 +271,4 @@ class Result:
                 f"format {FORMAT}: run it again"
             )
         check(dataset, path)
-        return cls(dataset, trust)
+        return cls(dataset)

@@ -177,7 +177,7 @@ class Observation:
         """All that its rows depend on, but for their values, as plain data."""
         given = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         scenario = given.pop("scenario")
-        given |= {"text": scenario.text, "trust": scenario.trust, "version": version("jointplay")}
+        given |= {"text": scenario.text, "version": version("jointplay")}
         given["settings"] = [[list(s.key), repr(s.value)] for s in scenario.settings]
         given["varied"] = None if self.varied is None else [self.varied.key, self.varied.unit]
         if self.window and self.varied is not None:  # one row holds all its values
