@@ -22,12 +22,6 @@ def test_all_names_that_are_shown_are_there():
         assert getattr(jp, name) is not None
 
 
-def test_commands_that_reckon_have_a_function_of_their_name():
-    for name in ("allocate", "budget", "export", "identify", "iso9283", "maintenance", "play"):
-        assert callable(getattr(jp, name))
-        assert getattr(jp, name).__name__ == name
-
-
 def test_the_version_is_that_of_the_release():
     assert (
         jp.__version__ == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
@@ -38,12 +32,6 @@ def test_nothing_else_is_shown_after_use():
     program = "import jointplay as jp; jp.Status, jp.contact.Hertz; print(*dir(jp))"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert {name for name in said.stdout.split() if name[0] != "_"} == set(jp.__all__)
-
-
-@pytest.mark.parametrize("module", [jp, jp.physics.joints, jp.analysis, jp.simulation.motion])
-def test_a_name_that_never_was_is_an_attribute_error(module):
-    with pytest.raises(AttributeError, match="nothing"):
-        _ = module.nothing
 
 
 def packages():

@@ -32,25 +32,23 @@ def chosen(path):
     return choose_tool(reader.read(path))[0]
 
 
-def test_a_frame_with_a_tools_name_at_the_end_of_the_chain_is_the_tool(urdf):
-    assert chosen(urdf(*ARM, fixed("my_tcp", "four"), fixed("imu_link", "four"))) == "my_tcp"
+FINGERS = [
+    *(body("left"), joint("left_slide", "four", "left", "prismatic")),
+    *(body("right"), joint("right_slide", "four", "right", "prismatic")),
+]
 
 
-def test_an_imu_or_a_camera_is_never_the_tool(urdf):
-    path = urdf(*ARM, fixed("imu_tool", "four"), fixed("camera_tool0", "four"))
-    assert chosen(path) == "four"
-
-
-def test_fingers_are_not_the_tool(urdf):
-    fingers = (
-        body("left"),
-        body("right"),
-        joint("left_slide", "four", "left", "prismatic"),
-        joint("right_slide", "four", "right", "prismatic"),
-    )
-    assert chosen(urdf(*ARM, *fingers)) == "four"
-    jaw = (body("left"), joint("gripper_jaw", "four", "left"))
-    assert chosen(urdf(*ARM, *jaw)) == "four"
+@pytest.mark.parametrize(
+    ("more", "tool"),
+    [
+        ([fixed("my_tcp", "four"), fixed("imu_link", "four")], "my_tcp"),
+        ([fixed("imu_tool", "four"), fixed("camera_tool0", "four")], "four"),
+        (FINGERS, "four"),
+        ([body("left"), joint("gripper_jaw", "four", "left")], "four"),
+    ],
+)
+def test_the_tool_is_named_like_one_and_is_no_sensor_and_no_finger(more, tool, urdf):
+    assert chosen(urdf(*ARM, *more)) == tool
 
 
 def test_the_reason_names_the_last_joint(urdf):
