@@ -46,7 +46,8 @@ def run(options: argparse.Namespace) -> int:
     _require_fitting(options)
     whole = options.whole is not None
     chosen = chosen_preset(options)
-    named = is_scenario(options) or (chosen is not None and chosen.bearings)
+    tables = () if chosen is None else (chosen.every, *chosen.ordered)
+    named = is_scenario(options) or any("bearing" in one for one in tables)
     if options.clearance is None and not named and not whole:
         options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
     work = task(options)

@@ -45,14 +45,13 @@ def run(options: argparse.Namespace) -> int:
         out.names.append("errors.png")
         out.claim()
         about: dict[str, Any] = {"causes": options.causes or CAUSES, "errors": work.errors}
-        errors = budget(
-            work.mechanism, work.q, force=force, kind=error_class(options, work), **about
-        )
-        print(f"{at}\n{errors.table()}")
+        kind = error_class(options, work)
+        whole = budget(work.mechanism, work.q, force=force, kind=kind, **about)
+        print(f"{at}\n{whole.table()}")
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
-            out.write({"errors.csv": errors.data().csv(), "errors.png": cause_bars(errors)})
+            out.write({"errors.csv": whole.data().csv(), "errors.png": cause_bars(whole)})
         return 0
     seen = options.relative_to is not None  # figures of the robot are in the world
     out.names += ["bars.png", *([] if seen else ["robot.png", "reach.png"])]
