@@ -98,6 +98,16 @@ class Scene:
         return poses
 
 
+def tool_places(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Where the tool is at configurations q (n, nq), world axes (n, 3) [m]."""
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    motion = BodyMotion.of(len(q), 0)
+    carrier = int(frame.parentJoint), frame.placement
+    states = np.ascontiguousarray(q), np.zeros((len(q), mechanism.model.nv))
+    Tree(mechanism.model).move(motion, 0, len(q), *states, carrier, [])
+    return motion.tool[:, :3]
+
+
 def continuous(quaternions: np.ndarray) -> None:
     """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0

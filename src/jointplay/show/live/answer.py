@@ -19,8 +19,7 @@ from jointplay.accuracy import poses
 from jointplay.accuracy.error_budget import FOLLOW, PlayBudget, budget
 from jointplay.base.errors import JointplayError
 from jointplay.base.units import readable
-from jointplay.model.tree import BodyMotion, Tree
-from jointplay.physics.joints import Coordinate
+from jointplay.model.scene import tool_places
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.show.live.state import State
@@ -346,16 +345,8 @@ def _given_way(result: Result, twin: Result) -> np.ndarray | None:
     moved = mechanism.loops or mechanism.gears or mechanism.free_base is not None
     if moved or len(twin.time) < len(result.time):
         return None
-    q = np.array(result.q, float)
-    for name, joint in mechanism.clearance.items():
-        for part in joint.freedoms:
-            if part not in joint.ideal_freedoms:
-                q[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
-    frame = mechanism.model.frames[mechanism.tool_frame]
-    motion = BodyMotion.of(len(q), 0)
-    carrier = int(frame.parentJoint), frame.placement
-    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), carrier, [])
-    away = motion.tool[:, :3] - twin["tool_position"].values[: len(q)]
+    places = tool_places(mechanism, scene.centred(mechanism, np.array(result.q, float)))
+    away = places - twin["tool_position"].values[: len(places)]
     return np.asarray(np.linalg.norm(away, axis=1))
 
 

@@ -25,7 +25,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_finite, r
 from jointplay.base.units import round_below
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import Colour, Surface
-from jointplay.model.scene import Scene, continuous, quaternions
+from jointplay.model.scene import Scene, continuous, quaternions, tool_places
 from jointplay.model.tree import BodyMotion, Tree
 from jointplay.model.visuals import Look
 from jointplay.physics.contact import elastic, resultant
@@ -176,6 +176,15 @@ _QUANTUM = 1e-8
 _PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
+def centred(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Configurations (n, nq) with the journals of all but loops put back to the middle."""
+    for name, joint in mechanism.clearance.items():
+        for part in joint.freedoms if name not in mechanism.loops else ():
+            if part not in joint.ideal_freedoms:
+                q[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
+    return q
+
+
 def static_error(
     mechanism: Mechanism,
     time: np.ndarray,
@@ -194,13 +203,7 @@ def static_error(
     """
     moments = np.linspace(time[0], time[-1], MOMENTS)
     poses = np.column_stack([np.interp(moments, time, column) for column in q.T])
-    for name, joint in mechanism.clearance.items():
-        if name in mechanism.loops:
-            continue
-        for part in joint.freedoms:
-            if part not in joint.ideal_freedoms:
-                poses[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
-    found = ellipsoids(play_model(mechanism, poses, driven=driven, loops=True))
+    found = ellipsoids(play_model(mechanism, centred(mechanism, poses), driven=driven, loops=True))
     rows = [found.root[:, i, k] for i, k in _PLACES] + [found.worst, found.rms]
     return {
         "time": packer.table(moments, 1e-7),
@@ -587,12 +590,7 @@ def _twin_tracks(
 ) -> dict[str, Any]:
     moments = case.time[case.records]
     at = np.column_stack([np.interp(moments, time, column) for column in q.T])
-    model, data = mechanism.model, mechanism.data
-    tool = np.empty((len(at), 3))
-    for i, row in enumerate(at):
-        pin.framesForwardKinematics(model, data, row)
-        tool[i] = data.oMf[mechanism.tool_frame].translation
     twin = Scene(mechanism)
     order = [twin.links.index(link) for link in case.scene.links]
     poses = _pack_poses(packer, twin.poses(at)[:, order])
-    return poses | {"tool": packer.table(tool, 0.1 * MICRON)}
+    return poses | {"tool": packer.table(tool_places(mechanism, at), 0.1 * MICRON)}
