@@ -20,6 +20,8 @@ from jointplay.bridges.trajectory import encoders, joint_trajectory, message, st
 from jointplay.simulation.motion.rosbag import definition
 from jointplay.simulation.result.result import AXES, Result
 
+_STATE = ("position", "velocity", "effort")
+
 
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     """The bag's content."""
@@ -46,18 +48,9 @@ def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]
         yield "/joint_trajectory", "trajectory_msgs/msg/JointTrajectory", 0.0, message(motion)
     for i, time in enumerate(result.time.tolist()):
         if motion is not None:
-            yield (
-                "/joint_states",
-                "sensor_msgs/msg/JointState",
-                time,
-                {
-                    "header": _header(time, ""),
-                    "name": names,
-                    "position": motion.position[i].tolist(),
-                    "velocity": motion.velocity[i].tolist(),
-                    "effort": motion.effort[i].tolist(),
-                },
-            )
+            state = {key: getattr(motion, key)[i].tolist() for key in _STATE}
+            content = {"header": _header(time, ""), "name": names} | state
+            yield "/joint_states", "sensor_msgs/msg/JointState", time, content
         for topic, kind, frame, key, values in topics:
             yield topic, kind, time, {"header": _header(time, frame), key: _nested(values, i)}
 

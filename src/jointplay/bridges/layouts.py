@@ -105,20 +105,18 @@ def _splitter(parent: ElementTree.Element, way: str, count: int) -> ElementTree.
 
 def _plot(area: ElementTree.Element, chart: Chart) -> None:
     mode = "XYPlot" if chart.over_each_other else "TimeSeries"
-    plot = ElementTree.SubElement(
-        area, "plot", {"mode": mode, "style": "Lines", "flip_x": "false", "flip_y": "false"}
-    )
+    look = {"mode": mode, "style": "Lines", "flip_x": "false", "flip_y": "false"}
+    plot = ElementTree.SubElement(area, "plot", look)
     names = [
         "/".join((curve.topic, *(() if curve.joint is None else (curve.label,)), *curve.fields))
         for curve in chart.curves
     ]
+    pairs = enumerate(zip(names, chart.curves, strict=True))
+    styles = [{"name": name, "color": _colour(curve, k)} for k, (name, curve) in pairs]
     if chart.over_each_other:
-        pair = {"curve_x": names[0], "curve_y": names[1]}
-        style = {"name": chart.title, "color": COLOURS[0]}
-        ElementTree.SubElement(plot, "curve", style | pair)
-        return
-    for number, name in enumerate(names):
-        style = {"name": name, "color": _colour(chart.curves[number], number)}
+        styles = [{"name": chart.title, "color": COLOURS[0]}]
+        styles[0] |= {"curve_x": names[0], "curve_y": names[1]}
+    for style in styles:
         ElementTree.SubElement(plot, "curve", style)
 
 
