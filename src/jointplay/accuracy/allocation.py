@@ -62,7 +62,6 @@ class Offer:
     """A bearing that can be bought for a joint."""
 
     name: str
-    """Of the class."""
     joint: Clearance
     price: float
 
@@ -132,7 +131,6 @@ class Allocation:
     spread: tuple[float, float]
     """95 % interval of a quantile, for it is of samples; else the error itself [m]."""
     free: float
-    """Price without a target."""
     relief: float
     """Price saved by a target one metre wider [1/m]."""
     mechanism: Mechanism
@@ -349,7 +347,6 @@ class _Search:
     q: np.ndarray
     driven: Sequence[str] | None
     causes: Mapping[str, Cause] | None
-    """None: play alone."""
     force: np.ndarray
     errors: RobotErrors
     kind: str

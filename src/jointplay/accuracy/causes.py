@@ -56,7 +56,6 @@ class JointAt:
     arm: np.ndarray
     """From it to the next joint on the way to the tool, or to the tool, its axes, (n, 3) [m]."""
     given: RobotErrors
-    """What is known of the robot."""
     kind: str
     """Class of robots from which all else is taken, of `ERROR_CLASSES`."""
 
@@ -244,9 +243,7 @@ ALL: dict[str, Cause] = {
         *(GearError(), Geometry(), Heat()),
     )
 }
-"""Causes by name."""
 CAUSES = tuple(ALL)
-"""Their names."""
 
 
 def named(causes: Collection[str | Cause]) -> dict[str, Cause]:

@@ -53,7 +53,6 @@ _TIE = 1e-6
 """Part of the largest price by which of equal prices the tighter offer is chosen."""
 
 Key = tuple[str, str]
-"""Joint and cause."""
 
 # The error as a function of what can be chosen: sizes x, a number from 0 to 1 of each offer, and 1
 # of all that stays.
@@ -511,4 +510,3 @@ class Unreachable(Exception):
     bound: float
     """The error that is left [m]."""
     z: np.ndarray
-    """By which choice."""

@@ -54,13 +54,11 @@ class Budget:
     q: np.ndarray
     """Configurations, (n, nq)."""
     model: ErrorModel
-    """What each contribution is, and how it moves the tool."""
     force: np.ndarray
     """On the tool, world axes, (3,) [N]."""
     positions: np.ndarray
     """Of the ideal tool, shape (n, 3)."""
     farthest: Farthest
-    """The worst case at each pose."""
 
     @property
     def tool(self) -> str:
@@ -112,7 +110,6 @@ class PlayBudget(Budget):
     """
 
     rest_positions: RestPositions
-    """Where the machine rests at these poses."""
     rms: np.ndarray
     """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
     rms_parts: np.ndarray
@@ -348,9 +345,7 @@ class ErrorBudget(Budget):
     """Error of the tool by several causes, each with its variance."""
 
     given: tuple[str, ...]
-    """What was given besides the mechanism, lines of text."""
     assumed: tuple[str, ...]
-    """What was assumed, lines of text."""
 
     @property
     def mean(self) -> np.ndarray:

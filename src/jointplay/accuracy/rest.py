@@ -85,15 +85,12 @@ class RestPositions:
     q: np.ndarray
     """Configurations, journals centred and loops closed, shape (n, nq)."""
     model: ErrorModel
-    """The error by play."""
     force: np.ndarray
     """On the tool, world axes, shape (3,) [N]."""
     driven: Sequence[str] | None
-    """Joints of loops that stand."""
     friction: float | None
     """Coefficient of all contacts; None: the largest of each joint's own law."""
     drive: Drive
-    """Of all joints that stand."""
     second_order: np.ndarray
     """By how much the tool may be elsewhere than the Jacobians say, shape (n,) [m]."""
     relative_to: str | None = None

@@ -30,9 +30,7 @@ class Kind:
     maker: str
     """Module and name of its `Maker`."""
     suffixes: tuple[str, ...]
-    """Endings of its files; the first is the usual one."""
     about: str
-    """What it holds, in a few words."""
 
 
 KINDS = {
@@ -51,7 +49,6 @@ KINDS = {
     "fmu": Kind("fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"),
     "rerun": Kind("rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
 }
-"""Kinds of file by name."""
 
 
 def export(

@@ -58,7 +58,6 @@ _UNITS = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N m": {"kg": 1, "m": 2, "s": -2},
 }
-"""Units of the variables, by their base units."""
 _CONTROLLER = "fmu_inputs"
 
 

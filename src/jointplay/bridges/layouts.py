@@ -28,7 +28,6 @@ class Curve:
 
     topic: str
     fields: tuple[str, ...]
-    """Names that lead to the number."""
     label: str
     joint: int | None = None
     """Of joint states: index of the joint."""
@@ -39,7 +38,6 @@ class Chart:
     """Curves over time, or the second over the first."""
 
     title: str
-    """What is drawn, with its unit."""
     curves: tuple[Curve, ...]
     over_each_other: bool = False
 

@@ -23,7 +23,6 @@ from jointplay.simulation.result.result import Result
 _WIDTH, _HEIGHT = 6.6, 2.2
 """Of the picture [inches]."""
 _MOST = len(CONTACT_COLOURS)
-"""Joints or coordinates whose histories are drawn."""
 
 
 def page(result: Result) -> str:

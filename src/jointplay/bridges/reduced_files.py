@@ -41,11 +41,8 @@ class Body:
     """What moves with one joint; its frame is the joint's."""
 
     name: str
-    """Of the joint."""
     link: str
-    """Of the body."""
     parent: Body | None
-    """None for the base."""
     placement: pin.SE3
     """Of the joint's frame in the parent's, at position zero."""
     place: pin.SE3

@@ -66,7 +66,6 @@ class CompiledRobot:
     notes: tuple[str, ...]
     """What is not as in the URDF, a line each."""
     leaning: tuple[str, ...]
-    """Joints whose axes lean."""
 
     def mjcf(
         self,

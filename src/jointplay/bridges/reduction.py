@@ -46,7 +46,6 @@ from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import depths
 
 _MOST = 400
-"""Records of leans that are compared."""
 
 
 def _compare_tilts(

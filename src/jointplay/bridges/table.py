@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 _BLOCK = 1000
 """Rows that are written before the progress is shown."""
 EFFORT_UNITS = {"rad": "N m", "m": "N"}
-"""Units of drives by those of their coordinates."""
 
 
 def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:

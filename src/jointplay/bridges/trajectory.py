@@ -35,7 +35,6 @@ class Trajectory:
     time: np.ndarray
     """(n,) [s]."""
     joints: tuple[str, ...]
-    """Names of the URDF's joints."""
     position: np.ndarray
     """(n, joints) [rad, or m for prismatic joints]."""
     velocity: np.ndarray
