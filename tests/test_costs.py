@@ -39,32 +39,14 @@ def addition(name):
     return importlib.import_module(f"additions.{name}")
 
 
-def with_law():
-    return {"bearing": jp.RevoluteClearance(normal=addition("law").HalfDamped(), **PLAY)}
-
-
-def with_spring():
-    return {"loads": {"own": addition("spring").CubicSpring("swing", 300.0)}}
-
-
-def with_recorded():
-    return {"loads": {"own": addition("recorded").Distance("arm", at=(0.3, 0.0, 0.4))}}
-
-
-def with_drive():
-    return {"loads": {"own": addition("drive").BRAKE}}
-
-
-def with_joint_kind():
-    return {"bearing": addition("joint_kind").ThreeSided(radial_clearance=1e-4)}
-
-
 ADDITIONS = {
-    "law": with_law,
-    "spring": with_spring,
-    "recorded": with_recorded,
-    "drive": with_drive,
-    "joint_kind": with_joint_kind,
+    "law": lambda: {"bearing": jp.RevoluteClearance(normal=addition("law").HalfDamped(), **PLAY)},
+    "spring": lambda: {"loads": {"own": addition("spring").CubicSpring("swing", 300.0)}},
+    "recorded": lambda: {
+        "loads": {"own": addition("recorded").Distance("arm", at=(0.3, 0.0, 0.4))}
+    },
+    "drive": lambda: {"loads": {"own": addition("drive").BRAKE}},
+    "joint_kind": lambda: {"bearing": addition("joint_kind").ThreeSided(radial_clearance=1e-4)},
 }
 
 
@@ -102,15 +84,19 @@ def test_an_addition_is_one_file_and_goes_all_the_way(name, pendulum, tmp_path):
 def test_each_addition_acts(pendulum):
     """A spring pushes back, a brake takes energy, a law and a kind of joint are felt."""
     plain, played = swing(pendulum), swing(pendulum, jp.RevoluteClearance(**PLAY))
-    sprung = swing(pendulum, **with_spring())
+    sprung = swing(pendulum, **ADDITIONS["spring"]())
     assert sprung["load_energy"].values[0, 0] == pytest.approx(0.25 * 300.0 * 0.3**4)
     assert sprung["q"].values[-1, 0] < plain["q"].values[-1, 0]
-    braked = swing(pendulum, **with_drive())
+    braked = swing(pendulum, **ADDITIONS["drive"]())
     assert braked["kinetic_energy"].values[-1] < plain["kinetic_energy"].values[-1]
-    seen = swing(pendulum, **with_recorded())["load_record"].sel(load_part="own.distance").values
+    seen = (
+        swing(pendulum, **ADDITIONS["recorded"]())["load_record"]
+        .sel(load_part="own.distance")
+        .values
+    )
     assert seen == pytest.approx(np.full(len(seen), 0.5), abs=1e-12)
-    for make in (with_law, with_joint_kind):
-        own = swing(pendulum, **make())
+    for name in ("law", "joint_kind"):
+        own = swing(pendulum, **ADDITIONS[name]())
         assert not np.array_equal(own["journal_centre"], played["journal_centre"])
 
 
