@@ -71,7 +71,8 @@ class History:
     @classmethod
     def of(cls, variable: Any) -> History:
         labels = {str(name): np.asarray(variable[name].values) for name in variable.dims}
-        labels |= {name: one.astype(str) for name, one in labels.items() if one.dtype.kind in "OT"}
+        texts = {name: one for name, one in labels.items() if one.dtype.kind in "OT"}
+        labels |= {name: np.array(one.tolist(), str) for name, one in texts.items()}
         unit, text = (str(variable.attrs.get(word, "")) for word in ("units", "long_name"))
         return cls(labels, np.asarray(variable.values, float), unit, text)
 
