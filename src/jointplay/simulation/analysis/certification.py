@@ -323,16 +323,8 @@ def _completed(
     macro: float = 1.0,
     figures: _Headline | None = None,
 ) -> Run:
-    """A further run at its end.
-
-    Args:
-        simulation, label, progress, begin: what runs, and who is told.
-        aside: how far journals start from where they would [m].
-        macro: by how much macro steps are shorter.
-        figures: are made of records that memory has no room for; None: it has.
-
-    Raises:
-        JointplayError: why it did not complete.
+    """A further run at its end, or why there is none: journals start `aside` [m], macro steps are
+    shorter by `macro`, and `figures` are made of its records.
     """
     try:
         run = Run(simulation, progress, None if figures is None else figures.take)
@@ -411,12 +403,8 @@ def _of_claims(result: Result, ideal: Result | None) -> dict[str, Measured]:
 class _Headline:
     """The headline figures of a run, from its histories, in one part or in many.
 
-    Args:
-        time: of all records [s].
-        judge_from: when judging begins [s].
-        ideal: the ideal mechanism's run.
-        soft: hinges of flexible links: they hold their bodies by more than the force of their
-            springs.
+    `time` is that of all records [s]; `soft` are hinges of flexible links, which hold their bodies
+    by more than the force of their springs.
     """
 
     HISTORIES = (
