@@ -80,11 +80,7 @@ class Overflow(ABC):
 
 
 class DiskRecords(Overflow):
-    """Records that go to a file.
-
-    Args:
-        path: a file for them; it is made when the first ones go there.
-        workspace, records, most: see `Overflow`.
+    """Records that go to a file of theirs, which is made when the first ones go there.
 
     Attributes:
         name: of the run in its file of records, if an earlier process has begun it; no other run
@@ -186,11 +182,8 @@ class DiskRecords(Overflow):
 
 
 class PassedRecords(Overflow):
-    """Records that are passed to a function, in order, and then forgotten.
-
-    Args:
-        taker: is given portions that begin at multiples of `audit.PORTION`.
-        workspace, records, most: see `Overflow`.
+    """Records that are passed to a function, in portions that begin at multiples of
+    `audit.PORTION`, and then forgotten.
     """
 
     def __init__(

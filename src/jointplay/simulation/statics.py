@@ -483,16 +483,12 @@ class StaticEquilibrium:
     """Potential energy of a machine that stands, and its slopes.
 
     Args:
-        mechanism: with clearance, or gears with play.
+        mechanism, drives, friction, loads: what stands, and what acts on it.
         bodies: its model, payloads in hand.
-        q: journals centred, or where they are given, shape (nq,).
-        v: speeds of the start, shape (nv,).
-        drives: of every moving joint.
+        q, v: of the start, journals centred or where they are given, shapes (nq,) and (nv,).
         rows, servos: what the kernels know of the drives; what follows a motion without one of
             finite stiffness is held where `q` has it.
         reference: positions, speeds and torques of the drives' columns at time 0.
-        friction: by joint.
-        loads: what else acts.
         acceleration: of the reference, journals at rest in their bearings, shape (nv,).
         given: coordinates that stay where they are.
     """
