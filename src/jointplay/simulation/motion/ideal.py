@@ -53,11 +53,10 @@ class IdealMotion:
 
     Args:
         mechanism: with its clearance, which is left out.
-        motion: reference of the driven joints.
-        driven: names of the joints that follow it.
+        motion, driven: a reference, and the joints that follow it.
         end: last time that will be asked for [s].
-        start: configuration of `mechanism` at the start, shape (nq,).
-        speed: velocities of `mechanism` at the start, shape (nv,); None: a free base is at rest.
+        start, speed: state of `mechanism` at the start, shapes (nq,) and (nv,); without a speed a
+            free base is at rest.
 
     Attributes:
         inertia: what each driven joint carries at the start, shape (driven,) [kg m^2 or kg]; with a

@@ -92,12 +92,7 @@ def _blocks(text: str) -> dict[str, list[str]]:
 
 
 def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Joint positions that a bag holds.
-
-    Args:
-        path: the file.
-        topic: of JointTrajectory or JointState messages; None takes the only one, and of several
-            that with trajectories.
+    """Joint positions that a bag holds; the arguments are those of `Motion.from_mcap`.
 
     Returns:
         Joints; times (n,) [s], for joint states from the first message's stamp on; positions (n,
