@@ -24,7 +24,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario import Scenario
 from jointplay.scenario.robot import robot_scenario
-from jointplay.show.live.answer import Machine, Superseded
+from jointplay.show.live.answer import Machine
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
 from jointplay.simulation.analysis import tool_error, twin
@@ -544,13 +544,6 @@ def test_quick_and_exact_answers_agree(place):
     for name, value in fine.items():
         if place or name == "largest tool error":
             assert quick[name] == pytest.approx(value, rel=0.1 if place else 0.05, abs=1e-12), name
-
-
-def test_a_newer_question_ends_a_run():
-    answering = Machine(state_of(scenario()))
-    answering.superseded = lambda: True
-    with pytest.raises(Superseded):
-        list(answering.fine({}))
 
 
 def test_only_the_newest_question_is_answered():

@@ -270,22 +270,6 @@ def test_ticks_of_orbits_do_not_overlap_however_small(cases):
         assert all(right <= left for (_, right), (left, _) in pairwise(inside))
 
 
-def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
-    from matplotlib.figure import Figure
-
-    figure = figure_of("tool_velocity", cases)
-    engine = figure.get_layout_engine()
-    drawn, laid_out = [], []
-    draw, execute = Figure.draw, type(engine).execute
-    monkeypatch.setattr(Figure, "draw", lambda *given: drawn.append(1) or draw(*given))
-    monkeypatch.setattr(
-        type(engine), "execute", lambda *given: laid_out.append(1) or execute(*given)
-    )
-    figure.savefig(tmp_path / "figure.pdf")
-    assert (len(laid_out), len(drawn)) == (1, 1)
-    assert figure.get_layout_engine() is engine
-
-
 def test_letters_that_the_usual_typeface_has_not_come_from_one_that_is_installed(monkeypatch):
     from matplotlib import font_manager
 
