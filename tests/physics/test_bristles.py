@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import body, joint
-from scipy.integrate import solve_ivp
 
 import jointplay as jp
 from jointplay.physics.contact import BristleLaw, CustomBristle, Dahl, GonthierFriction, LuGre
@@ -28,44 +27,7 @@ def pulled(urdf, friction, speed, bandwidth, duration, *, damping=0.0, **options
     return jp.simulate(robot, motion, drive=drive, duration=duration, **options)
 
 
-def cycles(time, force, after):
-    """Period and amplitude of the spring's force after the time `after`."""
-    late = time > after
-    time, force = time[late], force[late]
-    level = 0.5 * (force.max() + force.min())
-    ups = time[1:][(force[1:] >= level) & (force[:-1] < level)]
-    return np.diff(ups).mean(), np.ptp(force)
-
-
 STICKY = {"mu_d": 0.15, "mu_s": 0.3, "v_s": 2e-3, "sigma0": 2e4, "sigma1": 20.0, "sigma2": 0.0}
-
-
-def lugre_reference(p, speed, bandwidth, duration):
-    def slope(t, y):
-        x, v, z = y
-        g = p["mu_d"] + (p["mu_s"] - p["mu_d"]) * np.exp(-((v / p["v_s"]) ** 2))
-        dz = v - p["sigma0"] * abs(v) / g * z
-        rub = WEIGHT * (p["sigma0"] * z + p["sigma1"] * dz + p["sigma2"] * v)
-        return v, bandwidth**2 * (speed * t - x) - rub / MASS, dz
-
-    found = solve_ivp(
-        slope, (0, duration), (0.0, speed, 0.0), method="Radau", rtol=1e-8, atol=1e-11,
-        dense_output=True,
-    )  # fmt: skip
-    time = np.linspace(0, duration, 20001)
-    return time, MASS * bandwidth**2 * (speed * time - found.sol(time)[0])
-
-
-def test_lugre_sticks_and_slips_as_an_independent_integration_says(urdf):
-    speed, bandwidth, duration = 0.02, 12.0, 4.0
-    result = pulled(urdf, LuGre(**STICKY), speed, bandwidth, duration, step=2e-5)
-    at = result["coordinate"].values.tolist().index("guide.z")
-    found = cycles(result.time, result["drive"].values[:, at], 1.0)
-    expected = cycles(*lugre_reference(STICKY, speed, bandwidth, duration), 1.0)
-    assert found == pytest.approx(expected, rel=0.01)
-    wrong = cycles(*lugre_reference(STICKY | {"mu_s": 0.29}, speed, bandwidth, duration), 1.0)
-    assert found != pytest.approx(wrong, rel=0.01)
-    assert result.audit.relative_energy_residual < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -96,14 +96,13 @@ def test_angular_momentum_about_a_free_hinge_survives_impacts(urdf, axis):
     assert drifts[1] < drifts[0] / 8.0
 
 
-def momentum_rate(run, wrong=0.0):
-    """Rate of the momentum over the contact force, at the run's state; `wrong` falsifies tau."""
+def momentum_rate(run):
+    """Rate of the momentum over the contact force, at the run's state."""
     workspace, robot = run.workspace, run.mechanism
     assert workspace.execute(Command.BEGIN) == Status.COMPLETED
     q, v, tau = workspace.q, workspace.v, workspace.tau.copy()
     assert not tau[:3].any()
     force = np.linalg.norm(tau[3:6])
-    tau[0] += wrong * force
     a = pin.aba(robot.model, robot.data, q, v, tau)
     rate = pin.computeCentroidalMomentumTimeVariation(robot.model, robot.data, q, v, a).linear
     return np.linalg.norm(rate) / force, force
@@ -135,12 +134,6 @@ def test_contact_forces_leave_the_momentum_alone_in_any_state(
     error, force = momentum_rate(pressed(path, [x, y, z, 0.3, pitch, roll], np.array(speed)))
     assert force > 1.0
     assert error * force < 1e-8 * max(force, 1e3)
-
-
-def test_unbalanced_force_fails_the_momentum_check(tumbler):
-    pose, speed = [1e-4, 2.1e-4, 0.0, 0.3, 1e-3, 0.0], np.linspace(-0.4, 0.5, 9)
-    assert momentum_rate(pressed(tumbler, pose, speed))[0] < 1e-10
-    assert momentum_rate(pressed(tumbler, pose, speed), wrong=0.01)[0] > 5e-3
 
 
 def test_internal_forces_do_no_work_in_rigid_motion(urdf):

@@ -144,11 +144,7 @@ def test_force_and_reaction_of_every_kind_cancel(urdf, make):
     clearance = make()
     kind = TYPES[clearance.kind]
     skew = {"at": "0.1 0 0.05", "rpy": "0.3 -0.2 0.5", "axis": "0.6 0 0.8"}
-    path = urdf(
-        *SLIDERS,
-        body("two", 2.0, "0 0 0"),
-        joint("pin", "one", "two", kind, **skew),
-    )
+    path = urdf(*SLIDERS, body("two", 2.0, "0 0 0"), joint("pin", "one", "two", kind, **skew))
     robot = jp.Mechanism(path, {"pin": clearance}, gravity=(0, 0, 0))
     run = jp.Run(
         jp.Simulation(robot, **FREE, duration=6e-3, step=4e-6, integrator="rk4", record_every=5)

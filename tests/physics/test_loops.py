@@ -64,38 +64,11 @@ def analytic(theta, w):
     }  # fmt: skip
 
 
-def test_formulas_by_hand_fit_each_other():
-    theta, h = np.linspace(0, 6, 50), 1e-4
-    before, here, after = (analytic(theta + d * h, 100.0) for d in (-1, 0, 1))
-    assert (after["x"] - before["x"]) / 2 / h * 100 == pytest.approx(here["v"], rel=1e-6, abs=1e-6)
-    assert (after["v"] - before["v"]) / 2 / h * 100 == pytest.approx(here["a"], rel=1e-6, abs=1e-3)
-    assert (after["beta"] - before["beta"]) / 2 / h * 100 == pytest.approx(here["db"], abs=1e-5)
-    # Power of the crank's moment = rate of the kinetic energy.
-    energy = [
-        0.5 * SLIDER * s["v"] ** 2
-        + 0.5 * ROD_INERTIA * s["db"] ** 2
-        + 0.5 * ROD * ((R * 100) ** 2 + (L / 2 * s["db"]) ** 2
-                       + 100 * R * L * s["db"] * np.cos(theta + d * h - s["beta"]))
-        for d, s in ((-1, before), (1, after))
-    ]  # fmt: skip
-    rate = (energy[1] - energy[0]) / 2 / h * 100
-    assert rate == pytest.approx(here["moment"] * 100.0, rel=1e-5, abs=1e-2)
-
-
 @pytest.fixture(scope="module")
 def fast():
     """The slider-crank at 5000 rpm, one turn."""
     w = 5000 * RPM
     return turning(slider_crank(), w, 0.012, step=5e-6, record_every=4), w
-
-
-def test_ideal_slider_crank_moves_as_it_must(fast):
-    result, w = fast
-    exact = analytic(w * result.time, w)
-    assert np.abs(result["tool_position"].values[:, 0] - exact["x"]).max() < 1e-7
-    assert np.abs(result["tool_velocity"].values[:, 0] - exact["v"]).max() < 1e-3
-    rod = result["q"].values[:, :2].sum(axis=1)
-    assert np.abs(rod - exact["beta"]).max() < 1e-6
 
 
 def test_reactions_and_crank_moment_are_newtons(fast):

@@ -113,26 +113,6 @@ def shipped(name, **options):
     return replace(simulation, **options)
 
 
-def again_scara():
-    return scara(0.5e-3, duration=0.2, seed=3)
-
-
-def again_slider_crank():
-    return shipped("slider_crank", duration=6e-3, seed=3).run()
-
-
-def again_four_bar():
-    return shipped("four_bar", duration=0.15, seed=3).run()
-
-
-@pytest.mark.parametrize("run", [again_scara, again_slider_crank, again_four_bar])
-def test_runs_are_the_same_bits_again(run):
-    one, two = run(), run()
-    assert one.audit.impacts >= 3
-    for name, values in one.dataset.data_vars.items():
-        assert np.array_equal(values.values, two[name].values, equal_nan=True), name
-
-
 def test_four_bar_loses_what_finer_steps_find_wherever_its_journal_starts():
     """Its rebounds magnify errors: coarser macro steps add or drop impacts, and 2 % of the loss."""
 

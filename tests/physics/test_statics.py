@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.physics.geometry import Form
@@ -36,55 +35,8 @@ def wedged(free_mass, mu, **options):
     ).finish()
 
 
-def tilt_by_hand(joint, depth):
-    """Tilt at which opposite rim points of both ends lie `depth` beyond the bore."""
-
-    def beyond(tilt):
-        across = joint.lj * np.sin(tilt) + 2.0 * joint.rj * np.cos(tilt)
-        return across - 2.0 * (joint.ri + depth)
-
-    return brentq(beyond, 0.0, 0.1, xtol=1e-15)
-
-
-def wedge_error(result, rim=1.0):
-    """Errors of the radial forces, axial force and tilt, relative to planar statics.
-
-    The overhang's moment about the point where the lower rim stands on the wall, R_j cos(tilt) from
-    the axis, is carried by the couple of both radial forces. `rim` scales that lever.
-    """
-    joint = result.simulation.mechanism.clearance["pin"]
-    forces, q = settled(result)
-    x, tilt = q[0], q[4]
-    s, c = np.sin(tilt), np.cos(tilt)
-    foot = x - 0.5 * joint.lj * s + rim * joint.rj * c
-    couple = joint.lj * c - 2.0 * joint.rj * s
-    radial = WEIGHT * (x + OVERHANG * c - foot) / couple
-    depth = (radial / joint.hertz_stiffness) ** (2.0 / 3.0)
-    return np.array(
-        [
-            np.abs(forces[[RIM_A, RIM_B]] / radial - 1.0).max(),
-            abs(forces[WALL_B] / WEIGHT - 1.0) + forces[WALL_A],
-            abs(tilt / tilt_by_hand(joint, depth) - 1.0),
-        ]
-    )
-
-
 # The friction law is zero at rest, so it carries nothing in the end; but see docs/integrators.md
 # for the step that it asks of a jammed journal.
-@pytest.mark.parametrize(("mu", "step"), [(0.0, 1e-5), (0.1, 2e-6)])
-def test_wedged_arm_stands_as_statics_say(free_mass, mu, step):
-    result = wedged(free_mass, mu, step=step)
-    assert wedge_error(result).max() < 1e-4
-    assert Form(result["form"].values[-1, 0]) == Form.TWO_RADIAL_ONE_AXIAL
-    joint = result.simulation.mechanism.clearance["pin"]
-    assert result["tilt"].values[-1, 0] == pytest.approx(2.0 * joint.cr / joint.lj, rel=0.02)
-    assert result["joint_force"].values[-1, 0] == pytest.approx([0, 0, WEIGHT], abs=1e-3)
-
-
-def test_wrong_lever_fails_the_wedge_check(free_mass):
-    """Forgetting that the wall carries at the rim, not on the axis, is an error of R_j/overhang."""
-    error = wedge_error(wedged(free_mass, 0.0, step=1e-5), rim=0.0)
-    assert error[0] > 0.03
 
 
 def test_chattering_wedge_is_reported(free_mass):

@@ -60,10 +60,7 @@ class Situation:
 
 SITUATIONS = {
     "free flight": Situation(
-        Pendulum(stiffness=1e3, play=0.5, bore=1.0),
-        0.1,
-        (4e-3, 2e-3, 1e-3, 5e-4),
-        (2.0, 1.0, 4.0),
+        Pendulum(stiffness=1e3, play=0.5, bore=1.0), 0.1, (4e-3, 2e-3, 1e-3, 5e-4), (2.0, 1.0, 4.0)
     ),
     "through one impact": Situation(
         Pendulum(mu=0.0), 2e-3, (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6), (2.0, 1.0, 2.5)

@@ -693,10 +693,7 @@ def clearance_limit(quick: bool = False, wrong: bool = False) -> Outcome:
         bearing = jp.RevoluteClearance.planar(
             radial_clearance=play, friction=jp.contact.Ambrosio(0.0), restitution=0.9
         )
-        path = urdf(
-            body("arm", mass, f"{length} 0 0", inertia),
-            joint("pin", "base", "arm"),
-        )
+        path = urdf(body("arm", mass, f"{length} 0 0", inertia), joint("pin", "base", "arm"))
         robot = jp.Mechanism(path, {"pin": bearing}, gravity=(GRAVITY, 0, 0))
         run = jp.Run(jp.Simulation(
             robot, duration=periods * ideal, step=1e-5, integrator="semi-implicit-euler",

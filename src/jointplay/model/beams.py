@@ -98,12 +98,7 @@ def section(text: str) -> Section:
             f"section {text!r}: twice the wall must be less than the {form}'s size",
             where=("section",),
         )
-    made: dict[str, Callable[..., Section]] = {
-        "tube": _tube,
-        "rod": _rod,
-        "box": _box,
-        "bar": _bar,
-    }
+    made: dict[str, Callable[..., Section]] = {"tube": _tube, "rod": _rod, "box": _box, "bar": _bar}
     return made[form](*sizes)
 
 

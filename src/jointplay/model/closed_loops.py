@@ -179,11 +179,7 @@ class ClosedLoops:
         return q
 
     def close(
-        self,
-        start: np.ndarray,
-        aside: Mapping[str, pin.SE3] | None = None,
-        *,
-        exactly: bool = True,
+        self, start: np.ndarray, aside: Mapping[str, pin.SE3] | None = None, *, exactly: bool = True
     ) -> np.ndarray | None:
         """The configuration near `start` in which the passive coordinates close the loops, or None.
 

@@ -140,10 +140,7 @@ def _cell(path: Path, number: int, cell: str) -> float:
 
 
 def warmed(
-    description: Description,
-    joints: Mapping[str, Clearance],
-    loops: Mapping[str, Loop],
-    heat: Heat,
+    description: Description, joints: Mapping[str, Clearance], loops: Mapping[str, Loop], heat: Heat
 ) -> tuple[Description, dict[str, Clearance], dict[str, Loop], list[str]]:
     """A machine as warm as `heat` says.
 

@@ -71,11 +71,7 @@ class Payload(Described):
 
 
 def velocity_after_pick(
-    before: pin.Model,
-    after: pin.Model,
-    q: np.ndarray,
-    v: np.ndarray,
-    forbidden: np.ndarray,
+    before: pin.Model, after: pin.Model, q: np.ndarray, v: np.ndarray, forbidden: np.ndarray
 ) -> np.ndarray:
     """Velocity after a plastic impact with a body at rest that is then part of the mechanism.
 

@@ -183,10 +183,7 @@ def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) 
     if answers:
         lines = [f"    answer = {call}", *(f"    out[{i}] = answer[{i}]" for i in range(answers))]
     head = f"def packed({', '.join([*state, ARRAY, *(['out'] if answers else [])])}):"
-    space = {
-        "law": numba.njit(error_model="numpy")(function),
-        "__name__": function.__module__,
-    }
+    space = {"law": numba.njit(error_model="numpy")(function), "__name__": function.__module__}
     exec(compile("\n".join([head, *lines]), function.__code__.co_filename, "exec"), space)
     packed: Any = space["packed"]
     packed.__qualname__ = f"{function.__qualname__}.packed"

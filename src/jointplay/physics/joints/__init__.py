@@ -52,8 +52,7 @@ JOINT_WORDS: dict[str, type[Clearance] | Preset] = {
 """Words that scenarios have for kinds of joint."""
 
 register(
-    Clearance,
-    Family("kind", "kind of joint", JOINT_WORDS, default=UNNAMED_KIND.kind, bare=False),
+    Clearance, Family("kind", "kind of joint", JOINT_WORDS, default=UNNAMED_KIND.kind, bare=False)
 )
 register_names(Material, materials.material, lambda: materials.materials(aliases=True))
 

@@ -31,11 +31,7 @@ from jointplay.physics.joints.elasticity import ABOUT_AXIS, ALONG_AXIS, Elastici
 from jointplay.physics.joints.element_play import NO_PLAY
 from jointplay.physics.joints.play import Play
 
-_LAWS = {
-    ABOUT_AXIS: resultant.SPRINGS,
-    ALONG_AXIS: resultant.GUIDE,
-    None: resultant.MOUNT,
-}
+_LAWS = {ABOUT_AXIS: resultant.SPRINGS, ALONG_AXIS: resultant.GUIDE, None: resultant.MOUNT}
 """Of springs, by the direction that they leave free."""
 
 

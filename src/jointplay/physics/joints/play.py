@@ -443,8 +443,7 @@ class BlockPlay(Play):
             value = np.einsum("ij,ij->i", loads, point)
             better = value > best.value
             best = Support(
-                np.where(better, value, best.value),
-                np.where(better[:, None], point, best.point),
+                np.where(better, value, best.value), np.where(better[:, None], point, best.point)
             )
         return best
 

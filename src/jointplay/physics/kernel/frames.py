@@ -61,11 +61,7 @@ def dot(a, b):
 @inlined
 def cross(a, b):
     """A x b."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @inlined
@@ -127,14 +123,10 @@ def pose_of_frames(run, joint, pose, jacobian):
     blur what they do.
     """
     bearing, origin = _world_pose(
-        joint.bearing_rotation,
-        joint.bearing_translation,
-        joint.bearing_placement,
+        joint.bearing_rotation, joint.bearing_translation, joint.bearing_placement
     )
     journal, place = _world_pose(
-        joint.journal_rotation,
-        joint.journal_translation,
-        joint.journal_placement,
+        joint.journal_rotation, joint.journal_translation, joint.journal_placement
     )
     set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
     for i in range(3):

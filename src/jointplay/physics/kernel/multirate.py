@@ -155,11 +155,7 @@ def _find_path_error(run):
     middle, slope = run.minv_middle, run.minv_slope
     curve, free_curve = run.minv_curve, run.free_curve
     free_middle, free_slope = run.free_middle, run.free_slope
-    forces, effort, weights = (
-        run.velocity_forces,
-        run.drive,
-        run.weights,
-    )
+    forces, effort, weights = (run.velocity_forces, run.drive, run.weights)
     loaded = run.load_forces
     run.path_error = -1.0
     if run.known_free < 2 or run.events > 0:

@@ -35,12 +35,7 @@ from jointplay.physics.kernel.frames import (
     pose_of_virtual_link,
     project_wrench,
 )
-from jointplay.physics.kernel.gear import (
-    add_gear_losses,
-    apply_gears,
-    commit_gears,
-    place_gears,
-)
+from jointplay.physics.kernel.gear import add_gear_losses, apply_gears, commit_gears, place_gears
 from jointplay.physics.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.physics.kernel.load import add_stage_work, apply_current_loads
 from jointplay.physics.kernel.record import complete_step, is_due, write_record

@@ -42,12 +42,7 @@ from jointplay.physics.kernel.frames import (
     project_slope,
     project_wrench,
 )
-from jointplay.physics.kernel.gear import (
-    add_gear_slopes,
-    apply_gears,
-    mark_gears,
-    place_gears,
-)
+from jointplay.physics.kernel.gear import add_gear_slopes, apply_gears, mark_gears, place_gears
 from jointplay.physics.kernel.layout import BASE, ERROR, INERTIA, LAST, MARKS, PUSH, SPEED, STEP
 from jointplay.physics.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
