@@ -44,12 +44,8 @@ _SINGLE = {
 def parse(description: Description, released: Collection[str] = ()) -> pin.Model:
     """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
 
-    The same text is read once: what is returned is shared, and must not be changed.
-
-    Args:
-        description: the URDF.
-        released: fixed joints that are read as floating ones, for Pinocchio would make one body of
-            the two links.
+    Fixed joints in `released` are read as floating ones, for Pinocchio would make one body of the
+    two links. The same text is read once: what is returned is shared, and must not be changed.
 
     Raises:
         JointplayError: Pinocchio cannot read it.
@@ -70,10 +66,7 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
 
 
 def _check_masses(model: pin.Model, root: ElementTree.Element) -> None:
-    """Refuse a model whose bodies have other masses than the links of the URDF.
-
-    Pinocchio leaves out an <inertial> that it cannot read, without an error.
-    """
+    """Refuse masses other than the URDF's: Pinocchio leaves out an <inertial> it cannot read."""
     carrier = {
         frame.name: frame.parentJoint for frame in model.frames if frame.type == pin.FrameType.BODY
     }

@@ -133,16 +133,12 @@ class ClosedLoops:
     def close_all(
         self, q: np.ndarray, *, apart: bool = False, begin: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Configurations with their loops closed, journals centred: (n, nq), and which could be.
+        """Configurations (n, nq) with their loops closed, journals centred, and which could be.
 
         From one to the next the driven joints go in small steps, so that the mechanism stays on its
-        branch; the first begins with the passive positions it has.
-
-        Args:
-            q: configurations whose driven coordinates count, (n, nq).
-            apart: they are not in the order of a motion: each is reached from the nearest one that
-                is closed.
-            begin: a closed configuration, (nq,), from which the first is reached.
+        branch; the first begins at `begin` (nq,), closed, or with the passive positions it has.
+        With `apart` they are not in the order of a motion: each is reached from the nearest one
+        closed.
         """
         closed, good = q.copy(), np.zeros(len(q), bool)
         for i, row in enumerate(q):
@@ -181,12 +177,10 @@ class ClosedLoops:
     def close(
         self, start: np.ndarray, aside: Mapping[str, pin.SE3] | None = None, *, exactly: bool = True
     ) -> np.ndarray | None:
-        """The configuration near `start` in which the passive coordinates close the loops, or None.
+        """Where near `start` (nq,) the passive coordinates close the loops: (nq,), or None.
 
-        Args:
-            start: shape (nq,); what is not passive stays, displaced journals too.
-            aside: poses that journals of loops have in their bearings; centred if not given.
-            exactly: whether the loops must be closed; else as well as can be.
+        What is not passive stays, displaced journals too; those of loops have the poses `aside` in
+        their bearings, centred if not given. Unless `exactly`, as well as can be.
         """
         q = newton(self.mechanism, start, self.passive, self._weight, aside)
         if q is not None and exactly and not is_closed(self.mechanism, q):
@@ -197,10 +191,8 @@ class ClosedLoops:
 def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
     """By how much loops and locks open if what Pinocchio joint `moved` carries moves, (rows, k).
 
-    Args:
-        mechanism: after `pin.computeJointJacobians`.
-        moved: index of the joint.
-        twist: velocity of the world's origin and angular velocity, world axes, (6, k).
+    `twist` (6, k): velocity of the world's origin and angular velocity, world axes; after
+    `pin.computeJointJacobians`.
     """
     rows = [np.zeros((0, twist.shape[1]))]
     for name in mechanism.loops:
@@ -244,10 +236,7 @@ def is_closed(mechanism: Mechanism, q: np.ndarray) -> bool:
 
 
 def from_the_base(mechanism: Mechanism) -> list[str]:
-    """Joints with one coordinate without clearance, those on the base first.
-
-    Equally far ones stay in the order of the mechanism.
-    """
+    """Joints with one coordinate without clearance, those on the base first, else as they come."""
     single = [
         name
         for name in mechanism.joints
@@ -268,12 +257,8 @@ def followed_mimics(
 
     In the URDF of a gripper or a lift, `<mimic>` often stands for a loop that a URDF cannot have.
     Where the loop is there, it is the loop that joints follow: a mimic that would hold its leader,
-    or that follows from the loops anyway, is left out.
-
-    Args:
-        mechanism: without clearance.
-        q: a configuration in which loops are closed, shape (nq,).
-        alone: joints that follow nothing.
+    or that follows from the loops anyway, is left out. Loops are closed in `q` (nq,), without
+    clearance; joints in `alone` follow nothing.
     """
     rows = closing_rows(mechanism, q) if mechanism.loops else np.zeros((0, mechanism.model.nv))
     rank = _rank(rows) if len(rows) else 0

@@ -12,14 +12,11 @@ from jointplay.model.mechanism import Mechanism
 
 
 class SelfCollision:
-    """Pairs of a robot's shapes that must not meet.
+    """Pairs of a robot's shapes that must not meet, seen in its ideal mechanism.
 
     Left out are pairs of links that a joint joins, those that an SRDF in a folder ``srdf`` beside
     that of the URDF disables, and those that touch in the neutral pose, as shapes that are drawn
     too large do.
-
-    Args:
-        mechanism: with or without clearance; its ideal mechanism is looked at.
 
     Attributes:
         notes: what was left out, or that there is nothing to look at, a line each.

@@ -31,12 +31,7 @@ def document(root: Element) -> str:
 
 
 def put_inertial(link: Element, inertia: pin.Inertia, axes: pin.SE3 | None = None) -> None:
-    """Append the inertial of a link.
-
-    Args:
-        inertia: in the link's frame, or in `axes`, then about their origin.
-        axes: in the link's frame.
-    """
+    """Append a link's inertial: `inertia` in the link's frame, or in `axes`, about their origin."""
     inertial = put(link, "inertial")
     place = pin.SE3(np.eye(3), inertia.lever) if axes is None else axes
     if not place.isIdentity(0.0):

@@ -32,14 +32,7 @@ _STILL = 1e-9
 
 
 def rotation(angles: np.ndarray) -> np.ndarray:
-    """Rotation by yaw, pitch, roll: R_z R_y R_x.
-
-    Args:
-        angles: shape (..., 3) [rad].
-
-    Returns:
-        Shape (..., 3, 3).
-    """
+    """Rotations R_z R_y R_x, shape (..., 3, 3), by yaw, pitch, roll (..., 3) [rad]."""
     cosines, sines = np.cos(angles), np.sin(angles)
     cy, cp, cr = np.moveaxis(cosines, -1, 0)
     sy, sp, sr = np.moveaxis(sines, -1, 0)
@@ -52,11 +45,7 @@ def rotation(angles: np.ndarray) -> np.ndarray:
 
 
 def turning(angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Angular velocity in the axes of the body [rad/s], of yaw, pitch, roll and their rates.
-
-    Args:
-        angles, rates: shape (..., 3) [rad, rad/s].
-    """
+    """Angular velocity in the body's axes [rad/s], of yaw, pitch, roll and their rates (..., 3)."""
     _, cp, cr = np.moveaxis(np.cos(angles), -1, 0)
     _, sp, sr = np.moveaxis(np.sin(angles), -1, 0)
     yaw, pitch, roll = np.moveaxis(rates, -1, 0)
@@ -73,18 +62,11 @@ def rates(angles: np.ndarray, spin: np.ndarray) -> np.ndarray:
 
 
 def angles_of(turns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
-    """Yaw, pitch, roll of rotations in a row, without jumps.
+    """Yaw, pitch, roll (n, 3) [rad] of rotations (n, 3, 3) in a row, without jumps.
 
     Two triples of angles mean the same rotation, and either may have whole turns added: the one
-    that goes on from the last is taken.
-
-    Args:
-        turns: shape (n, 3, 3).
-        before: angles from which they go on, shape (3,) [rad]; None: the pitch begins below a
-            right angle.
-
-    Returns:
-        Shape (n, 3) [rad].
+    that goes on from the last is taken, the first from `before` (3,); without it the pitch begins
+    below a right angle.
     """
     found = np.stack(
         [
@@ -121,17 +103,11 @@ def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def chart_for(turn: np.ndarray, spin: np.ndarray) -> np.ndarray:
-    """A chart in which the pitch is zero now, and stays so if the base goes on as it turns.
+    """A chart (3, 3) in which the pitch is zero now, and stays so if the base goes on as it turns.
 
-    Its z is square to the body's x, and otherwise as near to the axis of the turning as can be: a
-    body that turns about one axis, its own x or one square to that, keeps the chart.
-
-    Args:
-        turn: orientation of the base, shape (3, 3).
-        spin: its angular velocity in its own axes, shape (3,) [rad/s].
-
-    Returns:
-        Rotation from which the angles are to be counted, shape (3, 3).
+    Angles are counted from it. Its z is square to the body's x, and otherwise as near as can be to
+    the axis of `spin` (3,), the angular velocity in the base's own axes: a body that turns about
+    one axis, its own x or one square to that, keeps the chart.
     """
     x, across = turn[:, 0], np.array([0.0, spin[1], spin[2]])
     size = float(np.linalg.norm(across))

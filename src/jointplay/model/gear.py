@@ -224,16 +224,10 @@ class Gearing(Described, ABC):
     # What catalogues measure.
 
     def torsion(self, torques: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Angle of the joint under one torque after another, the motor held.
+        """Angles of the joint (n,) [rad] under torques (n,) [N m] in turn, the motor held.
 
         Loaded slowly from the state never loaded, with the law that runs use. Where several angles
         bear a torque, as within the play, it goes no farther than to the first.
-
-        Args:
-            torques: on the joint (n,) [N m].
-
-        Returns:
-            (n,) [rad].
         """
         return self._torsion(self.curve(), self.bristles, torques)
 
@@ -262,9 +256,7 @@ class Gearing(Described, ABC):
         return self.rated_torque
 
     def hysteresis_loss(self) -> float:
-        """Width of the loop to the rated torque both ways where the torque is zero [rad].
-
-        Play is part of it.
+        """Width of the loop to the rated torque both ways at zero torque, play included [rad].
 
         Raises:
             JointplayError: the gear has no rated torque.
@@ -277,11 +269,8 @@ class Gearing(Described, ABC):
         """Angle between a fraction of the rated torque one way and the other [rad].
 
         Strain-wave gears: between the ends of a loop to this torque. Others: on the middle line,
-        half way across, of the loop to the rated torque.
-
-        Args:
-            torque_fraction: None takes what the kind's catalogues do, 0.04 for strain-wave gears,
-                else 0.03.
+        half way across, of the loop to the rated torque. None takes the fraction of the kind's
+        catalogues, 0.04 for strain-wave gears, else 0.03.
 
         Raises:
             JointplayError: the gear has no rated torque; a fraction not above 0 or above 1.
@@ -433,11 +422,7 @@ class _Catalogued(_Lossy):
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Self:
-        """A gear by its name in the catalogue, with what the catalogue does not know.
-
-        Args:
-            name: of `names`.
-            more: fields; they go before the catalogue's.
+        """A gear by name in the catalogue (`names`), with fields that go before its numbers.
 
         Raises:
             JointplayError: no such gear, the message names the nearest; a number that neither has.

@@ -87,10 +87,7 @@ class Heat:
             raise JointplayError(f"{given} needs {missing} as well", where=(given,))
 
     def at_its_time(self, path: Path | None) -> Heat:
-        """The same with the temperatures that its curve has at its time; itself without a curve.
-
-        Args:
-            path: of the curve, which a scenario's folder resolves.
+        """The same with the temperatures that its curve, at `path`, has at its time; else itself.
 
         Raises:
             JointplayError: no such file, a wrong header, a cell that is not a number, times that
@@ -142,16 +139,7 @@ def _cell(path: Path, number: int, cell: str) -> float:
 def warmed(
     description: Description, joints: Mapping[str, Clearance], loops: Mapping[str, Loop], heat: Heat
 ) -> tuple[Description, dict[str, Clearance], dict[str, Loop], list[str]]:
-    """A machine as warm as `heat` says.
-
-    Args:
-        description: its URDF.
-        joints: with clearance, by name.
-        loops: joints that close loops, by name.
-        heat: at one time, see `Heat.at_its_time`.
-
-    Returns:
-        URDF, joints and loops of the warm machine, and what has changed, a line each.
+    """URDF, joints and loops as warm as `heat` is at its time, and what has changed, a line each.
 
     Raises:
         JointplayError: a joint or link that does not exist, a joint that seizes, or one whose kind

@@ -41,13 +41,7 @@ def _elastic_energy(law, parameters, depth, nodes, weights):
 
 
 def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: Any) -> np.ndarray:
-    """Energy stored in a contact: the law at zero rate, integrated over the depth [J].
-
-    Args:
-        law: the normal-force law.
-        parameters: its parameters for this contact.
-        depth: penetration, any shape [m]; nothing is stored where it is not positive.
-    """
+    """Energy in a contact [J]: the law at zero rate over the depth [m], any shape; 0 if none."""
     depth = np.asarray(depth, float)
     flat = np.ascontiguousarray(depth).reshape(-1)
     row = np.array(parameters or (0.0,), float)
@@ -57,9 +51,7 @@ def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: An
 def impact_depth(
     law: NormalForceLaw, parameters: tuple[float, ...], mass: float, speed: float
 ) -> float:
-    """Depth at which a mass [kg] arriving at `speed` [m/s] has spent its energy [m], by bisection.
-
-    The law's damping is left out; it makes the impact shallower.
+    """Depth [m] at which a mass [kg] that arrives at `speed` [m/s] has spent its energy, undamped.
 
     Raises:
         JointplayError: the law returns something that is not finite.
@@ -87,10 +79,7 @@ def impact_depth(
 def impact_duration(
     law: NormalForceLaw, parameters: tuple[float, ...], mass: float, speed: float
 ) -> float:
-    """Duration of an impact [s], about 3 depth/speed.
-
-    Exactly 2.94 for Hertz (Goldsmith, Impact, 1960) and pi for a linear spring.
-    """
+    """Duration [s], about 3 depth/speed: 2.94 for Hertz (Goldsmith, Impact, 1960), pi if linear."""
     depth = impact_depth(law, parameters, mass, require_positive("speed", speed, "m/s"))
     return 3.0 * depth / speed
 

@@ -124,23 +124,13 @@ def assemble(
     held: Sequence[int],
     offsets: dict[str, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Configuration near q in which all loops are closed.
+    """Configuration (nq,) near q in which all loops are closed; q itself without loops.
 
     Where q says of no other coordinate than `held`, these go there from the zero pose in steps that
     the loops follow: far from it, loops close in several ways. Journals stay where they are in
-    their bearings and only turn with them; if the loops cannot be closed like this, journals of the
-    tree move too, as far as their clearance lets them, and those that close a loop lie where the
-    positions given for the others put them.
-
-    Args:
-        mechanism: with loops; without, q comes back.
-        q: where to begin, shape (nq,).
-        held: coordinates that keep their values.
-        offsets: where journals shall be in their bearings, by loop, shape (3,) [m]; centred if
-            not given.
-
-    Returns:
-        q, shape (nq,).
+    their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them; if the loops
+    cannot be closed like this, journals of the tree move too, as far as their clearance lets them,
+    and those that close a loop lie where the positions given for the others put them.
 
     Raises:
         JointplayError: the loops cannot be closed; the message has the gap that remains, and
@@ -167,10 +157,7 @@ def assemble(
 def _continued(
     mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray
 ) -> np.ndarray:
-    """q with its `free` coordinates found by continuation from the zero pose.
-
-    As it is where q has positions for them already, or the loops do not close on that way.
-    """
+    """q with `free` continued from the zero pose; as it is if it has them or no loop closes so."""
     way = np.zeros_like(q)
     way[held] = q[held]
     steps = math.ceil(np.abs(way).max(initial=0.0) / _CONTINUATION_STEP)
@@ -207,14 +194,9 @@ def newton(
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
 ) -> np.ndarray | None:
-    """q with its `free` coordinates moved until the loops are as closed as can be, or None.
+    """q (nq,) with its `free` coordinates moved until the loops are as closed as can be, or None.
 
-    Args:
-        mechanism: with loops.
-        q: shape (nq,).
-        free: coordinates that are moved.
-        weight: of each row of `openings`, where not all of them can be zero.
-        aside: see `openings`.
+    `weight`: of each row of `openings`, where not all of them can be zero; `aside`: see there.
     """
     moved, weights = q.copy(), np.reshape(weight, (-1, 1))
     for _ in range(_NEWTON_STEPS):
@@ -235,10 +217,7 @@ def openings(
 ) -> np.ndarray:
     """By how much loops and locks are open, in the order of `closing_rows` [m, rad].
 
-    Args:
-        mechanism: with loops.
-        q: shape (nq,).
-        aside: poses that journals of loops have in their bearings; centred if not given.
+    Journals of loops have the poses `aside` in their bearings; centred if not given.
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     parts = [np.zeros(0)]
@@ -258,8 +237,7 @@ def openings(
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
-    """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
-    unless all of them are wanted."""
+    """Coordinates not `held`; of journals only what the ideal joint has too, unless `journals`."""
     every = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
     return np.array([i for i in every if i not in held], int)
 
@@ -377,14 +355,8 @@ def consistent_velocity(
 ) -> np.ndarray:
     """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
 
-    Where speeds are given for so many coordinates that a journal cannot rest, it flies: its bearing
-    holds it by contact only.
-
-    Args:
-        mechanism: with loops; without, v comes back.
-        q, v: state, shape (nv,).
-        held: coordinates whose speeds are given.
-        led: those of them that follow a reference; None: all.
+    Where speeds are given (`held`) for so many coordinates that a journal cannot rest, it flies:
+    its bearing holds it by contact only. Those `led` (None: all) follow a reference.
 
     Raises:
         JointplayError: the given speeds would tear apart a loop without clearance, or references
@@ -496,11 +468,7 @@ class Lock:
         return cls(model.names[carrier[0]], carrier[1], freedoms, model.names[held[0]], held[1])
 
     def share(self, model: pin.Model, carriage: int) -> tuple[int, pin.SE3]:
-        """Move part of the inertia of what is held to the carriage.
-
-        Returns:
-            Pinocchio joint and frame of what is held.
-        """
+        """Move part of the inertia of what is held to the carriage; its joint and frame."""
         at = int(model.getJointId(self.held))
         whole = model.inertias[at].copy()  # what Pinocchio gives changes with the model
         model.inertias[at] = _scaled(whole, 1.0 - SHARE)

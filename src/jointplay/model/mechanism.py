@@ -444,10 +444,7 @@ class Mechanism(Overview, Described):
         return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
     def ideal(self) -> Mechanism:
-        """The same mechanism without clearance and without play in its gears, always the same one.
-
-        One that has neither is its own.
-        """
+        """The same without clearance and gears' play, always the same one; maybe itself."""
         return self._ideal
 
     @cached_property
@@ -624,9 +621,6 @@ class Mechanism(Overview, Described):
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].
 
         Pinocchio's `crba` on `model`, so with the six coordinates of each virtual link.
-
-        Args:
-            q: configuration, shape (nq,) [rad, or m].
         """
         upper = np.triu(pin.crba(self.model, self.data, q))
         return upper + np.triu(upper, 1).T
@@ -639,10 +633,6 @@ class Mechanism(Overview, Described):
         two speeds are exact. `pin.computeCoriolisMatrix` is not used: in Pinocchio 4.1 it omits how
         the axes of `JointModelSphericalZYX`, the virtual link's, turn with its coordinates (issue
         2053 of stack-of-tasks/pinocchio).
-
-        Args:
-            q: configuration, shape (nq,) [rad, or m].
-            v: its rate, shape (nv,) [rad/s, or m/s].
         """
 
         def forces(speed: np.ndarray) -> np.ndarray:
@@ -653,11 +643,7 @@ class Mechanism(Overview, Described):
         )
 
     def gravity_forces(self, q: np.ndarray) -> np.ndarray:
-        """G(q) of eq. 22, shape (nv,) [N m, or N]: the drives that hold q at rest without contact.
-
-        Args:
-            q: configuration, shape (nq,) [rad, or m].
-        """
+        """G(q) of eq. 22, (nv,) [N m, or N]: the drives that hold q at rest without contact."""
         return pin.computeGeneralizedGravity(self.model, self.data, q).copy()
 
     def journal_pose(self, joint: str) -> pin.SE3:
@@ -685,10 +671,9 @@ class Mechanism(Overview, Described):
         return self._known_signs[key]
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
-        """Motion of the journal relative to the bearing, shape (6, nv).
+        """Motion of the journal against the bearing per generalised velocity in q, (6, nv).
 
-        Velocity of the journal's centre and angular velocity, both in the bearing frame, per
-        generalised velocity in configuration q.
+        Velocity of the journal's centre and angular velocity, both in the bearing frame.
         """
         return self._relative(*self._frames(joint), q)
 
@@ -710,11 +695,8 @@ class Mechanism(Overview, Described):
         """Pinocchio's constraints for the loops without clearance, and for locks.
 
         A ball needs its centre held; a revolute joint a second point on its axis, unless the
-        mechanism keeps the axes parallel by itself (as planar ones do).
-
-        Args:
-            q: an assembled configuration, shape (nq,).
-            frequency: of Baumgarte's stabilisation, critically damped [rad/s].
+        mechanism keeps the axes parallel by itself (as planar ones do). q is assembled; `frequency`
+        [rad/s] that of Baumgarte's stabilisation, critically damped.
         """
         constraints = []
         for name in self.loops:

@@ -46,10 +46,7 @@ Colour = tuple[float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A surface of one colour.
-
-    Points are in the order in which triangles use them first, none twice.
-    """
+    """A surface of one colour; points in the order in which triangles use them, none twice."""
 
     points: np.ndarray
     """(n, 3) [m]."""
@@ -92,10 +89,7 @@ def parts_of(path: Path) -> Parts:
 
 
 def readable(path: Path) -> Parts | None:
-    """All surfaces of a mesh file; None, with a warning that says why, if it cannot be read.
-
-    One broken file must not stop the picture of all others.
-    """
+    """All surfaces of a mesh file; None, with a warning why, if it cannot be read: others can."""
     try:
         return parts_of(path)
     except JointplayError as error:

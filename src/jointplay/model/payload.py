@@ -73,15 +73,10 @@ class Payload(Described):
 def velocity_after_pick(
     before: pin.Model, after: pin.Model, q: np.ndarray, v: np.ndarray, forbidden: np.ndarray
 ) -> np.ndarray:
-    """Velocity after a plastic impact with a body at rest that is then part of the mechanism.
+    """Velocity (nv,) after a plastic impact with a body at rest that is then part of the mechanism.
 
-    Args:
-        before, after: models without and with the body.
-        q, v: state before, shapes (nq,) and (nv,).
-        forbidden: Jacobian of ideal loops, shape (rows, nv): velocities that stay zero.
-
-    Returns:
-        v of M_after v = M_before v_before + forbidden^T impulse, shape (nv,).
+    v of M_after v = M_before v_before + forbidden^T impulse; `forbidden` is the Jacobian (rows, nv)
+    of ideal loops, velocities that stay zero.
     """
     import pinocchio as pin
 

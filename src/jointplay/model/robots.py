@@ -76,11 +76,7 @@ def _normal(name: str) -> str:
 
 
 def robots() -> tuple[str, ...]:
-    """Names of all robots.
-
-    Raises:
-        JointplayError: see `share`.
-    """
+    """Names of all robots; errors as of `share`."""
     return tuple(sorted({*OWN, *_table(share() / "robots")}))
 
 
@@ -108,15 +104,9 @@ def robot_urdf(name: str) -> Path:
 
 
 def resolve(place: str | Path, folder: Path = Path()) -> Path:
-    """Path of a file that is named as such, or as one that comes with a package.
+    """Path of a file named as such, as ``jointplay:NAME``, or ``example-robot-data:NAME``.
 
-    Args:
-        place: a path, ``jointplay:NAME`` for what ships with this package, or
-            ``example-robot-data:NAME``.
-        folder: where a relative path begins.
-
-    Raises:
-        JointplayError, MissingName: see `shipped`, `robot_urdf`.
+    A relative path begins in `folder`; errors are those of `shipped` and `robot_urdf`.
     """
     text = str(place)
     if text.startswith(SHIPPED):
@@ -127,11 +117,7 @@ def resolve(place: str | Path, folder: Path = Path()) -> Path:
 
 
 def urdf_of(place: str | Path) -> Path:
-    """Path of a URDF that is named as for `resolve`, or by a robot's bare name such as ``ur5``.
-
-    Raises:
-        JointplayError, MissingName: see `resolve`.
-    """
+    """Path of a URDF named as for `resolve`, whose errors it has, or as a robot: ``ur5``."""
     text = str(place)
     if isinstance(place, str) and re.fullmatch(r"[\w-]+", text) and not is_file(Path(text)):
         return robot_urdf(text)

@@ -36,15 +36,7 @@ class MarkedJoint:
 
 
 class Scene:
-    """What is seen of a mechanism.
-
-    Args:
-        mechanism: whose URDF has the shapes.
-        folders: where meshes may be, too.
-
-    Attributes:
-        links: names of all links.
-    """
+    """What is seen of a mechanism, whose URDF has the shapes; meshes may be in `folders`, too."""
 
     def __init__(self, mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> None:
         self.mechanism, self.folders = mechanism, folders
@@ -80,10 +72,9 @@ class Scene:
         return found
 
     def poses(self, q: np.ndarray) -> np.ndarray:
-        """World poses of the links' frames at configurations q, shape (n, nq).
+        """World poses of the links' frames at configurations q (n, nq), shape (n, links, 7).
 
-        Returns:
-            Shape (n, links, 7): position [m] and quaternion (x, y, z, w), whose sign does not jump.
+        Position [m] and quaternion (x, y, z, w), whose sign does not jump.
         """
         model, ground = self.mechanism.model, (0, pin.SE3.Identity())
         motion = BodyMotion.of(len(q), len(self.links))

@@ -34,10 +34,6 @@ def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[s
     if several have; without `play`, it ends where it forks into shorter branches or a joint is
     called a finger's. Of what is fixed to its last link, a frame with a tool's name, or else the
     last link itself.
-
-    Args:
-        description: the robot.
-        play: names of joints that have play; the tool is one that they move.
     """
     children: dict[str, list[JointEntry]] = defaultdict(list)
     for joint in description.joints.values():

@@ -512,11 +512,7 @@ class BodyMotion(NamedTuple):
 
 
 class Tree:
-    """The bodies of a model whose joints turn about axes, slide along them, or both in turn.
-
-    Args:
-        model: of `model.build`, without armature.
-    """
+    """Bodies of a `build` without armature, whose joints turn, slide, or do both in turn."""
 
     def __init__(self, model: pin.Model) -> None:
         data = model.createData()
@@ -573,14 +569,10 @@ class Tree:
         tool: Frame,
         pairs: Sequence[tuple[Frame, Frame]],
     ) -> None:
-        """Fill the records `first` to `end` of `motion`.
+        """Fill the records `first` to `end` of `motion`, in which the bodies have these inertias.
 
-        Args:
-            motion: to be filled.
-            first, end: records in which the bodies have these inertias.
-            q, v: states of all records, C-contiguous, shape (n, nv).
-            tool: frame whose motion is wanted.
-            pairs: frames whose poses are wanted, the second in the first.
+        States q and v are those of all records, C-contiguous, (n, nv). Wanted are the motion of the
+        frame `tool`, and the poses of the second frame of `pairs` in the first.
         """
         carriers, places = self.frames([tool, *(frame for pair in pairs for frame in pair)])
         move(self.bodies, q, v, first, end, carriers, places, *motion)

@@ -81,10 +81,8 @@ class Transmission:
 class Declared:
     """What a URDF declares beyond its tree of joints, read by yourdfpy when it is asked for.
 
-    No mesh is looked for, no file opened. yourdfpy is slow to import.
-
-    Args:
-        root: the URDF, whose names and numbers have been checked; not to be changed.
+    No mesh is looked for, no file opened. yourdfpy is slow to import. `root` has been checked, and
+    is not to be changed.
     """
 
     def __init__(self, root: ElementTree.Element) -> None:
@@ -356,12 +354,7 @@ ALL = "all"
 
 
 def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Read a URDF and check every inertia.
-
-    Args:
-        path: the file.
-        allow_unphysical: names of links whose inertia is used although no rigid body has it, or
-            ``"all"``.
+    """Read a URDF and check every inertia, but of links in `allow_unphysical`, or ``"all"``.
 
     Raises:
         JointplayError: the file is missing or malformed, its links do not form one tree, or a
@@ -400,9 +393,7 @@ def _root(text: str, path: Path) -> ElementTree.Element:
 
 
 def as_option(names: Sequence[str]) -> str:
-    """Names as ``--fix`` and ``--allow-unphysical`` take them in a shell: with commas, quoted if
-    need be.
-    """
+    """Names as ``--fix`` and ``--allow-unphysical`` take them: with commas, quoted if need be."""
     written = io.StringIO()
     csv.writer(written, lineterminator="").writerow(names)
     return shlex.quote(written.getvalue())

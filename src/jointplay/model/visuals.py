@@ -85,12 +85,9 @@ class Look:
 def look(
     mechanism: Mechanism, folders: Sequence[str | Path] = (), collisions: bool = False
 ) -> Look:
-    """What is seen of `mechanism`, with or without clearance.
+    """What is seen of `mechanism`, with or without clearance; meshes may be in `folders`, too.
 
-    Args:
-        mechanism: whose URDF has the shapes.
-        folders: where meshes may be, too.
-        collisions: take the URDF's collision shapes, without stand-ins, instead of its visuals.
+    `collisions` takes the URDF's collision shapes, without stand-ins, instead of its visuals.
 
     Raises:
         JointplayError: a given folder does not exist.
@@ -227,13 +224,9 @@ def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list
 def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path | None:
     """File that a URDF's mesh `name` means: a path, a file:// or a package:// address.
 
-    ``package://p/rest`` is looked for as ``folder/p/rest``, as ``folder/rest`` and, because
-    folders are moved when robots are collected, as ``folder/*/rest``.
-
-    Args:
-        name: as the URDF has it.
-        folders: where it may be.
-        anywhere: whether it may also lie outside them: an absolute path, or one that leads out.
+    ``package://p/rest`` is looked for as ``folder/p/rest``, as ``folder/rest`` and, because folders
+    are moved when robots are collected, as ``folder/*/rest``. Unless `anywhere` it must lie inside
+    them: no absolute path, and none that leads out.
     """
     try:
         return _find(name, folders, anywhere)
@@ -358,17 +351,10 @@ def _link_places(source: pin.Model) -> dict[str, pin.SE3]:
 def _stand_ins(
     mechanism: Mechanism, places: dict[str, pin.SE3], links: Sequence[str], radius: float
 ) -> list[tuple[str, np.ndarray, Form]]:
-    """Capsules from each of `links` to the links that it carries and to the ends of loops on it, or
-    to its centre of mass.
+    """Link, place of its middle (z along it) and form of capsules from each of `links`.
 
-    Args:
-        mechanism: whose links they are.
-        places: of all links' frames, at zero.
-        links: that have a stand-in.
-        radius: of the capsules [m].
-
-    Returns:
-        For each: link, place of its middle there (z along it), form; a ball at the link's frame.
+    To the links that it carries and to the ends of loops on it, or to its centre of mass; a ball at
+    the link's frame. `places` of all frames, at zero; `radius` [m].
     """
     robot = mechanism.description.declared.robot
     origins = {

@@ -153,20 +153,12 @@ def numbers(
     default: str | None = None,
     infinite: bool = False,
 ) -> list[float]:
-    """So many numbers of an attribute, which must be there if it has no `default`.
+    """`count` numbers of an attribute `key`, which must be there if it has no `default`.
 
     Of a mass that Python reads and other programs do not, such as ``4_35``, Pinocchio makes 0
-    without a word. In the element the numbers are then separated by single
-    spaces: of a mass with a space behind it it makes 0, too, and it does not read vectors with
-    tabs or line ends in them.
-
-    Args:
-        element: which has the attribute.
-        key: its name.
-        what: they are, for messages.
-        count: how many.
-        default: text that is read instead.
-        infinite: whether they may be.
+    without a word. In the element the numbers are then separated by single spaces: of a mass with a
+    space behind it it makes 0, too, and it does not read vectors with tabs or line ends in them.
+    `what` they are called in messages; whether they may be `infinite`.
 
     Raises:
         JointplayError: they are not so many finite numbers.

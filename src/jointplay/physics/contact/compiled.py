@@ -35,12 +35,9 @@ def parameter_names(function: Callable[..., Any], state: tuple[str, ...]) -> tup
 
 
 def check_signature(function: Callable[..., Any], state: tuple[str, ...], writes: bool) -> None:
-    """Refuse a function that is no law: one with other arguments than these.
+    """Refuse a function that is no law: one whose first arguments are not those of `state`.
 
-    Args:
-        function: the law.
-        state: names of the arguments that the time loop gives.
-        writes: whether one that takes an array also takes ``out`` and writes its answer there.
+    With `writes`, one that takes an array also takes ``out`` and writes its answer there.
 
     Raises:
         JointplayError: it takes other arguments; the message has both.
@@ -84,11 +81,7 @@ def address(law: Law) -> int:
 
 
 def compiled_law(law: Law) -> Any:
-    """Compiled function of the law: its `address`, and `ctypes` to call it from Python.
-
-    Raises:
-        JointplayError: see `address`.
-    """
+    """Compiled function of the law: its `address`, whose errors it has, and `ctypes` for Python."""
     if isinstance(law.function, Absent):
         raise JointplayError(law.function.reason)
     return _compiled(law.function, law.state, law.answers)

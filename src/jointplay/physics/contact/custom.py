@@ -144,10 +144,7 @@ class CustomNormalForce(Custom, NormalForceLaw):
 
 @dataclass(frozen=True, init=False, repr=False)
 class CustomFriction(Custom, FrictionLaw):
-    """A user's own friction law ``f(speed, ...)`` returning the friction coefficient.
-
-    See `CustomNormalForce`.
-    """
+    """A user's own law ``f(speed, ...)`` of the friction coefficient; see `CustomNormalForce`."""
 
     name = "custom"
     formula = r"\mu = f(|v_t|)"

@@ -89,12 +89,7 @@ class FilmLaw(Law):
         return film.clearance, film.radius, film.length, self.viscosity
 
     def warnings(self, film: FilmProperties, *, thinnest: float) -> list[str]:
-        """Say, in one line each, in what a run left the law's range of validity.
-
-        Args:
-            film: the film the law was used for.
-            thinnest: smallest gap of the run [m].
-        """
+        """In what a run with a gap of `thinnest` [m] left the range of validity, a line each."""
         lines = []
         slenderness = film.length / (2.0 * film.radius)
         low, high = self.slenderness

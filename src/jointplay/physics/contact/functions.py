@@ -32,10 +32,7 @@ _showing: ContextVar[bool] = ContextVar("showing", default=False)
 
 @dataclass(frozen=True)
 class Absent:
-    """A law's function that a result names and that is not at hand.
-
-    Its text can be shown; it is never run.
-    """
+    """A law's function that a result names and that is not at hand: to be shown, never run."""
 
     path: str
     """``module:function``."""
@@ -142,11 +139,7 @@ class OfFunction(Described):
     function: Any
 
     def _keep_function(self, function: Any) -> None:
-        """Keep a function, without numba's wrapping, if its arguments are right.
-
-        Raises:
-            JointplayError: it is no function, or takes other arguments than it should.
-        """
+        """Keep a function, without numba's wrapping; refuse one that takes other arguments."""
         function = getattr(function, "py_func", function)
         if not isinstance(function, Absent):
             if not callable(function):
@@ -206,11 +199,7 @@ class OfFunction(Described):
         return cls(function=function, **arguments)  # type: ignore[call-arg]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process with the name of the function, as to a file.
-
-        Raises:
-            JointplayError: it would not be found: a lambda, a nested function, one of a prompt.
-        """
+        """Go to another process by the function's name; refuse what it does not find, a lambda."""
         function = self.function
         if not isinstance(function, Absent):
             path, there = path_of(function), None

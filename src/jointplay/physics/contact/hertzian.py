@@ -84,13 +84,8 @@ def elastic_limits(
 ) -> list[str]:
     """Say in what a contact is too wide for its theory or no longer elastic, a line each.
 
-    Args:
-        law: its name.
-        contact: where it was used.
-        depth: deepest penetration [m].
-        extent: what its width is called, and this [m].
-        pressure: its peak pressure [Pa].
-        yields: peak pressure over yield strength at first yield.
+    At the deepest penetration [m]: `extent`, what the contact's width is called, and this [m]; peak
+    `pressure` [Pa]; `yields`, peak pressure over yield strength at first yield.
     """
     lines, (word, size) = [], extent
     if size > CONTACT_WIDTH_LIMIT * contact.journal_radius:

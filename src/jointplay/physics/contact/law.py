@@ -136,23 +136,13 @@ class NormalForceLaw(Law):
         """Parameters of `function` for one contact, at most `MAX_PARAMETERS` of them."""
 
     def effective_restitution(self, restitution: float) -> float | None:
-        """Restitution of a single free impact; None if it has no closed form in c_e alone.
-
-        Args:
-            restitution: the nominal one, c_e.
-        """
+        """Restitution of a free impact at the nominal c_e; None if not closed in c_e alone."""
         return None
 
     def warnings(
         self, contact: ContactProperties, *, max_depth: float, max_speed: float
     ) -> list[str]:
-        """Say, in one line each, in what a run left the law's range of validity.
-
-        Args:
-            contact: the contact the law was used in.
-            max_depth: deepest penetration of the run [m].
-            max_speed: fastest approach of the run [m/s].
-        """
+        """In what a run to a depth [m] and approach [m/s] left the valid range, a line each."""
         lines = []
         delivered = self.effective_restitution(contact.restitution)
         # An elastic law (exactly 1) is chosen for that; there is nothing to warn of.

@@ -387,10 +387,8 @@ class Clearance(Described, ABC):
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
         """Whether a journal so displaced touches nothing, to be on the safe side.
 
-        Args:
-            offset: of its centre from where it would be without clearance, shape (3,) [m].
-            lean: how far its tilt moves its farthest point [m].
-            least: room to grant in any case, for rounding [m].
+        Its centre by `offset` (3,) [m] from where it would be without clearance, its farthest point
+        by `lean` [m]; `least` room is granted in any case, for rounding [m].
         """
         form = self.outline.form
         if form == "ball":
@@ -404,14 +402,8 @@ class Clearance(Described, ABC):
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The pose nearest to a given one that the journal could have without clearance.
 
-        Along the axis, what nothing limits stays as it is.
-
-        Args:
-            rotation: of the journal in the bearing frame, shape (3, 3).
-            centre: of the journal in the bearing frame, shape (3,) [m].
-
-        Returns:
-            Rotation (3, 3) and translation (3,) [m].
+        Rotation (3, 3) and centre (3,) [m] in the bearing frame, both ways. Along the axis, what
+        nothing limits stays as it is.
         """
         outline = self.outline
         stays = self.slides() or (outline.form == "cylinder" and not outline.walls)
@@ -487,15 +479,10 @@ class Clearance(Described, ABC):
 
     @classmethod
     def misfit(cls, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What parts a pose from one that the joint could have without clearance.
+        """What parts a pose, (3, 3) and (3,) [m], from one the joint could have if ideal.
 
-        Args:
-            rotation: of the journal in the bearing frame, shape (3, 3).
-            centre: of the journal in the bearing frame, shape (3,) [m].
-
-        Returns:
-            The centre's offset where it is held [m]; the sine of the angle between the axes (2), or
-            all angles (3) [rad] where yaw is held, too.
+        The centre's offset where it is held [m]; the sine of the angle between the axes (2), or all
+        angles (3) [rad] where yaw is held, too.
         """
         offset = centre[[row for row in cls.held() if row < 3]]
         if not cls.holds_axis():
@@ -636,12 +623,7 @@ class SlidingClearance(Clearance):
         return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
 
     def contact(self, stiffness: float, **geometry: float) -> ContactProperties:
-        """Properties of a contact with this Hertz stiffness [N/m^1.5], of the joint's materials.
-
-        Args:
-            stiffness: k of eq. 11 [N/m^1.5].
-            geometry: what else is known of `ContactProperties`.
-        """
+        """Properties of a contact of the joint's materials, with Hertz's k of eq. 11 [N/m^1.5]."""
         materials = self.bearing_material, self.journal_material
         strengths = [m.yield_strength for m in materials if m.yield_strength is not None]
         return ContactProperties(
@@ -783,12 +765,7 @@ class RoundClearance(SlidingClearance):
         return self.round_contact()
 
     def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
-        """Properties of a contact of the journal in its bearing.
-
-        Args:
-            stiffness: Hertz's [N/m^1.5]; None takes the joint's.
-            lengths: what `ContactProperties` has of lengths [m].
-        """
+        """Properties of a contact of the journal in its bearing, by default of the joint's k."""
         return self.contact(
             stiffness or self.hertz_stiffness,
             bearing_radius=self.ri,

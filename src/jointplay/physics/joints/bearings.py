@@ -22,7 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, NoReturn, Self
 
 import numpy as np
 
@@ -247,11 +247,6 @@ class RollingBearing(WholeLawJoint):
     def rooms_of_rows(self) -> tuple[tuple[float, float], ...]:
         """Place h along the axis and y_0 of each row [m]; see `contact.rolling`."""
 
-    @property
-    @abstractmethod
-    def estimates(self) -> dict[str, str]:
-        """What is estimated, by field: value and how."""
-
     def __post_init__(self) -> None:
         check_fields(self)
         if self.seat is not None:
@@ -266,42 +261,60 @@ class RollingBearing(WholeLawJoint):
                     f"{next(iter(catalogue()[self.section]))!r}",
                     where=(name,),
                 )
+        sizes = self.d_bore, self.d_outside, self.d_pitch, 0.5 * (self.d_outside - self.d_bore)
+        bore, outside, pitch, room = (readable(one, "m") for one in sizes)
         if self.d_outside <= self.d_bore:
-            raise JointplayError(
-                f"outside diameter {readable(self.d_outside, 'm')} must exceed the bore "
-                f"{readable(self.d_bore, 'm')}",
-                where=("outside_diameter",),
-            )
+            refuse("outside_diameter", f"outside diameter {outside} must exceed the bore {bore}")
         if not self.d_bore < self.d_pitch < self.d_outside:
-            raise JointplayError(
-                f"pitch diameter {readable(self.d_pitch, 'm')} must lie between the bore "
-                f"{readable(self.d_bore, 'm')} and the outside diameter "
-                f"{readable(self.d_outside, 'm')}",
-                where=("pitch_diameter",),
-            )
-        room = 0.5 * (self.d_outside - self.d_bore)
-        if self.d_element >= room:
-            raise JointplayError(
-                f"elements of {readable(self.d_element, 'm')} do not fit between bore and outside "
-                f"diameter, {readable(room, 'm')} apart",
-                where=("element_diameter",),
-            )
+            words = f"between the bore {bore} and the outside diameter {outside}"
+            refuse("pitch_diameter", f"pitch diameter {pitch} must lie {words}")
+        element = f"elements of {readable(self.d_element, 'm')} do not fit"
+        if self.d_element >= sizes[3]:
+            words = f"between bore and outside diameter, {room} apart"
+            refuse("element_diameter", f"{element} {words}")
         if self.count < 3:
-            raise JointplayError(
-                f"a bearing needs at least 3 elements, got {self.count}", where=("elements",)
-            )
+            refuse("elements", f"a bearing needs at least 3 elements, got {self.count}")
         if self.count * self.d_element > math.pi * self.d_pitch:
-            raise JointplayError(
-                f"{self.count} elements of {readable(self.d_element, 'm')} do not fit on a pitch "
-                f"circle of {readable(self.d_pitch, 'm')}",
-                where=("elements",),
-            )
+            refuse("elements", f"{self.count} {element} on a pitch circle of {pitch}")
         self.bought_clearance  # noqa: B018 - classes that the bore does not have are refused
         self.rooms_of_rows  # noqa: B018
 
     # Dimensions: given, of the catalogue, or estimated.
 
     _needs_width: ClassVar[bool] = False
+    _filling: ClassVar[float]
+    """Part of the pitch circle that elements fill."""
+    _diameter_source: ClassVar[str]
+    """What the diameter of elements is estimated from, in words."""
+
+    @property
+    def estimates(self) -> dict[str, str]:
+        """What is estimated, by field: value and how."""
+        entry, said = self._entry, {}
+        filled = f"{100 * self._filling:g} % of the pitch circle filled"
+        if self.element_diameter is None and "ball_diameter" not in entry:
+            said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {self._diameter_source}"
+        if self.elements is None and "balls" not in entry:
+            said["elements"] = f"{self.count}: {filled}"
+        if self.pitch_diameter is None:
+            said["pitch_diameter"] = f"{1e3 * self.d_pitch:.4g} mm: mean of bore and outside"
+        if self._by_class:
+            low, high = (2e6 * end for end in self.class_range())
+            said["radial_clearance"] = (
+                f"{1e6 * self.bought_clearance:.3g} um: middle of {self.class_name}, "
+                f"{low:g} to {high:g} um full travel"
+            )
+        if self.drag_torque is None:
+            said["drag_torque"] = f"{1e3 * self.drag:.3g} N mm: grease, low speed"
+        for listed, value in zip(("dynamic", "static"), self.ratings(), strict=True):
+            if getattr(self, f"{listed}_rating") is None and listed not in entry:
+                said[f"{listed}_rating"] = f"{1e-3 * value:.3g} kN: from the elements"
+        return said
+
+    @property
+    def _by_class(self) -> bool:
+        """Whether the clearance is that of a class."""
+        return self.radial_clearance is None
 
     @cached_property
     def _words(self) -> tuple[str, str | None]:
@@ -347,6 +360,13 @@ class RollingBearing(WholeLawJoint):
     def d_pitch(self) -> float:
         """d_m [m]."""
         return self._dimension("pitch_diameter") or 0.5 * (self.d_bore + self.d_outside)
+
+    alpha: ClassVar[float]
+    """Nominal contact angle [rad]."""
+
+    @property
+    def _gamma(self) -> float:
+        return self.d_element * math.cos(self.alpha) / self.d_pitch
 
     @property
     def d_element(self) -> float:
@@ -473,14 +493,12 @@ class RollingBearing(WholeLawJoint):
     @property
     def reach(self) -> float:
         """r_i - r_o of balls, C_r of rollers; see `contact.rolling` [m]."""
-        reach: float = self._numbers["reach"]
-        return reach
+        return float(self._numbers["reach"])
 
     @property
     def cage_ratio(self) -> float:
         """Turn of the cage over that of the inner ring."""
-        ratio: float = self._numbers["ratio"]
-        return ratio
+        return float(self._numbers["ratio"])
 
     @cached_property
     def resultant(self) -> tuple[float, ...]:
@@ -541,6 +559,8 @@ class RollingBearing(WholeLawJoint):
             raise JointplayError(
                 f"a bearing bears no moment about its axis, got {given[5]:g} N m", where=("moment",)
             )
+        import pinocchio as pin  # not needed to check a scenario
+
         turn = self.cage_angle if cage is None else cage
         lever = 0.5 * self.d_pitch
         weight = np.array([1.0, 1.0, 1.0, 1.0 / lever, 1.0 / lever])
@@ -554,7 +574,7 @@ class RollingBearing(WholeLawJoint):
         for _ in range(_MOST_TRIALS):
             error = float(np.linalg.norm(left))
             if error <= _BALANCED * size + _ROUNDING * float(state.loads.sum()):
-                return np.concatenate([centre, _rotation_vector(axes)])
+                return np.concatenate([centre, pin.log3(axes)])
             matrix = scale @ self._tangent(centre, axes, turn, depth)[:5, :5] @ scale
             stiff = float(np.abs(np.diag(matrix)).max())
             stiff = max(stiff, size / depth)
@@ -662,12 +682,10 @@ class RollingBearing(WholeLawJoint):
 
     def ratings(self) -> tuple[float, float]:
         """C and C_0 of one row: given, the catalogue's, or estimated [N]."""
-        listed = self._entry
+        listed, (dynamic, static) = self._entry, self._estimated_ratings()
         return (
-            self.dynamic_rating
-            or float(listed.get("dynamic", 0.0))
-            or self._estimated_ratings()[0],
-            self.static_rating or float(listed.get("static", 0.0)) or self._estimated_ratings()[1],
+            self.dynamic_rating or float(listed.get("dynamic", dynamic)),
+            self.static_rating or float(listed.get("static", static)),
         )
 
     @abstractmethod
@@ -675,23 +693,34 @@ class RollingBearing(WholeLawJoint):
         """C and C_0 of one row by the geometry [N]."""
 
     def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
-        """Basic reference rating life L10 at lasting element loads, in revolutions.
+        """Basic reference rating life L10 at lasting element loads (rows * Z,) [N], in revolutions.
 
-        Args:
-            loads: of each element, row by row, shape (rows * Z,) [N].
-            outer_turns: the outer ring turns against the load, not the inner one.
+        `outer_turns`: the outer ring turns against the load, not the inner one.
         """
         used = float(self.damage_of_turn(np.asarray(loads, float).reshape(1, -1), outer_turns)[0])
         return math.inf if used == 0.0 else 1.0 / used
 
-    @abstractmethod
-    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
-        """Part of the life L10 that one revolution takes at element loads, shape (n,).
+    _life: ClassVar[tuple[tuple[float, float], float, float, float, float]]
+    """Of ISO/TS 16281, with the dynamic rating as unit: loads that the inner and the outer raceway
+    bear, the factor between them, exponents of the mean load and of the life, Weibull's slope."""
 
-        Args:
-            loads: of each element, row by row, shape (n, rows * Z) [N].
-            outer_turns: the outer ring turns against the load, not the inner one.
+    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
+        """Parts (n,) of the life L10 that a revolution takes at element loads (n, rows * Z) [N].
+
+        `outer_turns`: see `life`.
         """
+        loads = np.asarray(loads, float).reshape(-1, len(self.rooms_of_rows), self.count)
+        shares, factor, mean, life, slope = self._life
+        inner, outer = (
+            self.ratings()[0] * share * (1.0 + factor**power) ** (1.0 / life)
+            for share, power in zip(shares, (life, -life), strict=True)
+        )
+        turning, standing = (np.mean(loads**one, axis=2) ** (1.0 / one) for one in (mean, life))
+        on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
+        used = (on_inner / inner) ** life + (on_outer / outer) ** life
+        # Rings and rows: a product of probabilities.
+        whole: np.ndarray = 1e-6 * np.sum(used, axis=1) ** (1.0 / slope)
+        return whole
 
     # What the package asks of a joint.
 
@@ -712,12 +741,10 @@ class RollingBearing(WholeLawJoint):
     @property
     def rated_load(self) -> float:
         """Of the element that bears most, at the static rating [N] (ISO 76)."""
-        return self._most_loaded * self.ratings()[1] / self.count
+        return self._most / math.cos(self.alpha) * self.ratings()[1] / self.count
 
-    @property
-    @abstractmethod
-    def _most_loaded(self) -> float:
-        """Q Z / F of the element that bears most, under a load across."""
+    _most: ClassVar[float]
+    """Q Z cos(alpha) / F of the element that bears most, under a load across."""
 
     def contact_properties(self, contact: int) -> ContactProperties:
         return ContactProperties(self.stiffness_of_element, 1.0)
@@ -858,18 +885,15 @@ _MOST_TRIALS, _BALANCED, _ROUNDING = 600, 1e-8, 1e-14
 
 
 def _rotation(vector: np.ndarray) -> np.ndarray:
-    """Rotation matrix of a rotation vector."""
     import pinocchio as pin  # not needed to check a scenario
 
     matrix: np.ndarray = pin.exp3(np.asarray(vector, float))
     return matrix
 
 
-def _rotation_vector(matrix: np.ndarray) -> np.ndarray:
-    import pinocchio as pin
-
-    vector: np.ndarray = pin.log3(matrix)
-    return vector
+def refuse(field: str, words: str) -> NoReturn:
+    """Raise an error at a field."""
+    raise JointplayError(words, where=(field,))
 
 
 def point_contact_stiffness(
@@ -917,6 +941,7 @@ class BallBearing(RollingBearing):
     kind: ClassVar[str] = "ball-bearing"
     roller_elements: ClassVar[bool] = False
     _normal_class: ClassVar[str] = "CN"
+    _most: ClassVar[float] = 5.0
 
     arrangement: str | None = choice("arrangement", ARRANGEMENTS, default=None)
     """``single``, or a pair: ``DB`` back to back, ``DF`` face to face, ``DT`` in tandem. None takes
@@ -936,27 +961,19 @@ class BallBearing(RollingBearing):
         for name in ("inner_groove", "outer_groove"):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and 0.5 < value < 1.0):
-                raise JointplayError(
-                    f"{name.replace('_', ' ')} must lie between 0.5 and 1 ball diameters, got "
-                    f"{value!r}",
-                    where=(name,),
-                )
+                words = f"must lie between 0.5 and 1 ball diameters, got {value!r}"
+                refuse(name, f"{name.replace('_', ' ')} {words}")
         super().__post_init__()
         if self.alpha >= math.pi / 2:
-            raise JointplayError(
-                f"contact angle {self.alpha:g} rad must be below a right angle",
-                where=("contact_angle",),
-            )
+            words = f"contact angle {self.alpha:g} rad must be below a right angle"
+            refuse("contact_angle", words)
         if self.preload is not None and (self.pairing == "single" or self.alpha == 0.0):
-            raise JointplayError(
-                "a preload is that of a pair of angular contact bearings: give an arrangement "
-                "(DB, DF) and a contact angle, or a negative radial clearance",
-                where=("preload",),
+            words = (
+                "give an arrangement (DB, DF) and a contact angle, or a negative radial clearance"
             )
+            refuse("preload", f"a preload is that of a pair of angular contact bearings: {words}")
         if self.preload is not None and self.pairing == "DT":
-            raise JointplayError(
-                "bearings in tandem do not preload each other; take DB or DF", where=("preload",)
-            )
+            refuse("preload", "bearings in tandem do not preload each other; take DB or DF")
 
     @property
     def section(self) -> str:  # type: ignore[override]
@@ -975,8 +992,7 @@ class BallBearing(RollingBearing):
         return self.arrangement or (said[0] if said else "single")
 
     @cached_property
-    def alpha(self) -> float:
-        """Nominal contact angle [rad]."""
+    def alpha(self) -> float:  # type: ignore[override]
         if self.contact_angle is not None:
             return self.contact_angle
         return math.radians(float(self._entry.get("contact_angle", 0.0)))
@@ -993,8 +1009,7 @@ class BallBearing(RollingBearing):
         return BALL_SHARE * (self.d_outside - self.d_bore)
 
     @property
-    def _filling(self) -> float:
-        """Part of the pitch circle that balls fill."""
+    def _filling(self) -> float:  # type: ignore[override]
         return ANGULAR_FILLING if self.alpha > 0.0 else FILLING
 
     @property
@@ -1005,31 +1020,14 @@ class BallBearing(RollingBearing):
         return int(self._entry.get("balls", round(filled)))
 
     @property
-    def estimates(self) -> dict[str, str]:
-        said, entry = {}, self._entry
-        if self.element_diameter is None and "ball_diameter" not in entry:
-            how = f"{BALL_SHARE:g} of outside less bore"
-            if "static" in entry:
-                how = f"static rating, {100 * self._filling:g} % of the pitch circle filled"
-            said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {how}"
-        if self.elements is None and "balls" not in entry:
-            said["elements"] = f"{self.count}: {self._filling:g} of the pitch circle filled"
-        if self.pitch_diameter is None:
-            said["pitch_diameter"] = f"{1e3 * self.d_pitch:.4g} mm: mean of bore and outside"
-        if self.radial_clearance is None and self.preload is None:
-            low, high = (2e6 * end for end in self.class_range())
-            said["radial_clearance"] = (
-                f"{1e6 * self.bought_clearance:.3g} um: middle of {self.class_name}, "
-                f"{low:g} to {high:g} um full travel"
-            )
-        if self.drag_torque is None:
-            said["drag_torque"] = f"{1e3 * self.drag:.3g} N mm: grease, low speed"
-        for name, listed, value in zip(
-            ("dynamic_rating", "static_rating"), ("dynamic", "static"), self.ratings(), strict=True
-        ):
-            if getattr(self, name) is None and listed not in entry:
-                said[name] = f"{1e-3 * value:.3g} kN: from Z and D"
-        return said
+    def _diameter_source(self) -> str:  # type: ignore[override]
+        return (
+            "static rating" if "static" in self._entry else f"{BALL_SHARE:g} of outside less bore"
+        )
+
+    @property
+    def _by_class(self) -> bool:
+        return super()._by_class and self.preload is None
 
     @property
     def _class_size(self) -> float:
@@ -1121,14 +1119,6 @@ class BallBearing(RollingBearing):
         return tuple((side * half, way * up) for side, way in zip((1.0, -1.0), ways, strict=True))
 
     @property
-    def _gamma(self) -> float:
-        return self.d_element * math.cos(self.alpha) / self.d_pitch
-
-    @property
-    def _most_loaded(self) -> float:
-        return 5.0 / math.cos(self.alpha)
-
-    @property
     def _numbers(self) -> dict[str, Any]:
         reach = self.distance * math.cos(self.alpha)
         if self.alpha == 0.0:
@@ -1168,21 +1158,12 @@ class BallBearing(RollingBearing):
         dynamic = factor * math.cos(self.alpha) ** 0.7 * z ** (2.0 / 3.0) * d**1.8
         return dynamic, STATIC_FACTOR * z * d * d * math.cos(self.alpha)
 
-    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
-        """See `RollingBearing.damage_of_turn`; ISO/TS 16281, equations 19 to 29."""
-        loads = np.asarray(loads, float).reshape(-1, len(self.rooms_of_rows), self.count)
-        c, z = self.ratings()[0], self.count
-        factor, cosine = self._life_factor(1.044), math.cos(self.alpha) ** 0.7
-        inner = c / (0.407 * z * cosine) * (1.0 + factor ** (10.0 / 3.0)) ** 0.3
-        outer = c / (0.389 * z * cosine) * (1.0 + factor ** (-10.0 / 3.0)) ** 0.3
-        turning, standing = (
-            np.mean(loads**power, axis=2) ** (1.0 / power) for power in (3.0, 10.0 / 3.0)
-        )
-        on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
-        used = (on_inner / inner) ** (10.0 / 3.0) + (on_outer / outer) ** (10.0 / 3.0)
-        # Rows: a product of probabilities, (sum)^(-9/10) as for rings.
-        whole: np.ndarray = 1e-6 * np.sum(used, axis=1) ** 0.9
-        return whole
+    @property
+    def _life(self) -> tuple[tuple[float, float], float, float, float, float]:  # type: ignore[override]
+        """Equations 19 to 29."""
+        unit = self.count * math.cos(self.alpha) ** 0.7
+        shares = 1.0 / (0.407 * unit), 1.0 / (0.389 * unit)
+        return shares, self._life_factor(1.044), 3.0, 10.0 / 3.0, 10.0 / 9.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -1201,7 +1182,11 @@ class CrossedRollerBearing(RollingBearing):
     kind: ClassVar[str] = "crossed-roller-bearing"
     roller_elements: ClassVar[bool] = True
     section: ClassVar[str] = "crossed_roller"
+    alpha: ClassVar[float] = math.pi / 4.0
+    rooms_of_rows: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 0.0),)
     _normal_class: ClassVar[str] = "C0"
+    _filling: ClassVar[float] = ROLLER_FILLING
+    _most: ClassVar[float] = 4.08
 
     roller_length: float | None = quantity("m", default=None, above=0.0, words="roller length")
     """L [m]; None takes 0.9 of the diameter."""
@@ -1209,16 +1194,12 @@ class CrossedRollerBearing(RollingBearing):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.count % 2:
-            raise JointplayError(
-                f"crossed rollers alternate, so their number must be even, got {self.count}",
-                where=("elements",),
-            )
+            words = f"so their number must be even, got {self.count}"
+            refuse("elements", f"crossed rollers alternate, {words}")
         if self.length > self.d_element:
-            raise JointplayError(
-                f"crossed rollers are no longer than wide: length {readable(self.length, 'm')}, "
-                f"diameter {readable(self.d_element, 'm')}",
-                where=("roller_length",),
-            )
+            length, wide = (readable(one, "m") for one in (self.length, self.d_element))
+            words = f"length {length}, diameter {wide}"
+            refuse("roller_length", f"crossed rollers are no longer than wide: {words}")
 
     @cached_property
     def _estimated_diameter(self) -> float:
@@ -1231,11 +1212,9 @@ class CrossedRollerBearing(RollingBearing):
         pitch = 1e3 * self.d_pitch
 
         def surplus(d: float) -> float:
-            gamma = d * math.cos(math.pi / 4.0) / pitch
-            z = ROLLER_FILLING * math.pi * pitch / d
-            return float(
-                ROLLER_STATIC * (1.0 - gamma) * z * ROLLER_LENGTH * d * d * math.sqrt(0.5) - static
-            )
+            gamma, z = d * math.cos(self.alpha) / pitch, ROLLER_FILLING * math.pi * pitch / d
+            size = z * ROLLER_LENGTH * d * d * math.sqrt(0.5)
+            return float(ROLLER_STATIC * (1.0 - gamma) * size - static)
 
         most = 1e3 * 0.499 * (self.d_outside - self.d_bore)
         return 1e-3 * float(brentq(surplus, 1e-3, most)) if surplus(most) > 0.0 else 1e-3 * most
@@ -1253,51 +1232,22 @@ class CrossedRollerBearing(RollingBearing):
 
     @property
     def estimates(self) -> dict[str, str]:
-        said = {}
-        if self.element_diameter is None:
-            how = (
-                f"the static rating, {100 * ROLLER_FILLING:g} % filled"
-                if self.static_rating or "static" in self._entry
-                else "0.3 of outside less bore"
-            )
-            said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {how}"
-        if self.elements is None:
-            said["elements"] = (
-                f"{self.count}: {100 * ROLLER_FILLING:g} % of the pitch circle filled"
-            )
-        if self.roller_length is None:
-            said["roller_length"] = f"{1e3 * self.length:.3g} mm: {ROLLER_LENGTH:g} of the diameter"
-        if self.radial_clearance is None:
-            low, high = (2e6 * end for end in self.class_range())
-            said["radial_clearance"] = (
-                f"{1e6 * self.bought_clearance:.3g} um: middle of {self.class_name}, "
-                f"{low:g} to {high:g} um full travel"
-            )
-        if self.drag_torque is None:
-            said["drag_torque"] = f"{1e3 * self.drag:.3g} N mm: grease, low speed"
-        return said
+        length = f"{1e3 * self.length:.3g} mm: {ROLLER_LENGTH:g} of the diameter"
+        return super().estimates | ({} if self.roller_length else {"roller_length": length})
+
+    @property
+    def _diameter_source(self) -> str:  # type: ignore[override]
+        known = self.static_rating or "static" in self._entry
+        return "static rating" if known else "0.3 of outside less bore"
 
     @property
     def _class_size(self) -> float:
         return self.d_pitch
 
     @property
-    def _most_loaded(self) -> float:
-        return 4.08 / math.cos(math.pi / 4.0)
-
-    @property
-    def rooms_of_rows(self) -> tuple[tuple[float, float], ...]:
-        return ((0.0, 0.0),)
-
-    @property
     def _numbers(self) -> dict[str, Any]:
-        gamma = self.d_element * math.cos(math.pi / 4.0) / self.d_pitch
-        return {
-            "radius": 0.5 * self.d_pitch,
-            "reach": self.cr,
-            "distance": 0.0,
-            "ratio": 0.5 * (1.0 - gamma),
-        }
+        ratio = 0.5 * (1.0 - self._gamma)
+        return {"radius": 0.5 * self.d_pitch, "reach": self.cr, "distance": 0.0, "ratio": ratio}
 
     def _hertz(self) -> float:
         """35948 L^(8/9) N/mm^(10/9), of steel (ISO/TS 16281); of other moduli in proportion."""
@@ -1307,20 +1257,13 @@ class CrossedRollerBearing(RollingBearing):
 
     def _estimated_ratings(self) -> tuple[float, float]:
         """C_0 by ISO 76; C is three quarters of it, as of the makers' smaller sizes."""
-        gamma = self.d_element * math.cos(math.pi / 4.0) / self.d_pitch
         size = 1e6 * self.count * self.length * self.d_element
-        static = ROLLER_STATIC * (1.0 - gamma) * size * math.sqrt(0.5)
+        static = ROLLER_STATIC * (1.0 - self._gamma) * size * math.sqrt(0.5)
         return 0.75 * static, static
 
-    def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
-        """See `RollingBearing.damage_of_turn`; ISO/TS 16281 for radial rollers, one slice each."""
-        loads, c, z = np.asarray(loads, float), self.ratings()[0], self.count
-        gamma = self.d_element * math.cos(math.pi / 4.0) / self.d_pitch
-        factor = 1.038 * ((1.0 - gamma) / (1.0 + gamma)) ** (143.0 / 108.0)
-        share = c / (0.83 * z * math.cos(math.pi / 4.0))
-        inner = share / 0.378 * (1.0 + factor**4.5) ** (2.0 / 9.0)
-        outer = share / 0.364 * (1.0 + factor**-4.5) ** (2.0 / 9.0)
-        turning, standing = (np.mean(loads**power, axis=1) ** (1.0 / power) for power in (4.0, 4.5))
-        on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
-        used: np.ndarray = (on_inner / inner) ** 4.5 + (on_outer / outer) ** 4.5
-        return 1e-6 * used ** (8.0 / 9.0)
+    @property
+    def _life(self) -> tuple[tuple[float, float], float, float, float, float]:  # type: ignore[override]
+        """As of radial rollers, one slice each."""
+        factor = 1.038 * ((1.0 - self._gamma) / (1.0 + self._gamma)) ** (143.0 / 108.0)
+        unit = 0.83 * self.count * math.cos(self.alpha)
+        return (1.0 / (0.378 * unit), 1.0 / (0.364 * unit)), factor, 4.0, 4.5, 9.0 / 8.0

@@ -226,12 +226,10 @@ class CompliantMount(_Held):
 def hinge_of_beam(
     stiffness: np.ndarray, damping_time: float, locked: tuple[str, ...]
 ) -> CompliantMount:
-    """What holds two pieces of a flexible link together, z along the beam.
+    """What holds two pieces of a flexible link together, z along the beam; see `CompliantMount`.
 
-    Args:
-        stiffness: along x, y, z [N/m] and about them [N m/rad], shape (6,).
-        damping_time: damping over stiffness [s].
-        locked: see `CompliantMount`.
+    Stiffness (6,) along x, y, z [N/m] and about them [N m/rad]; `damping_time` is damping over
+    stiffness [s].
     """
     springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
     return CompliantMount(elasticity=springs, locked=locked)

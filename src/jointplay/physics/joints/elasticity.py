@@ -117,14 +117,9 @@ class Elasticity(Described):
         return [row for row in range(6) if self.stiffness[row].any()]
 
     def displacements(self, loads: np.ndarray) -> np.ndarray:
-        """By how much it gives way at its first stiffness.
+        """Displacements [m] and rotations [rad] (n, 6) under forces [N], moments [N m] (n, 6).
 
-        Args:
-            loads: forces [N] and moments [N m], in its axes, (n, 6); what acts in the direction
-                that is free has no effect.
-
-        Returns:
-            Displacements [m] and rotations [rad], (n, 6).
+        In its axes, at its first stiffness; what acts in the direction that is free has no effect.
         """
         given, held = np.zeros_like(loads), self.held
         given[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T

@@ -52,11 +52,9 @@ def materials(aliases: bool = False) -> list[str]:
 
 
 def material(name: str) -> Material:
-    """Return a material by name: typical E, nu and density at room temperature.
+    """A material such as ``phosphor-bronze``: typical E, nu and density at room temperature.
 
-    Args:
-        name: such as ``steel`` or ``phosphor-bronze``; capitals do not matter, nor whether words
-            are parted by a space, a hyphen or an underscore.
+    Capitals do not matter, nor whether words are parted by a space, a hyphen or an underscore.
 
     Raises:
         MissingName: no such material; the message lists those there are.
@@ -98,11 +96,7 @@ def wear_pairs() -> list[tuple[str, str]]:
 
 
 def wear_pair(worn: str, counterface: str) -> WearPair:
-    """Return the Archard coefficients of a pair, an order of magnitude.
-
-    Args:
-        worn: the body that wears.
-        counterface: the body it slides on.
+    """Archard coefficients of what wears and what it slides on, an order of magnitude.
 
     Raises:
         MissingName: no such pair; the message lists those there are.
@@ -173,11 +167,7 @@ class Oil:
         return self.density_40 * (1.0 - self.expansion * (celsius - 40.0))
 
     def viscosity(self, celsius: float) -> float:
-        """Return the dynamic viscosity eta = rho nu at a temperature [Pa s].
-
-        Raises:
-            JointplayError: see `kinematic_viscosity`.
-        """
+        """Dynamic viscosity eta = rho nu [Pa s]; errors as of `kinematic_viscosity`."""
         return self.density(celsius) * self.kinematic_viscosity(celsius)
 
 

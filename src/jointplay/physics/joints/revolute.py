@@ -160,10 +160,7 @@ class RevoluteClearance(RoundClearance):
 
     @classmethod
     def planar(cls, **fields: object) -> RevoluteClearance:
-        """The literature's classic: tilt and axial motion locked, one radial contact.
-
-        `fields` are those of the joint but for the two locks.
-        """
+        """The literature's classic: tilt and axial motion locked, one radial contact."""
         return cls(lock_tilt=True, lock_axial=True, **fields)  # type: ignore[arg-type]
 
     @property

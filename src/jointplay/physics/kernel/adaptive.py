@@ -353,10 +353,7 @@ def _keep_row(run):
 
 @internal
 def _write_due_records(run, start, h, due):
-    """Write the records from step `due` on that lie in the micro step from `start`.
-
-    Returns the step that is due next.
-    """
+    """Write the records from step `due` on in the micro step from `start`; which is due next."""
     end = start + h
     fill_row(run, run.row_after)
     while due < run.step + run.macro and due * run.dt < end - 1e-6 * run.dt:

@@ -101,10 +101,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
 
 @internal
 def add_film_forces(run, joint, lag):
-    """Add the film's forces at the joint's twist to its wrench.
-
-    With `lag` the force is that of an explicit step.
-    """
+    """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
     wrench, film = joint.wrench, joint.film_wrench
     for r in range(6):
         film[r] = 0.0

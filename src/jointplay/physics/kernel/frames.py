@@ -87,10 +87,7 @@ def pose_of_virtual_link(q, joint):
 
 @internal
 def _world_pose(rotation, translation, placement):
-    """World orientation (9, row by row) and place (3) of a placement in a joint's frame.
-
-    Pinocchio's rotations are stored column by column.
-    """
+    """World orientation (9, row by row) and place (3) of a placement; Pinocchio has columns."""
     r0 = (rotation[0], rotation[3], rotation[6])
     r1 = (rotation[1], rotation[4], rotation[7])
     r2 = (rotation[2], rotation[5], rotation[8])

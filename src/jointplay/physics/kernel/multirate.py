@@ -233,10 +233,7 @@ def _accept_middle(run):
 
 @internal
 def check_prediction(run):
-    """Accept Pinocchio's result, or plan a shorter macro step if it is too far from the prediction.
-
-    Then `refused` is set.
-    """
+    """Accept Pinocchio's result; too far from the prediction, plan a shorter step (`refused`)."""
     if run.nh > 0:
         path = run.path
         project_dynamics(run, path[MIDDLE], path[MIDDLE_SPEED])

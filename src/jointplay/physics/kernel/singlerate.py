@@ -49,10 +49,7 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 
 @internal
 def _evaluate_joint(run, j, q, v, tau, elapsed):
-    """Add the forces of joint j at state (q, v) to tau and its losses to the powers.
-
-    `elapsed` is the time since its bristles were last bent [s].
-    """
+    """Add joint j's forces to tau, its losses to powers; bristles last bent `elapsed` [s] ago."""
     joint = run.joints[j]
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)

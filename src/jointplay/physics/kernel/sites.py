@@ -44,10 +44,7 @@ CarriedFrame = tuple[int, np.ndarray]
 
 @dataclass(frozen=True)
 class LoadSite:
-    """What the kernels know of one load; see `kernel.load`.
-
-    It acts either on coordinates or between two frames.
-    """
+    """What the kernels know of one load (`kernel.load`), on coordinates or between two frames."""
 
     law: int
     """Address of its law."""

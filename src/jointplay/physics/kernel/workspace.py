@@ -344,23 +344,14 @@ class Workspace:
                 joint[f"{part}_placement"] = place
 
     def turn_body(self, coordinate: int, turn: np.ndarray) -> None:
-        """Let the body that a coordinate turns have this orientation in its parent at zero.
-
-        Args:
-            coordinate: index in q.
-            turn: rotation, shape (3, 3).
-        """
+        """Let the body that coordinate (index in q) turns have this orientation (3, 3) at zero."""
         bodies = self._arrays.get("bodies")
         if bodies is not None:
             moved = np.flatnonzero(bodies["coordinate"] == coordinate)
             bodies["turn"][moved[moved > 0]] = turn.ravel()
 
     def set_held_pairs(self, holds: np.ndarray) -> None:
-        """Have the kernels close the loops without clearance; after `place`.
-
-        Args:
-            holds: of `layout.HOLD`.
-        """
+        """Have the kernels close the loops without clearance (`layout.HOLD`); after `place`."""
         self._set(nh=len(holds))
         self._point("holds", holds)
         for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
@@ -454,11 +445,7 @@ class Workspace:
         self._place_records()
 
     def release_records(self) -> np.ndarray:
-        """The records in memory, to be kept elsewhere; the next ones take their place.
-
-        Returns:
-            (n, columns), valid until the next record is written.
-        """
+        """The records in memory (n, columns), valid until the next is written in their place."""
         given = self.record[: self.rows - self.kept_elsewhere]
         self.kept_elsewhere = self.rows
         self._place_records()
