@@ -146,7 +146,8 @@ def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, ref
         assert "--resume continues" in err
         assert "Traceback" not in err
     gone(pids)
-    resume(path, tmp_path / "s")  # by local processes: the store does not mind
+    own = ("--import", path.parent / "own.py")
+    resume(path, tmp_path / "s", *own)  # by local processes: the store does not mind
     same(tmp_path / "s", whole)
 
 

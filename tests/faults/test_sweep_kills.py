@@ -74,10 +74,11 @@ def finished(store):
     return found
 
 
-def resume(path, store):
+def resume(path, store, *more):
     """Go on, and see that no finished case runs again."""
     before = finished(store) if Path(store).is_dir() else {}
-    out, err, status = end(start("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2))
+    words = ("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2, *more)
+    out, err, status = end(start(*words))
     assert status == 0, (out, err)
     cost = jp.open_sweep(store)["cost"].values
     for index, value in before.items():
