@@ -172,20 +172,6 @@ def test_axial_and_tilt_play_grow_as_the_root_of_the_clearance():
 # The law.
 
 
-@pytest.mark.thorough
-@every
-def test_the_two_ways_to_say_the_law_agree(bearing):
-    random = np.random.default_rng(2)
-    size = bearing.search_room
-    for _ in range(20):
-        turn = random.normal(size=3) * 4.0 * size / bearing.d_pitch
-        xi = np.concatenate([random.normal(size=3) * [2 * size, 2 * size, 6 * size], turn])
-        state = bearing.load(xi, cage=random.uniform(0.0, 6.0))
-        delta = (state.loads / bearing.stiffness_of_element) ** (1.0 / bearing.exponent)
-        stored = (state.loads * delta).sum() / (bearing.exponent + 1.0)
-        assert state.energy == pytest.approx(stored, rel=1e-9, abs=1e-15)
-
-
 @every
 @settings(max_examples=25, deadline=None)
 @given(
