@@ -94,10 +94,8 @@ def section(text: str) -> Section:
     if not all(0.0 < one < math.inf for one in sizes):
         raise JointplayError(f"section {text!r}: sizes must be positive", where=("section",))
     if form in ("tube", "box") and not 2.0 * sizes[-1] < min(sizes[:-1]):
-        raise JointplayError(
-            f"section {text!r}: twice the wall must be less than the {form}'s size",
-            where=("section",),
-        )
+        words = f"section {text!r}: twice the wall must be less than the {form}'s size"
+        raise JointplayError(words, where=("section",))
     made: dict[str, Callable[..., Section]] = {"tube": _tube, "rod": _rod, "box": _box, "bar": _bar}
     return made[form](*sizes)
 

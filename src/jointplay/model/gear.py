@@ -345,10 +345,8 @@ def _check_efficiency(efficiency: float, driven: float | None, where: tuple[Any,
             f"efficiency must be above 0 and at most 1, got {efficiency:g}", (*where, "efficiency")
         )
     if driven is not None and not 0.0 <= driven <= 1.0:
-        raise JointplayError(
-            f"back driving efficiency must be from 0 to 1, got {driven:g}",
-            (*where, "back_driving_efficiency"),
-        )
+        words = f"back driving efficiency must be from 0 to 1, got {driven:g}"
+        raise JointplayError(words, (*where, "back_driving_efficiency"))
 
 
 def _back_driving(efficiency: float, given: float | None) -> float:
@@ -598,10 +596,8 @@ class CycloidalGear(_Catalogued):
                 ("error_orders",),
             )
         if len(orders) > GEAR_ORDERS:
-            raise JointplayError(
-                f"a kinematic error has at most {GEAR_ORDERS} orders, got {len(orders)}",
-                ("error_orders",),
-            )
+            words = f"a kinematic error has at most {GEAR_ORDERS} orders, got {len(orders)}"
+            raise JointplayError(words, ("error_orders",))
 
     def _pieces(self) -> list[tuple[float, float]]:
         return [(self.stiffness, math.inf)]

@@ -46,16 +46,12 @@ class Payload(Described):
     def __post_init__(self) -> None:
         check_fields(self)
         if self.release is not None and self.release <= self.pick:
-            raise JointplayError(
-                f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s",
-                where=("release",),
-            )
+            words = f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s"
+            raise JointplayError(words, where=("release",))
         low, middle, high = sorted(self.inertia)
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
-            raise JointplayError(
-                f"no rigid body can have the moments of inertia {self.inertia} kg m^2",
-                where=("inertia",),
-            )
+            why = f"no rigid body can have the moments of inertia {self.inertia} kg m^2"
+            raise JointplayError(why, where=("inertia",))
         if self.mass == 0.0 and high > 0.0:
             raise JointplayError(
                 f"a payload of 0 kg is none, and has no inertia; got {self.inertia} kg m^2",

@@ -580,10 +580,8 @@ class SlidingClearance(Clearance):
             with within("seat"):
                 self.seat.require_free(None)
         if self.seat is None and self.seat_mass is not None:
-            raise JointplayError(
-                f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too",
-                where=("seat_mass",),
-            )
+            words = f"seat_mass {self.seat_mass:g} kg is of a bush in a seat: give the seat, too"
+            raise JointplayError(words, where=("seat_mass",))
         if not 0.0 < self.restitution <= 1.0:
             raise JointplayError(
                 f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)

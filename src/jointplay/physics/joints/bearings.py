@@ -1107,10 +1107,8 @@ class BallBearing(RollingBearing):
         else:
             across = a * math.cos(self.alpha) + clearance
             if across >= a:
-                raise JointplayError(
-                    f"radial clearance {readable(clearance, 'm')} leaves no contact angle",
-                    where=("radial_clearance",),
-                )
+                words = f"radial clearance {readable(clearance, 'm')} leaves no contact angle"
+                raise JointplayError(words, where=("radial_clearance",))
             up = math.sqrt(a * a - across * across)
         if self.pairing == "single":
             return ((0.0, up),)
