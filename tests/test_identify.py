@@ -258,7 +258,7 @@ def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     assert abs(value - 8e-5) < max(half, 0.03 * 8e-5)
     assert half < 0.3 * 8e-5
     checked = verify(replace(simulation, mechanism=found.mechanism), found, runs=3)
-    assert checked.dynamic["tool"] < 0.3 * checked.measured["tool"]
+    assert checked.left["simulated"]["tool"] < 0.3 * checked.left["without_play"]["tool"]
 
 
 JOINTS = {"j": False}

@@ -13,7 +13,6 @@ from test_identify import CLEARANCE, FRICTION, about, arm, planar, seen
 
 from jointplay import JointplayError, Mechanism, Recording, identify
 from jointplay.cli import main
-from jointplay.estimate import measurement
 
 assert arm  # a fixture
 
@@ -190,18 +189,6 @@ def test_vectors_are_read_from_the_messages_that_have_them(tmp_path, kind, signa
         assert found.signals["reaction", "j"] == pytest.approx(np.linalg.norm(rows, axis=1))
     else:
         assert np.array_equal(table(found, signal), rows)
-
-
-@pytest.mark.parametrize("apart", [0.0, 3e-4])
-def test_a_stop_is_found_whether_records_come_in_pairs_or_not(apart):
-    """By the median interval of pairs, 0.3 ms, a stop of half a second was too short to be one."""
-    time = 0.01 * np.arange(300)
-    if apart:
-        time = np.sort(np.concatenate([time, time + apart]))
-    q = np.interp(time, [0.0, 1.0, 1.5, 3.0], [0.0, 1.0, 1.0, 2.5])[:, None]
-    stands = measurement._standing(time, q, np.array([1e-3]))
-    assert time[stands].min() == pytest.approx(1.0, abs=0.02)
-    assert time[stands].max() == pytest.approx(1.5, abs=0.02)
 
 
 def read(tmp_path, topics, sources, names=None):

@@ -7,17 +7,16 @@ Public measurements, read from clones of their repositories; nothing of them is 
     git clone https://github.com/roboninecom/Measuring-Backlash-in-Popular-UART-Servos
     python benchmarks measured --data .
 
-- TIAGo's arm before a Vicon, encoders on both sides of the gears, 21 poses: commit
-  e5f273971bcf3539df6406bfa918ba807736209b, Apache-2.0, CNRS and Toward SAS. (The URDFs beside the
-  data are under CC BY-NC-ND 3.0; example-robot-data's is used instead.)
-- MUKCa, a ball held in sockets by Pandas, a KUKA and Kinovas: commit
-  05a05ab4cbbe328c8f5bfcc76479c752ed07b82e, MIT, platonics.
-- Servos whose lever is pulled by bands: commit 5273b56230f38cae1201103dc30d64b2ceebf3ef; logs under
-  CC BY 4.0, as the table of files in the repository's paper says, B. Kotov, Robonine.
+- TIAGo's arm before a Vicon, encoders on both sides of the gears, 21 poses: CNRS and Toward SAS.
+  (The URDFs beside the data are under CC BY-NC-ND 3.0; example-robot-data's is used instead.)
+- MUKCa, a ball held in sockets by Pandas, a KUKA and Kinovas: platonics.
+- Servos whose lever is pulled by bands: B. Kotov, Robonine; logs under CC BY 4.0, as the table of
+  files in the repository's paper says.
 
-Git directories without work tree will do. A position that was held back counts as explained if it
-lies in the 95 % region that the fit of the others predicts; a state of a servo, if the controller's
-law of the other states gives its duty within two thousandths.
+Commits and licences are in `SOURCES`. Git directories without work tree will do. A position that
+was held back counts as explained if it lies in the 95 % region that the fit of the others predicts;
+a state of a servo, if the controller's law of the other states gives its duty within two
+thousandths.
 """
 
 from __future__ import annotations
@@ -40,6 +39,7 @@ from jointplay.base.tables import Table
 from jointplay.estimate import Calibration, StaticPoses, Term, calibrate, encoder_differences
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors
 from jointplay.model.payload import Payload
+from jointplay.show.plots.design import calibration as picture
 
 PICTURES = DOCS / "images" / "measured"
 
@@ -475,38 +475,19 @@ def servos(repository: Repository, report: Report) -> None:
     report.sets += 1
 
 
-def bars(panel, names: list[str], groups: dict[str, list[float]]) -> None:
-    """Errors [mm] by name, a bar for each of two groups."""
-    place = np.arange(len(names))
-    for shift, (label, sizes) in zip((-0.2, 0.2), groups.items(), strict=True):
-        panel.barh(place + shift, sizes, 0.38, label=label, color=COLOURS[shift > 0])
-    panel.set_yticks(place, names, fontsize=6)
-    panel.invert_yaxis()
-    panel.legend(fontsize=7)
-
-
 def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> None:
     """Held-back errors by model: TIAGo's ladder, and all robots before and after."""
     PICTURES.mkdir(parents=True, exist_ok=True)
-    figure, axes = new_figure(1, 2, 9.0, 3.4)
-    for panel, key in zip(axes[0], ("base, motor", "base, link of arm_6"), strict=True):
-        steps = fits[key].steps
-        names = [one.added.replace("_joint", "") + (" *" if one.kept else "") for one in steps]
-        sizes = [[1e3 * x[0] for x in (one.training, one.held_back)] for one in steps]
-        bars(
-            panel,
-            names,
-            dict(zip(("training", "held back"), zip(*sizes, strict=True), strict=True)),
-        )
-        panel.set_xlabel("position error [mm] (RMS), * kept")
-        panel.set_title(key, fontsize=8)
-    figure.savefig(PICTURES / "tiago.png", dpi=120)
+    picture(fits["base, link of arm_6"]).savefig(PICTURES / "tiago.png", dpi=120)
     figure, (axes,) = new_figure(1, 2, 9.0, 3.6)
-    ends = {
-        "offsets and placements": [1e3 * fit.steps[0].held_back[0] for fit in fits_mukca.values()],
-        "with what was kept": [1e3 * fit.step().held_back[0] for fit in fits_mukca.values()],
-    }
-    bars(axes[0], list(fits_mukca), ends)
+    place, names = np.arange(len(fits_mukca)), list(fits_mukca)
+    for shift, pick, label in (
+        (-0.2, lambda fit: fit.steps[0], "offsets and placements"),
+        (0.2, lambda fit: fit.step(), "with what was kept"),
+    ):
+        sizes = [1e3 * pick(fit).held_back[0] for fit in fits_mukca.values()]
+        axes[0].barh(place + shift, sizes, 0.38, label=label, color=COLOURS[shift > 0])
+    axes[0].legend(fontsize=7)
     ticks = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0]
     axes[0].set(xscale="log", xlim=(0.1, 6.0), xlabel="held-back scatter of the ball [mm] (RMS)")
     axes[0].set_xticks(ticks, [f"{x:g}" for x in ticks])
@@ -518,9 +499,10 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
                              label=f"joint {j + 1}")  # fmt: skip
     handles = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
     axes[1].legend(handles.values(), handles, fontsize=6)
-    axes[1].set_yticks(np.arange(len(fits_mukca)), [])
-    axes[1].invert_yaxis()
     axes[1].set(xscale="log", xlabel="half-play at most [mrad], 95 %")
+    for panel, labels in zip(axes, (names, []), strict=True):
+        panel.set_yticks(place, labels, fontsize=7)
+        panel.invert_yaxis()
     figure.savefig(PICTURES / "mukca.png", dpi=120)
 
 

@@ -60,7 +60,6 @@ class EncoderDifference:
     """What explains the difference of a joint's two encoders, link less motor; SI units."""
 
     joint: str
-    unit: str
     spread: float
     table: dict[str, float]
     """RMS of leave-one-out predictions by model, as causes joined by `` + ``."""
@@ -134,7 +133,9 @@ def table(found: Sequence[EncoderDifference]) -> Table:
     for one in found:
         for name, left in one.table.items():
             note = one.verdict if left == one.left else ""
-            error = Unknown(one.joint, f"left by leaving one out: {name}", one.unit, np.nan)
+            error = Unknown(
+                one.joint, f"left by leaving one out: {name}", one.play.unknown.unit, np.nan
+            )
             rows.append(Estimate(error, left, note=note))
         rows += one.causes if one.play in one.causes else (*one.causes, one.play)
     return data(rows)
@@ -253,10 +254,10 @@ class _Joint:
         units = np.arange(len(self.y))
         kept = grown(first, names, self._extended, units, tried).names
         causes, friction, transition = self._coefficients(kept)
+        spread = float(np.std(self.y))
         return EncoderDifference(
-            self.joint, self.unit, float(np.std(self.y)), table, kept, causes, friction, transition,
-            self._play(kept),
-        )  # fmt: skip
+            self.joint, spread, table, kept, causes, friction, transition, self._play(kept)
+        )
 
     def _coefficients(
         self, names: Sequence[str], widest: float = 1.0

@@ -34,8 +34,6 @@ LEVEL = 0.05
 _LEAST_SPREAD = 0.02
 """Scatter of the logarithm of a statistic below which runs are not taken to agree."""
 
-_Parts = tuple[dict[str, float], dict[str, float], dict[str, float], dict[str, float]]
-
 
 @dataclass(frozen=True)
 class Check:
@@ -55,15 +53,12 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """RMS residuals of the measured means, nuisances projected out, by kind of signal [SI]."""
+    """Statistics of the measurement beside those of runs with what was identified."""
 
-    measured: dict[str, float]
-    """Of the means themselves: what a model without play leaves."""
-    static: dict[str, float]
-    """Of the static model with what was identified."""
-    dynamic: dict[str, float]
-    """Of the mean of the runs of the full model with it."""
-    error: dict[str, float]
+    left: dict[str, dict[str, float]]
+    """RMS residuals of the measured means, nuisances projected out, ``without_play``, of the
+    ``static`` model, of the mean ``simulated`` run, and their ``standard_error``; by kind of signal
+    [SI]."""
     checks: tuple[Check, ...]
     runs: int
     not_identified: tuple[str, ...]
@@ -75,14 +70,13 @@ class Verification:
 
     def __str__(self) -> str:
         lines = []
-        if self.measured:
-            heads = ("without play", "static model", "simulated", "standard error of the means")
-            parts = (self.measured, self.static, self.dynamic, self.error)
-            kinds = [(kind, displayed(SHOWN[kind], fine=True)) for kind in self.measured]
+        if self.left:
+            kinds = [(kind, displayed(SHOWN[kind], fine=True)) for kind in self.left["static"]]
             rows = [
-                [f"{kind} [{unit}]", *(f"{factor * part[kind]:.4g}" for part in parts)]
+                [f"{kind} [{unit}]", *(f"{factor * one[kind]:.4g}" for one in self.left.values())]
                 for kind, (factor, unit) in kinds
             ]
+            heads = [name.replace("_", " ") for name in self.left]
             lines.append(Table.of_texts([["RMS residual", *heads], *rows]))
         head = ["statistic", "measured", f"of {self.runs} runs and their scatter", ""]
         found = [
@@ -104,10 +98,8 @@ class Verification:
 
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
-        left = {"without_play": self.measured, "static": self.static}
-        left |= {"simulated": self.dynamic, "standard_error": self.error}
         checks = [{**vars(one), "agrees": one.agrees} for one in self.checks]
-        return {"agrees": self.agrees, "runs": self.runs, "left_over": left, "checks": checks}
+        return {"agrees": self.agrees, "runs": self.runs, "left_over": self.left, "checks": checks}
 
 
 def verify(
@@ -151,16 +143,16 @@ def verify(
     means, rows = zip(*found, strict=True)
     statistics = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(statistics)
-    parts: _Parts = ({}, {}, {}, {})
+    left: dict[str, dict[str, float]] = {}
     checks: list[Check] = []
     if keys:
-        parts, checks = _compare_means(identification, np.array(means), number)
+        left, checks = _compare_means(identification, np.array(means), number)
     for name, value in statistics.items():
         compared = np.array([row[name] for row in rows])
         if np.isfinite([value, *compared]).all():
             checks.append(_impact_check(name, value, compared, number))
     labels = [one.label for one in identification.sought if one.reason]
-    return Verification(*parts, tuple(checks), runs, tuple(labels))
+    return Verification(left, tuple(checks), runs, tuple(labels))
 
 
 def _look(
@@ -211,7 +203,7 @@ def _impact_check(name: str, measured: float, runs: np.ndarray, number: int) -> 
 
 def _compare_means(
     identification: Identification, means: np.ndarray, number: int
-) -> tuple[_Parts, list[Check]]:
+) -> tuple[dict[str, dict[str, float]], list[Check]]:
     """RMS residuals of means over visits by kind, beside those of runs from each other.
 
     `means` are the runs', shape (runs, n, keys); there are `number` checks in all.
@@ -235,25 +227,25 @@ def _compare_means(
         scaled = np.where(use, values, 0.0).ravel() * weights
         return plain((scaled - span @ (span.T @ scaled)).reshape(use.shape) * error)
 
-    parts = (
-        rms(measured),
-        rms(measured - identification.predicted),
-        rms(measured - means.mean(axis=0)),
-        plain(error),
-    )
+    left = {
+        "without_play": rms(measured),
+        "static": rms(measured - identification.predicted),
+        "simulated": rms(measured - means.mean(axis=0)),
+        "standard_error": plain(error),
+    }
     random = np.random.default_rng(0)
     others = [
         rms(own + error * random.standard_normal(measured.shape) - np.delete(means, k, 0).mean(0))
         for k, own in enumerate(means)
     ]
     checks = []
-    for kind, value in parts[2].items():
+    for kind, value in left["simulated"].items():
         logs = np.log([max(other[kind], 1e-300) for other in others])
         factor, unit = displayed(SHOWN[kind], fine=True)
         high = factor * float(np.exp(logs.mean() + _width(logs, number)))
         name = f"{kind}: RMS left of means over visits"
         checks.append(Check(name, unit, factor * value, 0.0, high))
-    return parts, checks
+    return left, checks
 
 
 def _means(result: Result, identification: Identification) -> np.ndarray:
