@@ -280,6 +280,6 @@ def test_command_estimates_and_writes(urdf, tmp_path, monkeypatch, capsys):
     assert rows[0] == "block,cycles,end,azimuth_rad,depth_m"
     assert len(rows) == 1 + 3 * 72
     assert max(float(row.split(",")[4]) for row in rows[1:]) == pytest.approx(2e-6)
-    for more, text in ((("2 um", "--out", "life.csv"), "life.csv"), (("2 kg",), "length")):
+    for more, text in ((("2 um", "--out", "life.csv"), "life.csv"), (("0",), "growth")):
         assert main([*command, *more]) == 2
         assert text in capsys.readouterr().err
