@@ -179,11 +179,7 @@ class Beam:
     """Moments of inertia about x and y per length [kg m]; about z their sum."""
 
     def frequencies(self, length: float) -> np.ndarray:
-        """First three bending frequencies, clamped and free (Euler, Bernoulli), softer plane [Hz].
-
-        Args:
-            length: of the beam [m].
-        """
+        """First three bending frequencies [Hz] of a length [m], clamped and free, softer plane."""
         roots = np.array(CLAMPED_FREE)
         omega: np.ndarray = roots**2 * math.sqrt(min(self.bending) / (self.mass * length**4))
         return omega / (2.0 * math.pi)

@@ -139,10 +139,7 @@ class Gearing(Described, ABC):
 
     @property
     def unloaded_range(self) -> float:
-        """Angle in which the joint may stand without load while the motor does [rad].
-
-        The play and the width of the widest loop of hysteresis.
-        """
+        """Angle in which an unloaded joint may stand while its motor does [rad]: play and loop."""
         grip, _ = self.bristles
         return self.play + 2.0 * float(self.curve().depth(np.array(grip)))
 

@@ -477,11 +477,7 @@ class Mechanism(Overview, Described):
         )
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
-        """Configuration q with the given joint positions, the rest zero, journals centred.
-
-        Args:
-            positions: rad, or m for prismatic joints, by joint name.
-        """
+        """Configuration q with joint positions [rad, or m], the rest zero, journals centred."""
         q = np.zeros(self.model.nq)
         for joint, value in positions.items():
             q[self.coordinate(joint)] = value
@@ -568,9 +564,7 @@ class Mechanism(Overview, Described):
             viz = mechanism.visualizer()  # its viz.viewer.jupyter_cell() is for a notebook
             viz.play(result.q[::10], 1e-3)
 
-        Args:
-            meshes: folders where meshes may be, too.
-            open: whether to open a window of the browser.
+        `meshes` are folders where meshes may be, too; `open` opens a window of the browser.
 
         Raises:
             JointplayError: a given folder does not exist, or loops cannot be closed.

@@ -326,16 +326,11 @@ stamp(forces_at, map(Path, _SOURCES))
 def answers(
     law: int, numbers: Sequence[float], poses: np.ndarray, cage: np.ndarray | float = 0.0
 ) -> np.ndarray:
-    """What a law answers at many poses, all exact.
+    """What a law answers at many poses, all exact: (n, `SEAT_ANSWERS`).
 
-    Args:
-        law: `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or `MOUNT`.
-        numbers: of the joint.
-        poses: (n, 12) of the journal in its bearing: centre [m], orientation row by row.
-        cage: azimuth of the first element, (n,) [rad].
-
-    Returns:
-        (n, `SEAT_ANSWERS`), see `rolling.find_element_forces`.
+    See `rolling.find_element_forces`. The law is `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or
+    `MOUNT` with the numbers of the joint; `poses` (n, 12) of the journal in its bearing: centre
+    [m], orientation row by row; `cage` (n,): azimuth of the first element [rad].
     """
     found = np.zeros((len(poses), SEAT_ANSWERS))
     turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()

@@ -264,12 +264,8 @@ def law(
 ) -> type[L]:
     """A law of a family: a class, docstring and all, of what a table says of it.
 
-    Args:
-        base: the family; its `given` names the one function in which its laws differ.
-        name: of the class; the word that selects the law follows from it.
-        function: that function.
-        formula, reference, validity: see `Law`.
-        words: what else there is to say.
+    `base`, the family: its `given` names the one `function` in which its laws differ. The word that
+    selects the law follows from its `name`; `words` are what else there is to say.
     """
     family: Any = base
     says = [f"{family.family}.", words, f"{reference}.", f"Good for {validity}."]

@@ -177,17 +177,11 @@ def classify_form(gap, normal, face_drop) -> int:
 
 @njit(cache=True, error_model="numpy")
 def classify_many(shape, dimensions, count, poses):
-    """Gaps, mode and form for many poses.
+    """Gaps (n, count) [m], modes (n,) and forms (n,), as int8, of many poses.
 
-    Args:
-        shape: value of a `Shape`, or the address of a kind's own touch.
-        dimensions: of the joint.
-        count: number of its contacts.
-        poses: (n, 12), journal centre [m], then its orientation row by row, in the bearing frame.
-
-    Returns:
-        gaps (n, count) [m], modes (n,) and forms (n,) as int8; the form is -1 for joints that
-        Figure 2 does not show.
+    `shape`: value of a `Shape`, or the address of a kind's own touch; `dimensions` of the joint,
+    and `count` of its contacts; `poses` (n, 12), journal centre [m], then its orientation row by
+    row, in the bearing frame. The form is -1 for joints that Figure 2 does not show.
     """
     # Element by element: slices would triple the compilation time of the whole package.
     n = poses.shape[0]

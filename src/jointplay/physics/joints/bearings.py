@@ -524,9 +524,8 @@ class RollingBearing(WholeLawJoint):
     ) -> BearingState:
         """What the bearing does at a displacement of its inner ring.
 
-        Args:
-            displacement: of the centre and rotation vector, outer ring's axes, (6,) [m, rad].
-            cage: azimuth of the first element [rad]; None takes `cage_angle`.
+        Of the centre and rotation vector, outer ring's axes, (6,) [m, rad]; `cage` is the azimuth
+        of the first element [rad], by default `cage_angle`.
         """
         xi = np.asarray(displacement, float)
         if xi.shape != (6,) or not np.isfinite(xi).all():
@@ -539,15 +538,10 @@ class RollingBearing(WholeLawJoint):
         moment: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         cage: float | None = None,
     ) -> np.ndarray:
-        """Where the inner ring comes to rest under a load, without friction.
+        """Where the inner ring comes to rest under a load, without friction: (6,) [m, rad].
 
-        Args:
-            force: on the inner ring, outer ring's axes [N].
-            moment: likewise, about its centre; none about the axis [N m].
-            cage: azimuth of the first element [rad]; None takes `cage_angle`.
-
-        Returns:
-            Displacement of the centre and rotation vector, shape (6,) [m, rad].
+        Displacement of the centre and rotation vector under a force [N] and a moment about the
+        centre, none about the axis [N m], outer ring's axes; `cage` as in `load`.
 
         Raises:
             JointplayError: a moment about the axis; no equilibrium.
@@ -610,15 +604,10 @@ class RollingBearing(WholeLawJoint):
     def element_loads(
         self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Loads and contact angles of all elements at one or many places of the inner ring.
+        """Loads [N] and contact angles [rad] of all elements, row by row, (..., rows * Z).
 
-        Args:
-            centre: of the inner ring in the outer one's axes, shape (..., 3) [m].
-            axis: its axis there, shape (..., 3).
-            cage: azimuth of the first element, shape (...) [rad].
-
-        Returns:
-            Loads [N] and contact angles [rad], row by row, shape (..., rows * Z).
+        At one or many places of the inner ring: its centre (..., 3) [m] and axis (..., 3) in the
+        outer one's axes, and the azimuth of the first element (...) [rad].
         """
         if self.seat is not None:
             shift = self._seat_shift(centre, axis, cage)

@@ -132,12 +132,9 @@ class _Held(WholeLawJoint):
 
 @dataclass(frozen=True, kw_only=True)
 class CompliantJoint(_Held):
-    """A joint that turns without play, and gives way across, along and in tilt.
+    """A joint that turns without play, and gives way across, along and in tilt (`Elasticity`).
 
     Its six coordinates are free, and springs hold all but the turn about the axis.
-
-    Raises:
-        JointplayError: see `Elasticity`.
     """
 
     kind: ClassVar[str] = "compliant"
@@ -148,12 +145,9 @@ class CompliantJoint(_Held):
 
 @dataclass(frozen=True, kw_only=True)
 class CompliantSlider(_Held):
-    """A joint that slides without play, and gives way across and in all three rotations.
+    """A joint that slides without play, gives way across and in all rotations (`Elasticity`).
 
     Its six coordinates are free, and springs hold all but the displacement along z.
-
-    Raises:
-        JointplayError: see `Elasticity`.
     """
 
     kind: ClassVar[str] = "compliant-slider"
