@@ -159,9 +159,9 @@ def test_the_command_prints_the_table_and_writes_files(three, tmp_path, capsys):
 def test_allocation_by_the_command_needs_what_it_works_on(capsys):
     rolling = ["--joint", "elbow_joint=6010"]
     for options, says in (
-        ([*rolling, "--least", "1 um"], "--least is for clearances that can"),
-        ([*rolling, "--weight", "elbow_joint=2"], "--weight is for clearances"),
-        ([*rolling, "--cost", "linear"], "--cost is for clearances"),
+        ([*rolling, "--least", "1 um"], "--least: bearings have classes only"),
+        ([*rolling, "--weight", "elbow_joint=2"], "--weight: bearings have classes"),
+        ([*rolling, "--cost", "linear"], "--cost: bearings have classes"),
         ([*rolling, "--price", "C2"], "--price must read CLASS=X, got 'C2'"),
         (["--joint", "elbow_joint", "--price", "C2=3"], "prices of C2 are for classes of rolling"),
         (["--joint", "elbow_joint", "--weight", "elbow_joint"], "--weight must read JOINT=X"),

@@ -385,7 +385,7 @@ def loose_joints(name):
 @pytest.mark.parametrize("name", ["ur5 elbow", "scara a, vertical axis"])
 def test_frictions_interval_holds_what_a_search_of_all_contacts_finds_and_little_more(name, mu):
     brute, mechanism, q, (journal,) = loose_joints(name)
-    states = brute.search(journal, mu, 600, 8000)[0] if mu else brute.flat(journal)
+    states = brute.search(journal, mu, states=600, tries=8000)[0] if mu else brute.flat(journal)
     assert len(states) >= (300 if mu else 1)
     found = budget(mechanism, q[None], friction=mu, drive=Prescribed())
     (low, high), ends = (states.min(axis=0), states.max(axis=0)), found.rest_interval[0, :3]
