@@ -113,7 +113,7 @@ def damper(repository: Repository, tension: str) -> None:
 
 
 def main() -> None:
-    args = options(__doc__, "nothing to shorten; without the clones, say so only")
+    args = options(__doc__, {"--quick": "nothing to shorten; without clones, says so"})
     if args is None:
         return
     for name in SERVOS:

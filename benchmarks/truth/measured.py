@@ -506,14 +506,14 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
     figure.savefig(PICTURES / "mukca.png", dpi=120)
 
 
-def options(doc: str | None, quick: str, only: str = "") -> argparse.Namespace | None:
+def options(doc: str | None, helps: dict[str, str]) -> argparse.Namespace | None:
     """What the command line says; None where there is no data, which quick forms can do without."""
     parser = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder with the clones")
-    parser.add_argument("--quick", action="store_true", help=quick)
-    if only:
+    parser.add_argument("--quick", action="store_true", help=helps["--quick"])
+    if only := helps.get("--only"):
         parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     args = parser.parse_args()
     if args.data is None:
@@ -526,7 +526,7 @@ def options(doc: str | None, quick: str, only: str = "") -> argparse.Namespace |
 
 def main() -> None:
     only = "tiago, servos or a robot of MUKCa (repeatable); nothing is written"
-    args = options(__doc__, "the servos alone; nothing is written", only)
+    args = options(__doc__, {"--quick": "the servos alone; nothing is written", "--only": only})
     if args is None:
         return
     if args.quick:
