@@ -19,4 +19,4 @@ class Flatness(Cause):
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         """The same at each joint."""
         tilted = Box((0.0, 0.0, 0.0, self.tilt, self.tilt, 0.0))
-        yield Contribution(joint.name, self.name, tilted, origin="drawing")
+        yield Contribution(joint.name, self.name, tilted, origin="given: drawing")

@@ -63,7 +63,7 @@ class Preset:
     robot: str | None
     """URDF that it was made for, if there is one."""
     errors: str
-    """Class of errors besides play (`design.error_budget`)."""
+    """Class of errors besides play (`accuracy.robot_errors`)."""
     every: Mapping[str, Any]
     """Tables of each of its joints, and their names; empty if `ordered` has them."""
     ordered: tuple[Mapping[str, Any], ...]

@@ -296,7 +296,7 @@ class Clearance(Described, ABC):
 
     @property
     def springs(self) -> Any:
-        """`compliance.Elasticity` of a joint that springs alone hold; None for the others."""
+        """`elasticity.Elasticity` of a joint that springs alone hold; None for the others."""
         return None
 
     @property

@@ -1,7 +1,7 @@
 """Where bodies are, and how they move: what joints need that are reached through frames.
 
 The bodies between those that carry bearings and journals and the ground, one to a coordinate, each
-turning about its own z or sliding along it (`mechanism.tree` splits Pinocchio's joints so). Frames
+turning about its own z or sliding along it (`model.tree` splits Pinocchio's joints so). Frames
 and Jacobian are exact at every micro step; mass matrix and bias are Pinocchio's.
 """
 

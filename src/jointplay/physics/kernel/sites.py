@@ -23,7 +23,7 @@ class JointSite:
     record: np.ndarray
     """Of `layout.JOINT`, shape (1,); what it points to is left to the workspace."""
     parameters: np.ndarray
-    """Of the normal-force law, for each contact, shape (contacts, `layout.MAX_PARAMETERS`)."""
+    """Of the normal-force law, for each contact, shape (contacts, `MAX_PARAMETERS`)."""
     dimensions: tuple[float, ...]
     """See `geometry.touch`."""
     holds: bool = False

@@ -777,8 +777,8 @@ def _require_regular(arm: Arm, q: np.ndarray, target: Target, what: str) -> None
 def _otherwise(
     arm: Arm, attempt: Found, seed: np.ndarray, target: Target, what: str, first: bool
 ) -> Found:
-    options = {"unit": "try", "delay": _PATIENCE_S, "leave": False}
-    restarts = ProgressBar(range(_RESTARTS), f"looking for {what}", **options)
+    doing = f"looking for {what}"
+    restarts = ProgressBar(range(_RESTARTS), doing, unit="try", delay=_PATIENCE_S, leave=False)
     tries = [arm.search(arm.anywhere(arm.random), target) for _ in restarts]
     others = [one for one in tries if one.reached]
     other = min(others, key=lambda one: float(np.linalg.norm(one.q - seed)), default=None)

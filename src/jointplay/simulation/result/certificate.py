@@ -40,7 +40,7 @@ class CertifiedFigure(Described):
     """In its own unit, as its error."""
     error: float = quantity("", finite=False)
     """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
-    unit: str
+    unit: str  # type: ignore[misc]  # those before have no default either
 
     def __post_init__(self) -> None:
         if not self.error >= 0.0:
