@@ -139,8 +139,8 @@ class Contribution:
     spread: float = 0.0
     """Relative uncertainty of `shift`, either way."""
     origin: str = ""
-    """Where the numbers come from: what follows "given: " up to a semicolon is listed among what was
-    given, what follows "class 'industrial', assumed: " among what was assumed; else nothing is."""
+    """Where the numbers come from. What follows "given: " up to a semicolon is listed as given,
+    what follows "class 'industrial', assumed: " as assumed, and nothing else is."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
     not."""

@@ -3,10 +3,11 @@
 A journal lies where its load pushes it, turned about the axis by the angle of friction against its
 motion: with the load F and friction mu, the contact force balances F at the azimuth of F less
 atan(mu) in the sense of rotation. Its displacement is the point at which the play's support
-function is attained (`Play.support`), so that it is exact in the first order of the clearance; contacts
-give way by what their law says of the load. A gear's link is held by friction until its teeth push
-harder: the play operator of M. A. Krasnosel'skii and A. V. Pokrovskii, Systems with Hysteresis
-(1989), with the load's torque. Inertia counts as a load. All is linear algebra: no time loop.
+function is attained (`Play.support`), so that it is exact in the first order of the clearance;
+contacts give way by what their law says of the load. A gear's link is held by friction until its
+teeth push harder: the play operator of M. A. Krasnosel'skii and A. V. Pokrovskii, Systems with
+Hysteresis (1989), with the load's torque. Inertia counts as a load. All is linear algebra: no time
+loop.
 
 Joints and the structure at the tool are elastic: by what they give way in proportion to their load
 the tool moves, too. Those compliances enter linearly and are columns (`elastic`) beside the
