@@ -202,7 +202,7 @@ def test_attributes_that_no_run_wrote_are_refused_on_load(edit, result, saved):
     dataset = result.dataset.copy(deep=True)
     edit(dataset)
     with pytest.raises(JointplayError, match="is damaged") as caught:
-        jp.Result.read(saved, (), lambda _: dataset)
+        jp.Result.read(saved, lambda _: dataset)
     assert "\n" not in str(caught.value)
 
 
@@ -225,7 +225,7 @@ def test_every_input_of_another_kind_is_refused_on_load_or_when_built(result, sa
         dataset = result.dataset.copy()
         dataset.attrs["simulation"] = json.dumps(content)
         with pytest.raises(JointplayError):
-            jp.Run(jp.Result.read(saved, (), lambda _, edited=dataset: edited).simulation)
+            jp.Run(jp.Result.read(saved, lambda _, edited=dataset: edited).simulation)
 
 
 REQUIRED = {"kelvin-voigt": {"damping": 100.0}, "anagnostopoulos": {"mass": 1.0}}

@@ -35,7 +35,7 @@ def arm(urdf):
 
 def scenario(path, *settings, motion='times=[0, "20 ms"]\njoints.a=[0, 0.1]'):
     text = f'[robot]\nurdf="{path}"\ngravity="balanced"\n[motion]\n{motion}\n'
-    return Scenario(text, path.parent / "s.toml", (), [parse(text) for text in settings])
+    return Scenario(text, path.parent / "s.toml", [parse(text) for text in settings])
 
 
 @pytest.mark.parametrize("interpolation", ["rest-to-rest", "spline", "constant-speed"])

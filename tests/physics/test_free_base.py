@@ -351,7 +351,7 @@ def test_budget_command_names_the_body(walker, tmp_path, capsys):
     assert main([*line, "leg"]) == 2
     assert "no body 'leg'" in capsys.readouterr().err
     assert main([*line, "thigh", "--whole", "printed"]) == 2
-    assert "leave one of the two out" in capsys.readouterr().err
+    assert "leave --relative-to out" in capsys.readouterr().err
 
 
 def test_run_command_frees_the_base_and_says_so(walker, tmp_path, capsys):
