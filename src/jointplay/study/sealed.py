@@ -115,7 +115,7 @@ class Array:
         texts = (*self.dims, *self.attributes.values())
         if not (self.attributes.keys() <= {*WORDS} and all(isinstance(x, str) for x in texts)):
             raise ValueError(
-                f"the dimensions {self.dims!r:.60}, attributes {self.attributes!r:.60}"
+                f"the dimensions {self.dims!r:.60}, attributes {self.attributes!r:.120}"
             )
 
     def empty(self, shape: Index) -> np.ndarray:
