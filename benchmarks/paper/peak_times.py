@@ -118,7 +118,7 @@ def main() -> None:
     total = each * (drawn + generations * children)
     total += len(LABELS) * len(judged_by) * (finalists + 1)
     known: list[tuple[float, Timings]] = []
-    with ProgressBar(total=total, unit="run", smoothing=0.05) as bar:
+    with ProgressBar(total=total, unit="run") as bar:
 
         def judge(candidates: list[Timings]) -> None:
             found = misses(args.jobs, [one.motion() for one in candidates], SEARCHED, bar)

@@ -33,8 +33,8 @@ from pictures.law_mechanisms import (
 from pictures.law_probes import AMPLITUDE, LOOP_SPEED, REGISTRIES, SPEEDS, build
 from PIL import Image
 from scipy.stats import ttest_ind
-from tqdm import tqdm
 
+from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
 
 CARDS = DOCS / "law_cards"
@@ -503,7 +503,7 @@ def main():
     cards = [every[key] for key in dict.fromkeys(chosen)]
     found = run_all(cards, args)
     write_data(benchmark.path("csv"), found)
-    for card in tqdm(cards, unit="card"):
+    for card in ProgressBar(cards, unit="cards"):
         write_card(card, found, benchmark.folder, args.quick)
     text = index(cards, found, args.runs, args.quick)
     (benchmark.folder / "README.md").write_text(text, encoding="utf-8")

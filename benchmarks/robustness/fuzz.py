@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any
 
 from common import ROOT
-from tqdm import tqdm
 
 from jointplay.base.files import temporary
+from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
 
 TESTS = ROOT / "tests"
@@ -271,7 +271,7 @@ class Tally:
         self.kinds: dict[str, list[float]] = {}
         self.open = set(seeds)
         self.lock = threading.Lock()
-        self.bar = tqdm(total=len(seeds), unit=" cases", smoothing=0.05, dynamic_ncols=True)
+        self.bar = ProgressBar(total=len(seeds), unit="cases")
 
     def add(self, seed: int, found: dict[str, Any]) -> None:
         """Count a case; say if it failed."""
@@ -286,10 +286,10 @@ class Tally:
                 self.failed[failure] += 1
                 row[2] += 1
                 again = f"python benchmarks fuzz --first {seed} --cases 1"
-                self.bar.write(f"{seed} ({found['kind']}) {found['outcome']}", file=sys.stdout)
-                self.bar.write(f"    {again}   # {found['arguments']}", file=sys.stdout)
-                sys.stdout.flush()
-            self.bar.set_postfix_str(f"{sum(self.failed.values())} failed", refresh=False)
+                self.bar.clear()
+                print(f"{seed} ({found['kind']}) {found['outcome']}")
+                print(f"    {again}   # {found['arguments']}", flush=True)
+            self.bar.postfix = f"{sum(self.failed.values())} failed"
             self.bar.update()
 
     def end(self) -> int:

@@ -27,9 +27,9 @@ from common import (
     spread,
 )
 from matplotlib.ticker import NullFormatter
-from tqdm import tqdm
 
 import jointplay as jp
+from jointplay.base.progress import ProgressBar
 from jointplay.physics.kernel.integrators import DEFAULT, INTEGRATORS
 
 CLEARANCES = (0.2e-3, 0.5e-3)
@@ -89,7 +89,7 @@ def accuracy(cases, references, repeats):
         apart = 1e6 * np.linalg.norm(other[0] - truth[radial][0], axis=1).max()
         print(f"references by rk4 and multi-rate at {millimetres(radial)} mm: {apart:.2g} µm apart")
     found = [{"cpu_s_per_s": np.inf} for _ in cases]
-    with tqdm(total=len(cases) * (repeats + 1), unit="window") as bar:
+    with ProgressBar(total=len(cases) * (repeats + 1), unit="windows") as bar:
         for case, figures in zip(cases, found, strict=True):
             pairs = zip(positions(case), truth[case.radial], strict=True)
             figures["journal_error_um"], figures["tool_error_um"] = (

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 from common import COLOURS, ROOT, Benchmark, new_figure
-from tqdm import tqdm
 from truth.arms import serial
 
 import jointplay as jp
+from jointplay.base.progress import ProgressBar
 from jointplay.estimate import Measurement, identify
 
 LAW = jp.contact.ZhangSharf()
@@ -140,14 +140,16 @@ def main() -> None:
         machines, seeds, trues, args.runs = machines[:1], 1, TRUE[:1], 20
     work = [(one, e, seed) for one in machines for e in trues for seed in range(seeds)]
     rows = []
-    for one, true, seed in tqdm(work, unit="measurement"):
+    bar = ProgressBar(work, unit="measurements")
+    for one, true, seed in bar:
         measured = look(one, true, seed)
         kinds = {"as measured": measured}
         if true == TRUE[1] and seed == 0:
             kinds |= hostile(one, measured)
         for kind, seen in kinds.items():
             rows.append(row(one, seen, kind, true, args.runs, seed))
-            tqdm.write(", ".join(str(value) for value in rows[-1].values()))
+            bar.clear()
+            print(*rows[-1].values(), sep=", ")
     header = ("machine", "true", "found, 95 % interval", "by")
     table = [
         [

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from common import DOCS, folder_of
-from tqdm import tqdm
 from truth.validation import CASES, Case, Outcome, load
 
+from jointplay.base.progress import ProgressBar
 from jointplay.simulation.result.stored import versions
 
 HEADS = {
@@ -124,9 +124,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     images = out / "images" / "validation"
     images.mkdir(parents=True, exist_ok=True)
     found = {}
-    bar = tqdm([c for name, c in cases.items() if not args.only or name in args.only], unit="case")
+    chosen = [c for name, c in cases.items() if not args.only or name in args.only]
+    bar = ProgressBar(chosen, unit="cases")
     for case in bar:
-        bar.set_postfix_str(case.name)
+        bar.postfix = case.name
         started = time.perf_counter()
         outcome = case.run(args.quick, False)
         found[case.name] = case, outcome, time.perf_counter() - started

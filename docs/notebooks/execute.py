@@ -42,6 +42,9 @@ def small(notebook):
         for output in cell.outputs:
             if output.output_type == "stream" and output.name == "stderr":
                 continue  # progress, and notes on the first compilation
+            if output.output_type == "stream" and outputs and outputs[-1].output_type == "stream":
+                outputs[-1].text += output.text  # what progress had parted
+                continue
             if "data" in output:
                 kind = next((kind for kind in KEPT if kind in output.data), None)
                 if kind is None:
