@@ -46,6 +46,17 @@ settings.register_profile(
 settings.load_profile("jointplay")
 
 
+@pytest.fixture(autouse=True)
+def no_module_stays_imported():
+    """What one test has had imported, no function of another is looked for in."""
+    from jointplay.base import modules
+
+    kept = dict(modules.imported)
+    yield
+    modules.imported.clear()
+    modules.imported.update(kept)
+
+
 @pytest.fixture(autouse=True, scope="session")
 def warm():
     """Processes that read results begin at once; all kernels are compiled once."""
