@@ -46,6 +46,14 @@ settings.register_profile(
 settings.load_profile("jointplay")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """What opens a browser takes long."""
+    for item in items:
+        if "browser" in item.fixturenames:
+            item.add_marker("thorough")
+
+
 @pytest.fixture(autouse=True)
 def no_module_stays_imported():
     """What one test has had imported, no function of another is looked for in."""

@@ -164,7 +164,6 @@ def test_the_page_has_what_elements_do(mixed):
     assert np.hypot(*place[pushed, :2].T) == pytest.approx(np.full(pushed.sum(), race), rel=0.02)
 
 
-@pytest.mark.thorough
 def test_rolling_bearings_have_close_ups(open_page, mixed, tmp_path):
     path = player.save_html({"a": mixed}, tmp_path / "a.html", ghosts=False)
     tab = open_page(path.as_uri())

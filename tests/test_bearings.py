@@ -276,12 +276,16 @@ def scara(bearing, **options):
     return jp.simulate(robot, motion, duration=0.4, estimate=False, start="rest", **options)
 
 
+@pytest.fixture(scope="module")
+def fine():
+    return scara(jp.BallBearing(designation="6004/C3"), integrator="rk4", step=4e-6)
+
+
 @pytest.mark.parametrize(
     "options", [{"tolerance": 1e-3}, {"step": 5e-6}], ids=["tolerance", "5 us"]
 )
-def test_all_methods_agree_with_rk4(options):
+def test_all_methods_agree_with_rk4(options, fine):
     bearing = jp.BallBearing(designation="6004/C3")
-    fine = scara(bearing, integrator="rk4", step=4e-6)
     found = scara(bearing, **options)
     for name in ("tool_position", "joint_force", "joint_moment", "normal_force"):
         one, other = (np.nan_to_num(r[name].values) for r in (fine, found))

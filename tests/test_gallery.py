@@ -16,7 +16,7 @@ FOLDER = ROOT / "docs" / "gallery"
 PAGE = (FOLDER / "README.md").read_text(encoding="utf-8")
 SHIPPED = ("scara", "slider_crank", "four_bar", "delta", "three_rrr")
 NAMES = [*SHIPPED, *sorted(path.stem for path in FOLDER.glob("*.toml"))]
-SHORT = 0.05
+SHORT = 0.02
 """Time that a test simulates [s]; the numbers of the page are of whole runs."""
 
 

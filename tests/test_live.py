@@ -223,7 +223,6 @@ def test_undo_redo_and_reset(tab):
     answered(tab)
 
 
-@pytest.mark.thorough
 def test_keys_on_a_slider_are_one_step_until_a_pause(tab):
     """Each control on its own; a pause, or another control, begins another step."""
     values = "() => ({...live.values})"
@@ -266,7 +265,6 @@ def test_a_kept_case_stays_beside_later_ones(tab):
     assert tab.locator("[aria-label='tool error'] path.curve").count() == 1
 
 
-@pytest.mark.thorough
 def test_a_saved_scenario_runs_to_the_same_numbers(tab, tmp_path):
     type_in(tab, "joint_b.radial_clearance", 0.31)
     type_in(tab, "gravity", 8.5)

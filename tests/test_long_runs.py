@@ -349,7 +349,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-LONG = ("--duration", "4", "--no-figures", "--no-error-estimate")
+LONG = ("--duration", "2", "--no-figures", "--no-error-estimate")
 
 
 def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_path):

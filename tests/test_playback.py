@@ -341,7 +341,6 @@ def test_timeline_is_dragged_clicked_and_not_filled(open_page, cases, tmp_path):
     tab.troubles.clear()
 
 
-@pytest.mark.thorough
 def test_player_is_dark_where_the_system_is_and_by_its_switch(open_page, page, tmp_path):
     path = tmp_path / "a.html"
     path.write_bytes(page[0])
@@ -357,7 +356,6 @@ def test_player_is_dark_where_the_system_is_and_by_its_switch(open_page, page, t
     assert by_switch < 0.6 * bright
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["slider_crank", "four_bar"])
 def test_loops_play_in_a_browser(open_page, name, tmp_path):
     scenario = jp.Scenario.load(f"jointplay:{name}.toml")
@@ -371,7 +369,6 @@ def test_loops_play_in_a_browser(open_page, name, tmp_path):
     assert np.abs(begin - picture(tab)).mean() > 1e-4
 
 
-@pytest.mark.thorough
 def test_balls_and_sliders_have_close_ups(open_page, urdf, tmp_path):
     path = urdf(
         body("a"), body("b", com="0.1 0 0"), joint("one", "base", "a", "prismatic"),

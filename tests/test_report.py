@@ -127,7 +127,7 @@ def test_title_and_cases_are_those_of_the_scenario(tmp_path):
     text = text.replace('title = "', 'title = "Mine: ', 1)
     path.write_text(text.replace('urdf = "', 'urdf = "jointplay:'), encoding="utf-8")
     done = call("run", path, "--out", tmp_path / "out", "--quiet", "--no-figures", "--jobs", "1",
-                "--no-error-estimate")  # fmt: skip
+                "--no-error-estimate", "--set", "integration.duration=5e-3")  # fmt: skip
     assert done.returncode == 0, done.stderr
     done = call("report", tmp_path / "out", "--quiet", "--impacts", "0", "--no-pdf")
     assert done.returncode == 0, done.stderr
@@ -204,7 +204,6 @@ LINES = """() => {
 }"""
 
 
-@pytest.mark.thorough
 def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_report):
     tab = open_report(page, 1280)
     show_whole_run(tab)

@@ -44,6 +44,7 @@ class Coordinates:
         return self.arrays[name]
 
 
+@pytest.mark.thorough  # it compiles the solve by itself
 @pytest.mark.parametrize(
     ("nv", "count", "active"),
     [(6, 6, 6), (9, 6, 6), (7, 7, 7), (24, 10, 10), (24, 20, 24), (37, 37, 37)],

@@ -61,6 +61,13 @@ class Cluster:
             self.workers.append(worker)
         return self
 
+    def sweep(self, path, store):
+        """A command that sweeps here, some cases of it finished."""
+        own = ("--import", path.parent / "own.py", "--scheduler", self.address)
+        process = start("sweep", path, "--out", store, "--quiet", *own)
+        grown(store, 3)
+        return process
+
     def close(self):
         for process in (*self.workers, self.scheduler):
             process.kill()
@@ -100,21 +107,11 @@ def test_a_cluster_gives_what_local_processes_give(cluster, reference, tmp_path)
 
 
 @needs_proc
+@pytest.mark.thorough
 def test_a_worker_of_a_cluster_that_is_killed_is_of_no_consequence(cluster, reference, tmp_path):
     path, whole = reference
     cluster.add(2)
-    process = start(
-        "sweep",
-        path,
-        "--out",
-        tmp_path / "s",
-        "--quiet",
-        "--scheduler",
-        cluster.address,
-        "--import",
-        path.parent / "own.py",
-    )
-    grown(tmp_path / "s", 3)
+    process = cluster.sweep(path, tmp_path / "s")
     cluster.workers[0].send_signal(signal.SIGKILL)
     _, err, status = end(process)
     assert status == 0, err
@@ -122,21 +119,11 @@ def test_a_worker_of_a_cluster_that_is_killed_is_of_no_consequence(cluster, refe
 
 
 @needs_proc
+@pytest.mark.thorough
 def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, reference, tmp_path):
     path, whole = reference
     cluster.add(1)
-    process = start(
-        "sweep",
-        path,
-        "--out",
-        tmp_path / "s",
-        "--quiet",
-        "--scheduler",
-        cluster.address,
-        "--import",
-        path.parent / "own.py",
-    )
-    grown(tmp_path / "s", 3)
+    process = cluster.sweep(path, tmp_path / "s")
     pids = descendants(process.copy)
     cluster.scheduler.kill()
     _, err, status = end(process)
@@ -218,6 +205,7 @@ def test_a_client_that_does_not_start_is_begun_again(fail, monkeypatch):
     assert SlowClient.begun == TRIES
 
 
+@pytest.mark.thorough
 def test_a_scheduler_without_workers_is_said_in_a_line(cluster, reference, tmp_path, monkeypatch):
     check = ClusterWorkers._check
 

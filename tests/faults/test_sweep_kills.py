@@ -155,6 +155,7 @@ def kill_at_random(folder, times, seed, path, reference, duration):
 
 
 @needs_proc
+@pytest.mark.thorough
 @pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.nightly)])
 def test_killed_at_random_moments_a_sweep_gives_what_it_would_have(kills, whole, tmp_path):
     assert kill_at_random(tmp_path, kills, kills, *whole) > (kills if kills > 3 else 0) - 1
@@ -189,7 +190,9 @@ def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on
     assert "3 worker processes ended while running this case" in str(found["error"].values[0])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.thorough)]
+)
 def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(number, whole, tmp_path):
     path, reference, _ = whole
     process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
@@ -204,7 +207,7 @@ def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(numbe
     same(tmp_path / "s", reference)
 
 
-@pytest.mark.parametrize("there", [False, True])
+@pytest.mark.parametrize("there", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_two_writers_to_one_store_are_refused(there, whole, tmp_path):
     """One that makes the store, or goes on with one, and is at work as long as this test wants."""
     path, reference, _ = whole
@@ -220,6 +223,7 @@ def test_two_writers_to_one_store_are_refused(there, whole, tmp_path):
     same(tmp_path / "s", reference)
 
 
+@pytest.mark.thorough
 def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     path, reference, _ = whole
     filler = small_disk / "filler"
@@ -250,6 +254,7 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     [("size=60k", False), ("size=150k", True), ("nr_inodes=30", False), ("nr_inodes=30", True)],
     indirect=["small_disk"],
 )
+@pytest.mark.thorough
 def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, whole, tmp_path):
     """Standard output and error are on that disk, or elsewhere."""
     place = small_disk if beside else tmp_path

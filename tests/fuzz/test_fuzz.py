@@ -18,16 +18,20 @@ from warm import PYTHON
 from jointplay import cli
 
 FUZZ = [Path(__file__).parents[2] / "benchmarks", "fuzz"]
-CASES = 90
+SHARE = len(generators.ORDER)
+"""Cases among which every kind has its share."""
 
 
-def test_no_input_brings_a_traceback_or_is_taken_in_silence(tmp_path):
-    """The first cases of `benchmarks/robustness/fuzz.py`, two of every kind and more of most."""
-    command = [PYTHON, *FUZZ, "--cases", CASES, "--first", 0, "--kept", tmp_path / "kept"]
+@pytest.mark.parametrize(
+    ("first", "cases"), [(0, SHARE), pytest.param(SHARE, 9 * SHARE, marks=pytest.mark.thorough)]
+)
+def test_no_input_brings_a_traceback_or_is_taken_in_silence(first, cases, tmp_path):
+    """The first cases of `benchmarks/robustness/fuzz.py`."""
+    command = [PYTHON, *FUZZ, "--cases", cases, "--first", first, "--kept", tmp_path / "kept"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     last = done.stdout.splitlines()[-1]
-    assert last == f"cases {CASES} traceback 0 hang 0 crash 0 silent 0"
+    assert last == f"cases {cases} traceback 0 hang 0 crash 0 silent 0"
 
 
 def test_every_command_is_called(tmp_path):

@@ -1,6 +1,7 @@
 """The multi-rate method against rk4 with smaller steps, and its velocity solve against scipy."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -243,12 +244,9 @@ POSES = {
 @pytest.mark.parametrize("friction", FRICTIONS, ids=["ramp", "eq 21", "Coulomb", "falling"])
 @pytest.mark.parametrize("pace", [1.0, 0.1, 0.01], ids=["sliding", "slow", "creeping"])
 @pytest.mark.parametrize("pose", POSES)
-@pytest.mark.parametrize("seed", [0])
-def test_velocity_solve_finds_what_a_brute_force_solution_finds(
-    free_mass, friction, pace, pose, seed
-):
+def test_velocity_solve_finds_what_a_brute_force_solution_finds(free_mass, friction, pace, pose):
     """v = v_half + dt/2 (a_free + M^-1 tau_c(q, v)), tau_c written out here, solved by scipy."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     speed = pace * random.uniform(-1.0, 1.0, 6) * [5e-2, 5e-2, 2e-2, 1.0, 0.5, 0.5]
     run = free_mass(
         offset=POSES[pose], velocity=speed, com="0.02 0.03 0.04", friction=friction,
@@ -271,9 +269,12 @@ def test_velocity_solve_finds_what_a_brute_force_solution_finds(
         return (v - half - h * (free + inverse @ contact.push(q, v)[0])) / scale
 
     starts = (half / scale, (half + h * free) / scale, speed / scale, np.zeros(6))
-    tries = [root(lacking, start, method=name, tol=1e-13) for start in starts
-             for name in ("hybr", "lm")]  # fmt: skip
-    best = min(tries, key=lambda one: np.abs(one.fun).max())
+    tries = []
+    for start, name in product(starts, ("hybr", "lm")):
+        tries.append(root(lacking, start, method=name, tol=1e-13))
+        best = min(tries, key=lambda one: np.abs(one.fun).max())
+        if np.abs(best.fun).max() < 1e-9 * np.abs(best.x - half / scale).max():
+            break
     found = run.workspace.recorded("v")[0] / scale
     push, touching = contact.push(q, scale * best.x)
     assert touching >= (1 if pose == "one rim" else 2)
