@@ -18,12 +18,10 @@ from warm import PYTHON
 from jointplay import cli
 
 FUZZ = [Path(__file__).parents[2] / "benchmarks", "fuzz"]
-SHARE = len(generators.ORDER)
-"""Cases among which every kind has its share."""
 
 
 @pytest.mark.parametrize(
-    ("first", "cases"), [(0, SHARE), pytest.param(SHARE, 9 * SHARE, marks=pytest.mark.thorough)]
+    ("first", "cases"), [(0, fuzz.QUICK), pytest.param(fuzz.QUICK, 400, marks=pytest.mark.thorough)]
 )
 def test_no_input_brings_a_traceback_or_is_taken_in_silence(first, cases, tmp_path):
     """The first cases of `benchmarks/robustness/fuzz.py`."""
