@@ -22,8 +22,10 @@ from jointplay import (
 )
 from jointplay.accuracy import loop_play, poses
 from jointplay.accuracy.allocation import allocate
+from jointplay.accuracy.causes import CAUSES
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.error_model import play_model
+from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.cli import main
 from jointplay.model.closed_loops import ClosedLoops, is_closed
 from jointplay.model.loop import assemble
@@ -284,6 +286,72 @@ def test_what_holds_each_other_is_allocated_within_the_target(door):
     assert 0.99 * 5e-5 < found.error <= 5e-5
     with pytest.raises(JointplayError, match="constrain each other"):
         allocate(make({"lower": hinge, "upper": hinge}), {}, 5e-5, quantile=0.99)
+
+
+@pytest.mark.parametrize("name", ["delta", "three_rrr"])
+def test_all_causes_of_closed_loops_against_loops_closed_afresh(name):
+    simulation = Scenario.load(f"jointplay:{name}.toml").simulation("ideal")
+    mechanism = simulation.mechanism
+    q = poses.at_pose(mechanism, {}, near=poses.start_of(simulation))
+    causes = [one for one in CAUSES if name == "delta" or one != "elasticity"]
+    found = budget(mechanism, q, causes=causes, kind="calibrated-industrial")
+    assert found.reached == pytest.approx(found.worst[0], rel=2e-3)
+    distance = np.linalg.norm(found.sample(400), axis=1)
+    assert distance.max() <= 1.02 * found.worst[0]
+    assert np.sqrt((distance**2).mean()) == pytest.approx(found.rms[0], rel=0.1)
+
+
+def test_causes_move_the_slider_as_links_of_other_lengths_and_another_angle_do():
+    mechanism, angle, small = slider_crank({}), 1.0, 1e-4
+    q = poses.at_pose(mechanism, {"crank_pin": angle}, near=START)
+
+    def off(crank=0.0, rod=0.0, turned=0.0):
+        def place(r, length, at):
+            return r * math.cos(at) + math.sqrt(length**2 - (r * math.sin(at)) ** 2)
+
+        return abs(place(CRANK + crank, ROD + rod, angle + turned) - place(CRANK, ROD, angle))
+
+    exact = dict.fromkeys(("encoder", "zero_offset", "axis_offset", "axis_tilt", "expansion"), 0.0)
+
+    def worst(cause, **given):
+        errors = RobotErrors(**{**exact, **given})
+        return budget(mechanism, q, causes=[cause], errors=errors).worst_parts[0].sum()
+
+    assert worst("encoder", zero_offset=small) == pytest.approx(off(turned=small), rel=1e-3)
+    grown = off(crank=small * CRANK) + off(rod=small * ROD)
+    heat = worst("heat", expansion=small, heating=1.0)  # the slider is a link, too
+    assert heat == pytest.approx(grown, rel=1e-3)
+
+
+def test_geometry_of_a_loop_counts_as_far_as_it_closes(door):
+    """Of two hinges aside only what both have in common is left, as neither can tilt."""
+    make, _ = door
+    errors = RobotErrors(axis_offset=1e-4, axis_tilt=0.0)
+    found = budget(make({}), {}, causes=["geometry"], errors=errors)
+    assert found.worst[0] == pytest.approx(math.sqrt(3.0) * 1e-4, rel=1e-3)
+    assert found.rms[0] == pytest.approx(1e-4 / math.sqrt(2.0), rel=1e-6)
+    drawn = found.sample(2000)
+    assert np.sqrt((drawn**2).sum(axis=1).mean()) == pytest.approx(found.rms[0], rel=0.05)
+
+
+def test_deflections_that_a_loop_holds_are_refused():
+    mechanism = slider_crank({}, gravity=(0.0, 0.0, -9.81))
+    q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
+    with pytest.raises(JointplayError, match="statically indeterminate"):
+        budget(mechanism, q, causes=["elasticity"])
+
+
+@pytest.mark.parametrize("name", ["delta", "three_rrr"])
+def test_causes_of_a_loop_are_allocated_within_the_target(name):
+    simulation = Scenario.load(f"jointplay:{name}.toml").simulation("ideal")
+    mechanism = simulation.mechanism
+    q = poses.at_pose(mechanism, {}, near=poses.start_of(simulation))
+    causes = ["encoder", "geometry"]
+    target = 0.5 * budget(mechanism, q, causes=causes).worst[0]
+    found = allocate(mechanism, q, target, causes=causes)
+    kept = budget(mechanism, q, causes=causes, remaining=found.parts)
+    assert found.error == pytest.approx(kept.worst[0], rel=1e-3)
+    assert 0.99 * target < kept.worst[0] <= target * (1.0 + 1e-6)
 
 
 def test_others_than_budgets_say_that_they_take_no_loops():

@@ -114,12 +114,6 @@ def test_wrong_input_is_refused_with_the_choices(robot, options, says):
         budget(robot, POSE, **{"causes": CAUSES, **options})
 
 
-def test_loops_are_refused():
-    crank = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm").mechanism
-    with pytest.raises(JointplayError, match="closed loops"):
-        budget(crank, {}, causes=CAUSES)
-
-
 def test_bars_show_parts_that_sum_to_the_worst_case_and_the_variance(robot):
     found = budget(robot, {"shoulder_lift_joint": -1.0}, force=(0.0, 0.0, -50.0), causes=CAUSES)
     figure = cause_bars(found)

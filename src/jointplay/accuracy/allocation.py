@@ -305,8 +305,6 @@ def allocate(
     _check(mechanism, own if whole else None, keep, prices, weights, limits)
     if quantile is not None:
         require_share("the quantile", quantile)
-    if whole and mechanism.loops:
-        raise JointplayError("causes can be improved only of robots without closed loops")
     given = RobotErrors() if errors is None else errors
     kind = kind or given.assumed or "industrial"
     classes = {name: price for name, price in prices.items() if name not in own}
@@ -380,8 +378,9 @@ class _Search:
         if self.causes is not None:
             other = self.mechanism.with_clearance(joints) if chosen else self.mechanism
             return cause_model(
-                other, self.q, self.force, self.causes, self.errors, self.kind, remaining
-            )
+                other, self.q, self.force, self.causes, self.errors, self.kind, remaining,
+                self.driven,
+            )  # fmt: skip
         joints.update((name, joints[name].scaled(x)) for (name, _), x in remaining.items())
         other = self.mechanism.with_clearance(joints)
         return other, play_model(other, self.q, driven=self.driven, loops=True)

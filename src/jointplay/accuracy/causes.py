@@ -26,7 +26,7 @@ from jointplay.accuracy.error_model import (
     play_of_gear,
     play_of_joint,
 )
-from jointplay.accuracy.jacobians import jacobians
+from jointplay.accuracy.jacobians import LINK, jacobians
 from jointplay.accuracy.rest import compliance_shift
 from jointplay.accuracy.robot_errors import (
     CLASSES,
@@ -36,6 +36,7 @@ from jointplay.accuracy.robot_errors import (
     refuse_misfit,
 )
 from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
+from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
 
@@ -53,8 +54,8 @@ class JointAt:
     name: str
     load: np.ndarray
     """What it bears at rest, about its centre, its axes, (n, 6) [N, N m]."""
-    arm: np.ndarray
-    """From it to the next joint on the way to the tool, or to the tool, its axes, (n, 3) [m]."""
+    stands: bool
+    """Whether a drive and an encoder hold it; joints of closed loops may follow others instead."""
     given: RobotErrors
     kind: str
     """Class of robots from which all else is taken, of `ERROR_CLASSES`."""
@@ -65,6 +66,8 @@ class JointAt:
 
     @property
     def slides(self) -> bool:
+        if self.name in self.mechanism.loops:
+            return self.mechanism.loop_class(self.name).slides()
         return not self.mount and self.mechanism.description.joints[self.name].slides
 
     @property
@@ -151,10 +154,10 @@ class Compliance(Cause):
             elif bearing is None:
                 stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
                 shift[:, 3:5] += carried[:, 3:5] / stiffness
-            if own.torsional_stiffness is None and gear is not None:
+            if joint.stands and own.torsional_stiffness is None and gear is not None:
                 shift[:, along] += np.sign(load) * gear.curve().depth(np.abs(load))
                 words.append("its gear")
-            elif own.torsional_stiffness is not None or not joint.slides:
+            elif joint.stands and (own.torsional_stiffness is not None or not joint.slides):
                 unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
                 shift[:, along] += load / joint.size("torsional_stiffness", told, f"{{:g}} {unit}")
         spread = joint.size("stiffness_spread", told, "either way {:g} %", 100.0)
@@ -186,6 +189,8 @@ class Encoder(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         parts = {"encoder": (0.5, "resolution"), "zero_offset": (1.0, "zero offset")}
+        if not joint.stands:
+            return
         for key, (part, word) in parts.items():
             told = dict[str, str]()
             size = joint.size(key, told, f"{word} {{:.4g}} {joint.unit}")
@@ -200,6 +205,8 @@ class GearError(Cause):
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         told = dict[str, str]()
+        if not joint.stands:
+            return
         size = joint.size("gear_error", told, f"amplitude {{:.4g}} {joint.unit}")
         words = joint.origin(told)
         gear, own = joint.mechanism.gears.get(joint.name), joint.given.joints.get(joint.name)
@@ -231,9 +238,11 @@ class Heat(Cause):
         told = dict[str, str]()
         heating = joint.size("heating", told, "up to {:g} K")
         expansion = joint.size("expansion", told, "{:.3g} um/(m K)", 1e6)
-        grown = 0.5 * heating * expansion * joint.arm
-        shift = np.concatenate([grown, np.zeros_like(grown)], axis=1)
-        yield Contribution(joint.name, self.name, None, shift, 1.0, joint.origin(told))
+        if joint.name not in joint.mechanism.loops:
+            shift = np.zeros_like(joint.load)
+            shift[:, 0] = 0.5 * heating * expansion
+            origin = joint.origin(told)
+            yield Contribution(joint.name, self.name, None, shift, 1.0, origin, part=LINK)
 
 
 ALL: dict[str, Cause] = {
@@ -263,8 +272,10 @@ def cause_model(
     errors: RobotErrors,
     kind: str,
     remaining: Mapping[tuple[str, str], float],
+    driven: Sequence[str] | None = None,
+    relative_to: str | None = None,
 ) -> tuple[Mechanism, ErrorModel]:
-    """The error by causes at configurations q (n, nq) of a tree, and the mechanism as it remains.
+    """The error by causes at configurations q (n, nq), and the mechanism as it remains.
 
     All else as for `budget`.
     """
@@ -278,12 +289,16 @@ def cause_model(
     }
     if smaller:
         mechanism = mechanism.with_clearance({**mechanism.clearance, **smaller})
-    names = [*mechanism.joints, *mechanism.mounts]
-    found = jacobians(mechanism, q, names, force)
+    names = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
+    found = jacobians(mechanism, q, names, force, driven, relative_to)
+    follows = set[str]()
+    if mechanism.loops:
+        passive = ClosedLoops(mechanism, q[0], driven).passive
+        follows = {mechanism.coordinates[i].joint for i in passive} | {*mechanism.loops}
     contributions: list[Contribution] = []
     for k, name in enumerate(names):
-        if found.tool[k].any():
-            at = JointAt(mechanism, name, found.load[k], found.arm[k], errors, kind)
+        if found.tool[k].any() or found.tie[k].any():
+            at = JointAt(mechanism, name, found.load[k], name not in follows, errors, kind)
             for cause in causes.values():
                 if cause.of_mounts or not at.mount:
                     contributions += cause.at(at)
@@ -316,7 +331,7 @@ def is_proportional(mechanism: Mechanism, joint: str) -> bool:
 def _checked(
     mechanism: Mechanism, remaining: Mapping[tuple[str, str], float], causes: Mapping[str, Cause]
 ) -> dict[tuple[str, str], float]:
-    known = [*mechanism.joints, *mechanism.mounts]
+    known = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
     parts = {}
     for (name, cause), part in remaining.items():
         require_known("joint", name, known)

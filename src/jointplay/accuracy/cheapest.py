@@ -150,6 +150,11 @@ class RootMeanSquare(Error):
     """The largest root mean square distance of the tool."""
 
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
+        if model.tied:
+            raise JointplayError(
+                "variances do not add where joints of closed loops hold each other: allocate by "
+                "the worst case, or give the loops joints that do not (kind 'planar', balls)"
+            )
         super().__init__(model, of, now)
         count = len(now) + 1
         self._means = self._by_choice(model.means, count)

@@ -1,7 +1,7 @@
 """How far off the tool can be, at many poses, and which joint and which cause are to blame.
 
-No dynamics: a sum of sets and of variances (`error_model`). Of play alone, in closed loops too,
-with where the machine rests; or of all causes of a robot without loops.
+No dynamics: a sum of sets and of variances (`error_model`). Of play alone, with where the machine
+rests; or of all causes.
 """
 
 from __future__ import annotations
@@ -12,11 +12,16 @@ from functools import cached_property
 from typing import overload
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.accuracy.causes import Cause, cause_model, named, told_apart
 from jointplay.accuracy.error_model import ErrorModel, Farthest, covering, half_sphere, play_model
-from jointplay.accuracy.jacobians import configurations, displaced, force_on_tool, place, tool_place
+from jointplay.accuracy.jacobians import (
+    check_body,
+    configurations,
+    displaced,
+    force_on_tool,
+    tool_place,
+)
 from jointplay.accuracy.rest import AGREES_M, RestPositions
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.errors import JointplayError, require_a, require_finite
@@ -344,6 +349,9 @@ class PlayBudget(Budget):
 class ErrorBudget(Budget):
     """Error of the tool by several causes, each with its variance."""
 
+    driven: Sequence[str] | None
+    """Joints of loops that stand; None: the first that determine the others."""
+    relative_to: str | None
     given: tuple[str, ...]
     assumed: tuple[str, ...]
 
@@ -415,24 +423,11 @@ class ErrorBudget(Budget):
 
     def _displaced(self, points: np.ndarray) -> np.ndarray:
         """Errors of the tool at the worst pose by displacements (m, k, 6) of contributions."""
-        q = self.q[self.worst_pose]
-        model, data = self.mechanism.model, self.mechanism.data
-        tool = tool_place(self.mechanism, q).translation
-        pin.computeJointJacobians(model, data, q)
-        carrying = model.supports[model.frames[self.mechanism.tool_frame].parentJoint]
-        at = dict[str, list[int]]()
-        for k, one in enumerate(self.model.contributions):
-            at.setdefault(one.joint, []).append(k)
-        places = {name: place(self.mechanism, name) for name in at}
-        chain = [name for i in carrying for name, (index, _) in places.items() if index == i]
-        errors = np.zeros((len(points), 3))
-        for row, point in zip(errors, points, strict=True):
-            moved = pin.SE3.Identity()
-            for name in chain:
-                axes, xi = places[name][1], point[at[name]].sum(axis=0)
-                moved = moved * axes * pin.SE3(pin.exp3(xi[3:]), xi[:3]) * axes.inverse()
-            row[:] = moved.act(tool) - tool
-        return errors
+        mechanism, q = self.mechanism, self.q[self.worst_pose]
+        closing = ClosedLoops(mechanism, self.q[0], self.driven) if mechanism.loops else None
+        seen = self.relative_to
+        there = displaced(mechanism, q, self.model.names, points, closing, seen)
+        return there - self.positions[self.worst_pose]
 
     def table(self) -> Table:
         at, worst = self.worst_pose, self.worst[self.worst_pose]
@@ -498,6 +493,8 @@ def budget(
     errors: RobotErrors | None = ...,
     kind: str | None = ...,
     remaining: Mapping[tuple[str, str], float] | None = ...,
+    driven: Sequence[str] | None = ...,
+    relative_to: str | None = ...,
 ) -> ErrorBudget: ...
 
 
@@ -519,10 +516,11 @@ def budget(
     """How far off the tool can be, without dynamics: by play alone, or by several causes.
 
     In closed loops the driven joints stand and the others follow, to the first order; joints
-    outside the loops stand.
+    outside the loops stand. Where joints of a loop hold each other, as axes of a plane linkage do,
+    errors count that leave it closed.
 
     Args:
-        mechanism: with play; of several causes a tree, with or without.
+        mechanism: with play; of several causes with or without.
         poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
             that are open there are closed by the joints that are not driven.
         causes: those that count, such as `CAUSES`, by name or as a `Cause` of one's own. None: play
@@ -534,8 +532,8 @@ def budget(
         remaining: of several causes: parts of single ones that remain, by joint and cause:
             clearances, plays of gears, deflections, amplitudes and tolerances are so many times as
             large; of a joint with a rolling bearing and a gear, the gear's play.
-        second_order: of play alone, like all below: widen the sets so that they contain all poses
-            without penetration; without, all errors are proportional to the clearances.
+        second_order: of play alone, like friction and drive: widen the sets so that they contain
+            all poses without penetration; without, all errors are proportional to the clearances.
         driven: joints of loops that stand; None: the first that determine the others.
         friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
             None: the largest that the law of each joint has.
@@ -549,30 +547,28 @@ def budget(
         JointplayError: a friction coefficient that is negative or not finite; nothing has play; a
             pose of the wrong shape; a force that is no vector; an axis without limit that the tool
             feels; loops that cannot be closed, or near a singular position, where the first order
-            does not hold. Of several causes: loops; springs of another kind of joint; a part that
-            is not positive, or of the play of a rolling bearing, which is not proportional to its
-            clearance.
+            does not hold. Of several causes: a deflection or growth that a loop holds, which is
+            statically indeterminate; springs of another kind of joint; a part that is not positive,
+            or of the play of a rolling bearing, which is not proportional to its clearance.
         MissingName: no such joint, body, class or cause.
     """
     require_a("mechanism", mechanism, "Mechanism")
     if causes is not None:
-        if relative_to is not None or driven is not None or friction is not None:
-            raise JointplayError(
-                "relative_to, driven and friction are for play alone: leave them or causes out"
-            )
-        if mechanism.loops:
-            raise JointplayError(
-                f"loop {next(iter(mechanism.loops))!r}: a budget of all causes is for robots "
-                "without closed loops; budget() has the play of those with loops"
-            )
+        if friction is not None:
+            raise JointplayError("friction is for play alone: leave it or causes out")
+        if relative_to is not None:
+            check_body(mechanism, relative_to)
         known = RobotErrors() if errors is None else errors
         kind = kind or known.assumed or "industrial"
-        push, q = force_on_tool(force), configurations(mechanism, poses)
+        push, q = force_on_tool(force), configurations(mechanism, poses, driven)
         mechanism, model = cause_model(
-            mechanism, q, push, named(causes), known, kind, remaining or {}
+            mechanism, q, push, named(causes), known, kind, remaining or {}, driven, relative_to
         )
-        places, told = _positions(mechanism, q), told_apart(model, kind)
-        return ErrorBudget(mechanism, q, model, push, places, model.farthest(), *told)
+        places = _positions(mechanism, q, relative_to)
+        return ErrorBudget(
+            mechanism, q, model, push, places, model.farthest(), driven, relative_to,
+            *told_apart(model, kind),
+        )  # fmt: skip
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:
@@ -654,13 +650,11 @@ def _second_order_of_loops(
     for i, row in enumerate(q):
         linear = states.error[:, i, 0, :3].sum(axis=0)
         here = tool_place(mechanism, row).translation
-        aside = dict(zip(model.names, states.point[:, i, 0], strict=True))
-        exact = displaced(closing, row, aside)
-        if exact is not None:
-            away[i] = float(np.linalg.norm(exact.translation - here - linear))
-        if exact is None or away[i] > _TRUE * max(float(np.linalg.norm(linear)), largest):
+        (exact,) = displaced(mechanism, row, model.names, states.point[None, :, i, 0], closing)
+        away[i] = float(np.linalg.norm(exact - here - linear))
+        if not away[i] <= _TRUE * max(float(np.linalg.norm(linear)), largest):
             what = f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
-            if exact is None:
+            if np.isnan(away[i]):
                 what = "the loops cannot be closed with the journals aside"
             raise JointplayError(
                 f"near a singular position at {closing.stands(row, i, len(q))}: "

@@ -28,6 +28,7 @@ from jointplay.accuracy import loop_play
 from jointplay.accuracy.jacobians import (
     FELT,
     GEAR,
+    LINK,
     Jacobians,
     check_body,
     configurations,
@@ -45,6 +46,8 @@ _DIRECTIONS_SHIFTED = 400
 _REFINEMENTS = 12
 _SETTLED = 1e-12
 """Change of a direction that is none."""
+_ROUNDING = 1e-10
+"""Part of a matrix's largest eigenvalue that is taken for zero."""
 _FITS = 1e-9
 """Part of what the plays could open that may stay open."""
 _AT_ONCE = 200_000
@@ -93,6 +96,12 @@ class Box(Play):
     @property
     def reach(self) -> tuple[float, float]:
         return math.hypot(*self.half[:3]), math.hypot(*self.half[3:])
+
+    @property
+    def cones(self) -> Cones:
+        ways = np.diag(self.half)[:, np.array(self.half) > 0.0]
+        rows = np.eye(ways.shape[1])
+        return Cones(ways, tuple(Cone(row[None], np.zeros(len(rows)), 1.0) for row in rows))
 
     def support(self, loads: np.ndarray) -> Support:
         loads = np.asarray(loads, float).reshape(-1, 6)
@@ -145,7 +154,8 @@ class Contribution:
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing is
     not."""
     part: str = ""
-    """Which part of the joint it is, if not the joint itself: `GEAR`."""
+    """Which part of the joint it is, if not the joint itself: `GEAR`, or `LINK`, whose first
+    component is by how much it grows, relatively."""
 
     @property
     def name(self) -> str:
@@ -202,7 +212,18 @@ class ErrorModel:
         scale: Sequence[float] | None = None,
     ) -> ErrorModel:
         at = [list(joints).index(one.joint) for one in contributions]
-        tie = found.tie[at]
+        move, tie = found.tool[at], found.tie[at]
+        for i, (k, one) in enumerate(zip(at, contributions, strict=True)):
+            if one.part == LINK:
+                move[i], tie[i] = 0.0, 0.0
+                move[i, :, :, 0], tie[i, :, :, 0] = found.growth[k], found.growth_tie[k]
+        for own, one in zip(tie, contributions, strict=True):
+            if one.shift is not None and _opened(own, one.shift) > FELT * np.abs(one.shift).max():
+                raise JointplayError(
+                    f"{one.cause} of {one.joint!r} is statically indeterminate: joints of closed "
+                    "loops hold each other against it; leave this cause out, or give the loops "
+                    "joints that do not (kind 'planar', balls)"
+                )
         holds = any(
             np.abs(own @ one.set.cones.spread).max(initial=0.0) > FELT * max(one.set.reach)
             for own, one in zip(tie, contributions, strict=True)
@@ -210,7 +231,7 @@ class ErrorModel:
         )
         factor = np.ones(len(at)) if scale is None else np.array(scale, float)
         tie = tie if holds else tie[:, :, :0]
-        return cls(tuple(contributions), found.tool[at], found.load[at], tie, factor)
+        return cls(tuple(contributions), move, found.load[at], tie, factor)
 
     @classmethod
     def join(cls, models: Sequence[ErrorModel]) -> ErrorModel:
@@ -347,16 +368,18 @@ class ErrorModel:
 
     def _tie(self, flat: np.ndarray, value: np.ndarray, point: np.ndarray, m: int) -> None:
         """Put right, in place, what loops forbid of values (k, n m) and points along loads."""
-        factor = self.scale[:, None, None]
-        plays = [loop_play.ended(one) for one in self.plays]
-        ties = np.repeat(factor[..., None] * self.tie, m, axis=1)
-        opened = np.abs(np.einsum("jnri,jni->nr", ties, point / factor)).max(axis=1)
+        every = [loop_play.ended(one.set) if one.set else None for one in self.contributions]
+        sets = [k for k, one in enumerate(every) if one is not None and max(one.reach) > 0.0]
+        plays = [one for one in every if one is not None and max(one.reach) > 0.0]
+        factor = self.scale[sets, None, None]
+        ties = np.repeat(factor[..., None] * self.tie[sets], m, axis=1)
+        opened = np.abs(np.einsum("jnri,jni->nr", ties, point[sets] / factor)).max(axis=1)
         able = sum(loop_play.opening(*pair) for pair in zip(plays, ties, strict=True))
         (some,) = np.nonzero(opened > _FITS * able)
         if len(some):
-            loads = (factor * flat)[:, some]
-            value[:, some], inner = loop_play.farthest(plays, loads, ties[:, some])
-            point[:, some] = factor * inner
+            loads, at = (factor * flat[sets])[:, some], np.ix_(sets, some)
+            value[at], inner = loop_play.farthest(plays, loads, ties[:, some])
+            point[at] = factor * inner
 
     def _check_ends(self, point: np.ndarray, error: np.ndarray) -> None:
         """Refuse a journal without end walls at an end that it has not, if the tool feels it."""
@@ -383,15 +406,38 @@ class ErrorModel:
         return self.scale[:, None, None] * found
 
     @cached_property
-    def covariances(self) -> np.ndarray:
-        """Covariance of the tool's displacement by each contribution, (k, n, 3, 3) [m^2]."""
+    def _own_covariances(self) -> np.ndarray:
+        """Of the joints' displacements in their sets, (k, 6, 6)."""
         own = [np.zeros((6, 6)) if c.set is None else c.set.covariance for c in self.contributions]
+        return self.scale[:, None, None] ** 2 * np.array(own)
+
+    @cached_property
+    def _yielding(self) -> np.ndarray:
+        """By how much displacements give way to what ties are opened by at random, (k, n, 6, r).
+
+        As the variances allow: so each joint's has the variance that it has, given that loops are
+        closed.
+        """
+        way = self._own_covariances[:, None] @ self.tie.transpose(0, 1, 3, 2)
+        opened = np.linalg.pinv((self.tie @ way).sum(axis=0), rcond=_ROUNDING, hermitian=True)
+        return np.asarray(way @ opened)
+
+    @cached_property
+    def covariances(self) -> np.ndarray:
+        """Covariance of the tool's displacement by each contribution, (k, n, 3, 3) [m^2].
+
+        Of those that hold each other, of each and all together, which makes a sum, too.
+        """
         rows = self.jacobian[:, :, :3]
-        found = np.einsum("jnik,jkl,jnml->jnim", rows, np.array(own), rows)
+        own = self._own_covariances
+        found = np.einsum("jnik,jkl,jnml->jnim", rows, own, rows)
+        if self.tied:
+            opened = (self.tie @ own[:, None] @ rows.transpose(0, 1, 3, 2)).sum(axis=0)
+            less = rows @ self._yielding @ opened
+            found = found - 0.5 * (less + less.transpose(0, 1, 3, 2))
         spread = np.array([one.spread for one in self.contributions]) / np.sqrt(3.0)
         shift = spread[:, None, None] * self.means
-        scale = self.scale[:, None, None, None]
-        return np.asarray(scale**2 * found + shift[..., :, None] * shift[..., None, :])
+        return np.asarray(found + shift[..., :, None] * shift[..., None, :])
 
     @property
     def rms(self) -> np.ndarray:
@@ -402,14 +448,23 @@ class ErrorModel:
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """Displacements at random at the first pose, as the variances suppose, (count, k, 6)."""
-        found = np.zeros((count, len(self.contributions), 6))
+        sets = np.zeros((count, len(self.contributions), 6))
+        shifts = np.zeros_like(sets)
         for k, one in enumerate(self.contributions):
             if one.shift is not None:
                 part = 1.0 + one.spread * random.uniform(-1.0, 1.0, count)
-                found[:, k] += part[:, None] * one.shift[0]
+                shifts[:, k] = self.scale[k] * part[:, None] * one.shift[0]
             if one.set is not None:
-                found[:, k] += one.set.draw(random, count)
-        return self.scale[:, None] * found
+                sets[:, k] = self.scale[k] * one.set.draw(random, count)
+        if self.tied:
+            opened = np.einsum("kri,mki->mr", self.tie[:, 0], sets)
+            sets -= np.einsum("kir,mr->mki", self._yielding[:, 0], opened)
+        return sets + shifts
+
+
+def _opened(tie: np.ndarray, shift: np.ndarray) -> float:
+    """How far displacements (n, 6) open loops by ties (n, r, 6), at most."""
+    return float(np.abs(np.einsum("nri,ni->nr", tie, shift)).max(initial=0.0))
 
 
 def toward(points: np.ndarray, otherwise: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ joints to each other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ from jointplay.physics.joints import Coordinate
 
 GEAR = " (gear)"
 """Appended to a joint's name for the play of its gear."""
+LINK = " (link)"
+"""Appended to a joint's name for the growth of the link that it carries."""
 FELT = 1e-9
 """Motion of the tool per motion of a coordinate that is none [1 or m]."""
 
@@ -39,9 +41,11 @@ class Jacobians(NamedTuple):
     tie: np.ndarray
     """By how much each displacement opens loops that nothing else can close, (j, n, r, 6), zero in
     sum over all joints."""
-    arm: np.ndarray
-    """In trees: from the joint to the next one on the way to the tool, or to the tool, its own
-    axes, (j, n, 3) [m]."""
+    growth: np.ndarray
+    """The tool's displacement and rotation per relative growth of the link that the joint carries,
+    (j, n, 6); of links between two of the `joints`, or one and the tool."""
+    growth_tie: np.ndarray
+    """By how much growth opens loops that nothing else can close, (j, n, r)."""
 
 
 def jacobians(
@@ -58,9 +62,9 @@ def jacobians(
         JointplayError: a pose at which the driven joints do not determine the tool.
     """
     moves, loads = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
-    arms = np.zeros((len(joints), len(q), 3))
+    growth = np.zeros((len(joints), len(q), 6))
     closing = ClosedLoops(mechanism, q[0], driven) if mechanism.loops else None
-    ties = []
+    ties, growth_ties = [], []
     for i, row in enumerate(q):
         pin.computeJointJacobians(mechanism.model, mechanism.data, row)
         tool = tool_place(mechanism, row)
@@ -69,17 +73,51 @@ def jacobians(
         places = {j: place(mechanism, name) for j, name in in_tree}
         for j, at in places.items():
             moves[j, i], loads[j, i] = _of_joint(mechanism, at, tool, force, relative_to)
-        moving = [j for j in sorted(places, key=lambda j: places[j][0]) if moves[j, i].any()]
-        ends = [places[j][1].translation for j in moving[1:]] + [tool.translation]
-        for j, end in zip(moving, ends, strict=False):
-            arms[j, i] = places[j][1].rotation.T @ (end - places[j][1].translation)
         if closing is not None:
             ties.append(_follow(closing, q, i, joints, force, moves, loads))
+            growth_ties.append(np.zeros(ties[-1].shape[:2]))
+        for name, end, xi in link_ends(mechanism, joints, relative_to):
+            growth[joints.index(name), i] += moves[joints.index(end), i] @ xi if end else xi
+            if end and closing is not None:
+                growth_ties[-1][joints.index(name)] += ties[-1][joints.index(end)] @ xi
     most = max((one.shape[1] for one in ties), default=0)
-    tie = np.zeros((len(joints), len(q), most, 6))
-    for i, one in enumerate(ties):
-        tie[:, i, : one.shape[1]] = one
-    return Jacobians(moves, loads, tie, arms)
+    tie, growth_tie = np.zeros((len(joints), len(q), most, 6)), np.zeros((*growth.shape[:2], most))
+    for i, (one, grown) in enumerate(zip(ties, growth_ties, strict=True)):
+        tie[:, i, : one.shape[1]], growth_tie[:, i, : one.shape[1]] = one, grown
+    return Jacobians(moves, loads, tie, growth, growth_tie)
+
+
+def link_ends(
+    mechanism: Mechanism, joints: Sequence[str], relative_to: str | None = None
+) -> Iterator[tuple[str, str, np.ndarray]]:
+    """What a relative growth of one displaces where the links of `joints` end.
+
+    After `pin.computeJointJacobians`: for each end the joint that carries the link, the joint there
+    (empty for the tool, and the body from which it is seen), and the displacement that this end's
+    motion is for that joint, as of `Jacobians`, or for the tool, (6,) [m].
+    """
+    data, model = mechanism.data, mechanism.model
+    ends: list[tuple[int, str, np.ndarray, np.ndarray]] = []
+    for name in joints:
+        bearing, journal = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        if name in mechanism.loops:
+            back = (data.oMi[bearing[0]] * bearing[1]).rotation.T
+            for (index, frame), sign in ((bearing, 1.0), (journal, -1.0)):
+                ends.append((index, name, sign * back, (data.oMi[index] * frame).translation))
+        else:  # the child's own link begins here
+            _, axes = place(mechanism, name)
+            parent = min(bearing[0], journal[0])
+            ends.append((parent, name, axes.rotation.T, axes.translation))
+    seen = None if relative_to is None else frame_index(model, relative_to)
+    back = np.eye(3) if seen is None else data.oMf[seen].rotation.T
+    for index, sign in ((mechanism.tool_frame, 1.0), *([] if seen is None else [(seen, -1.0)])):
+        frame = model.frames[index]
+        ends.append((frame.parentJoint, "", sign * back, data.oMf[index].translation))
+    for index, end, axes, point in ends:
+        carrier = mechanism.owner(index)
+        if carrier in joints:
+            arm = axes @ (point - place(mechanism, carrier)[1].translation)
+            yield carrier, end, np.concatenate([arm, np.zeros(3)])
 
 
 def force_on_tool(force: Sequence[float]) -> np.ndarray:
@@ -251,23 +289,60 @@ def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
 
 
 def displaced(
-    closing: ClosedLoops, q: np.ndarray, aside: Mapping[str, np.ndarray]
-) -> pin.SE3 | None:
-    """Where the tool is, exactly, with journals displaced from a closed configuration q (nq,).
+    mechanism: Mechanism,
+    q: np.ndarray,
+    names: Sequence[str],
+    points: np.ndarray,
+    closing: ClosedLoops | None = None,
+    relative_to: str | None = None,
+) -> np.ndarray:
+    """Where the tool is, exactly, with joints displaced from a configuration q (nq,), (m, 3) [m].
 
-    None if the loops cannot be closed. `aside` are displacement and rotation vector of the child's
-    body in bearing axes, by source of play, (6,) [m, rad].
+    Loops are closed afresh, as well as can be; NaN where they cannot. `points` (m, k, 6) are
+    displacement and rotation vector of the child's body, bearing axes, by joint, loop and gear
+    [m, rad]; of a link by how much it grows, relatively, first.
     """
-    mechanism = closing.mechanism
-    own, looped = dict[str, np.ndarray](), {}
-    for name, xi in aside.items():
-        if name in mechanism.loops:
-            looped[name] = pin.SE3(pin.exp3(xi[3:]), xi[:3])
-        else:
-            own[name] = xi
-    moved = displaced_configuration(mechanism, q, own)
-    closed = closing.close(moved, looped, exactly=False)
-    return None if closed is None else tool_place(mechanism, closed)
+    model, data = mechanism.model, mechanism.data
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    every = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
+    own = [name.removesuffix(GEAR) for name in names]
+    ends: dict[str, list[tuple[str, np.ndarray]]] = {}
+    if any(name.endswith(LINK) for name in names):
+        for name, end, way in link_ends(mechanism, every, relative_to):
+            ends.setdefault(name + LINK, []).append((end, way))
+    seats = dict[str, tuple[int, pin.SE3]]()
+    for name in {*own, *(end for some in ends.values() for end, _ in some)} & {*every}:
+        if name not in mechanism.loops:
+            index, axes = place(mechanism, name)
+            seats[name] = index, data.oMi[model.parents[index]].actInv(axes)
+    were = {index: model.jointPlacements[index].copy() for index, _ in seats.values()}
+    tools = np.full((len(points), 3), np.nan)
+    for tool, point in zip(tools, points, strict=True):
+        whole, shift, looped = dict[str, np.ndarray](), np.zeros(3), dict[str, pin.SE3]()
+        for name, xi in zip(own, point, strict=True):
+            for end, part in (
+                [(end, xi[0] * way) for end, way in ends.get(name, ())]
+                if name.endswith(LINK)
+                else [(name, xi)]
+            ):
+                if end:
+                    whole[end] = whole.get(end, 0.0) + part
+                else:
+                    shift += part[:3]
+        for name, xi in whole.items():
+            move = pin.SE3(pin.exp3(xi[3:]), xi[:3])
+            if name in mechanism.loops:
+                looped[name] = move
+            else:
+                index, seat = seats[name]
+                model.jointPlacements[index] = seat * move * seat.inverse() * were[index]
+        closed = q if closing is None else closing.close(q, looped, exactly=False)
+        if closed is not None:
+            tool[:] = tool_place(mechanism, closed, relative_to).translation + shift
+        for index, one in were.items():
+            model.jointPlacements[index] = one
+    return tools
 
 
 def displaced_configuration(

@@ -19,7 +19,6 @@ Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out pand
 """
 
 import argparse
-from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs
@@ -34,8 +33,6 @@ def run(options: argparse.Namespace) -> int:
     if options.causes is not None and options.whole is None:
         words = f"--causes {','.join(options.causes)} selects causes of the whole error"
         raise JointplayError(f"{words}: give --whole CLASS, too")
-    if options.relative_to is not None and options.whole is not None:
-        raise JointplayError("--whole is known in the world only; leave --relative-to out")
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
     at = "\n".join([*work.notes, f"at: {work.poses}"])
@@ -44,9 +41,16 @@ def run(options: argparse.Namespace) -> int:
 
         out.names.append("errors.png")
         out.claim()
-        about: dict[str, Any] = {"causes": options.causes or CAUSES, "errors": work.errors}
-        kind = error_class(options, work)
-        whole = budget(work.mechanism, work.q, force=force, kind=kind, **about)
+        whole = budget(
+            work.mechanism,
+            work.q,
+            causes=options.causes or CAUSES,
+            force=force,
+            errors=work.errors,
+            kind=error_class(options, work),
+            driven=work.driven,
+            relative_to=options.relative_to,
+        )
         print(f"{at}\n{whole.table()}")
         if options.out:
             from jointplay.show.plots.design import cause_bars
