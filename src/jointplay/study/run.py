@@ -25,7 +25,7 @@ from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.study.axes import Axis
 from jointplay.study.case import Bench, Case, job, run_case
-from jointplay.study.journal import FAILED, Index, Outcome
+from jointplay.study.journal import FAILED, Index, Outcome, is_there
 from jointplay.study.measures import shipped
 from jointplay.study.plan import REPEAT, SAMPLE, Plan, plan_of
 from jointplay.study.store import Store, open_sweep, sizes_of
@@ -167,45 +167,34 @@ def run_plan(
         raise JointplayError(f"{made.words}: {guess}; use --yes to run it anyway")
     _ = made.identity  # reads the files, and says what is missing
     made = _largest_so_far(made, Path(path)) if resume or extend else made
-    store = Store(path, made, resume, extend)
-    try:
-        _run_rounds(store, number, scheduler, progress, begin)
-        store.close()
-    except BaseException as error:
-        if not store.removed:
-            _give_up(store, error)
-        raise
-    return store.plan
-
-
-def _run_rounds(
-    store: Store,
-    number: int,
-    scheduler: str | None,
-    progress: bool,
-    begin: Callable[[], None] | None,
-) -> None:
-    workers: Workers[Case, Outcome] | None = None
     with ExitStack() as stack:
-        while True:
-            left = int(np.count_nonzero(store.state == 0))
-            if left and workers is None:
-                processes = number if store.plan.until else min(number, left)
-                try:
-                    workers = workers_for(store.plan, processes, scheduler)
-                except JointplayError:  # a scheduler that does not answer: nothing was begun
-                    if store.new:
-                        store.remove()
-                    raise
-                stack.callback(workers.close)
-            if begin is not None:
-                begin()
-                begin = None
-            if workers is not None:
-                _run_all(store, workers, left, progress)
-            if _enough(store):
-                return
-            store.grow(store.plan.with_samples(2 * store.plan.samples))
+
+        def hire(left: int) -> Workers[Case, Outcome]:
+            workers = workers_for(made, number if made.until else min(number, left), scheduler)
+            stack.callback(workers.close)
+            return workers
+
+        new = not is_there(Path(path), resume or extend)
+        # Those of a cluster may not answer: then nothing is to be written.
+        workers = hire(made.count) if new and scheduler is not None else None
+        store = Store(path, made, resume, extend)
+        try:
+            while True:
+                left = int(np.count_nonzero(store.state == 0))
+                workers = hire(left) if left and workers is None else workers
+                if begin is not None:
+                    begin()
+                    begin = None
+                if workers is not None:
+                    _run_all(store, workers, left, progress)
+                if _enough(store):
+                    break
+                store.grow(store.plan.with_samples(2 * store.plan.samples))
+            store.close()
+        except BaseException as error:
+            _give_up(store, error)
+            raise
+    return store.plan
 
 
 def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Workers[Case, Outcome]:

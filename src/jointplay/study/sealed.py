@@ -1,10 +1,9 @@
-"""A folder of Zarr arrays in which every piece is sealed, and zarr's view of it.
+"""A folder of Zarr arrays in which every piece is sealed, and how it is read.
 
 A store can come from anywhere, and Zarr does what it says: metadata of Zarr 2 name filters that run
-code, those of Zarr 3 codecs of any package, and a chunk may be a link to any file. So zarr sees a
-store only through `SealedStore`: metadata that are made here of the few things in which arrays
-differ (`Array`; a store that says anything else is refused), and chunks that are files of the
-store.
+code, those of Zarr 3 codecs of any package, and a chunk may be a link to any file. So we read it
+without zarr: metadata that say something else than ours do (`Array`) are refused, and chunks are
+files of the store, of the size that they must have.
 
 A seal is a hash of what is sealed, of its place and of the store that it was written to. Chunks
 have it behind their data, where Zstandard has room for what unpacking skips: any reader of Zarr
@@ -21,17 +20,19 @@ import math
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+import xarray as xr
 from numcodecs import VLenUTF8, Zstd
-from zarr.abc.store import ByteRequest, Store
-from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
+from xarray.backends import BackendArray, BackendEntrypoint
+from xarray.core import indexing
 
 from jointplay.base.errors import JointplayError, damaged
 
@@ -303,7 +304,7 @@ class Contents:
         """Values of a chunk, of which there may be none.
 
         Raises:
-            JointplayError: it is damaged: why.
+            JointplayError: it is damaged, or gone; with what becomes of it if the sweep goes on.
         """
         array, place = self.arrays[name], "/".join(map(str, chunk))
         try:
@@ -313,9 +314,15 @@ class Contents:
             dtype = np.dtype(array.dtype).newbyteorder("<")
             return np.frombuffer(data, dtype).reshape(array.chunks).copy()
         except (FileNotFoundError, NotADirectoryError):
-            return array.empty(array.chunks)
-        except (RuntimeError, ValueError) as error:
-            raise damaged(self.folder, "sweep", f"chunk {place} of {name!r}: {error}") from None
+            if place not in self.chunks.get(name, ()):
+                return array.empty(array.chunks)
+            reason = "it is gone"
+        except (OSError, RuntimeError, ValueError) as error:
+            reason = _reason(error)
+        fates = {"labels": "runs all cases again", "coordinate": "writes it again"}
+        fate = fates.get(self.kind(name), "runs the cases of that chunk again")
+        text = f"chunk {place.replace('/', '.')} of array {name!r}: {reason}; --resume {fate}"
+        raise damaged(self.folder, "sweep", text)
 
     def save(self, name: str, chunk: Index, block: np.ndarray) -> None:
         """Write values of a chunk, its seal behind them; of empty ones alone none is kept."""
@@ -333,21 +340,21 @@ class Contents:
         self.chunks.get(name, set()).discard(chunk)
         (self.folder / name / "c" / chunk).unlink(missing_ok=True)
 
-    def values(self, name: str) -> np.ndarray:
-        """All values of an array; see `load`."""
+    def values(self, name: str, part: Sequence[slice] = ()) -> np.ndarray:
+        """Values of an array, or of a part of it, its slices without steps; see `load`."""
         array = self.arrays[name]
-        found = array.empty(array.shape)
-        for chunk, place in pieces(array.shape, array.chunks):
-            part = found[place]
-            part[...] = self.load(name, chunk)[tuple(map(slice, part.shape))]
+        part = part or whole(array.shape)
+        found = array.empty(tuple(one.stop - one.start for one in part))
+        for chunk, place, inside in pieces(part, array.chunks):
+            found[place] = self.load(name, chunk)[inside]
         return found
 
     def write(self, name: str, given: np.ndarray) -> None:
         """Write all values of an array."""
         array = self.arrays[name]
-        for chunk, place in pieces(array.shape, array.chunks):
+        for chunk, place, inside in pieces(whole(array.shape), array.chunks):
             block = array.empty(array.chunks)
-            block[tuple(map(slice, given[place].shape))] = given[place]
+            block[inside] = given[place]
             self.save(name, chunk, block)
 
     def survey(self) -> Iterator[tuple[str, str]]:
@@ -396,88 +403,79 @@ def plain_name(folder: str) -> str:
     return unquote(folder)
 
 
+# ---- Read as a dataset --------------------------------------------------------------------------
+
+
+class _Lazy(BackendArray):
+    """An array of a store, of which parts are read when they are looked at."""
+
+    def __init__(self, contents: Contents, name: str) -> None:
+        self.contents, self.name = contents, name
+        array = contents.arrays[name]
+        self.shape, self.dtype = array.shape, array.empty(()).dtype
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        basic = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, basic, self._read)
+
+    def _read(self, key: tuple[int | slice, ...]) -> np.ndarray:
+        part, inner = [], []
+        for one, size in zip(key, self.shape, strict=True):
+            at = range(size)[one] if isinstance(one, slice) else range(int(one), int(one) + 1)
+            part.append(slice(min(at, default=0), max(at, default=-1) + 1))
+            inner.append(slice(None, None, at.step) if isinstance(one, slice) else 0)
+        return self.contents.values(self.name, part)[tuple(inner)]
+
+
+class Reader(BackendEntrypoint):
+    """How xarray reads a store.
+
+    Raises:
+        JointplayError: what is asked for is damaged or foreign; it is named.
+    """
+
+    def open_dataset(
+        self, filename_or_obj: Any, *, drop_variables: str | Iterable[str] | None = None
+    ) -> xr.Dataset:
+        contents = contents_of(folder := Path(filename_or_obj))
+        try:
+            variables = {
+                plain_name(name): xr.Variable(
+                    tuple(map(plain_name, array.dims)),
+                    indexing.LazilyIndexedArray(_Lazy(contents, name)),
+                    dict(array.attributes),
+                )
+                for name, array in contents.arrays.items()
+            }
+            attributes = {k: v for k, v in contents.attributes.items() if k != "store"}
+            coordinates = {*attributes["sizes"], *attributes["sampled"]} & variables.keys()
+            return xr.Dataset(variables, attrs=attributes).set_coords(coordinates)
+        except JointplayError:
+            raise
+        except Exception as error:  # noqa: BLE001 - of arrays that do not fit each other
+            raise damaged(folder, "sweep", error) from None
+
+
 # ---- What is in its files ----------------------------------------------------------------------
 
 
-class SealedStore(Store):
-    """The folder of a store as zarr may see it, to read.
-
-    Raises:
-        JointplayError: what is asked for is damaged or foreign; it is named, with what becomes of
-            it if the sweep goes on.
-    """
-
-    supports_writes = supports_deletes = supports_listing = False
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(read_only=True)
-        self.folder = folder
-        try:
-            self.contents = Contents.read(folder)
-        except (OSError, ValueError) as error:
-            raise damaged_whole(folder, error) from None
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SealedStore) and other.folder == self.folder
-
-    async def get(
-        self,
-        key: str,
-        prototype: BufferPrototype | None = None,
-        byte_range: ByteRequest | None = None,
-    ) -> Buffer | None:
-        """A chunk, or metadata; None for everything else."""
-        if byte_range is not None:
-            raise NotImplementedError("parts of chunks have no seal")
-        arrays = self.contents.arrays
-        name, _, chunk = key.partition("/c/")
-        content: bytes | None = None
-        if key == METADATA:
-            content = encoded(self.contents.metadata)
-        elif (folder := key.removesuffix(f"/{METADATA}")) in arrays:
-            content = encoded(arrays[folder].metadata)
-        elif chunk and name in arrays:
-            content = self._chunk(name, chunk)
-        if content is None:
-            return None
-        return (prototype or default_buffer_prototype()).buffer.from_bytes(content)
-
-    def _chunk(self, name: str, chunk: str) -> bytes | None:
-        """A chunk; None if none was written."""
-        try:
-            return self.contents.read_chunk(name, chunk)
-        except (FileNotFoundError, NotADirectoryError):
-            if chunk not in self.contents.chunks.get(name, ()):
-                return None
-            reason = "it is gone"
-        except (OSError, ValueError) as error:
-            reason = _reason(error)
-        fates = {"labels": "runs all cases again", "coordinate": "writes it again"}
-        fate = fates.get(self.contents.kind(name), "runs the cases of that chunk again")
-        place = f"chunk {chunk.replace('/', '.')} of array {name!r}"
-        raise damaged(self.folder, "sweep", f"{place}: {reason}; --resume {fate}")
-
-    async def get_partial_values(
-        self, prototype: BufferPrototype, key_ranges: Iterable[tuple[str, ByteRequest | None]]
-    ) -> list[Buffer | None]:
-        return [await self.get(key, prototype, given) for key, given in key_ranges]
-
-    async def exists(self, key: str) -> bool:
-        return await self.get(key) is not None
-
-    def list(self, *_: Any) -> Any:
-        """What there is, zarr knows by the metadata, and it writes nothing."""
-        raise NotImplementedError
-
-    set = delete = list_prefix = list_dir = list  # type: ignore[assignment]
+def whole(shape: Index) -> tuple[slice, ...]:
+    """All of an array of this shape."""
+    return tuple(slice(0, size) for size in shape)
 
 
-def pieces(shape: Index, chunks: Index) -> Iterator[tuple[Index, tuple[slice, ...]]]:
-    """Chunks of an array, and where each is in it."""
-    sizes = list(zip(shape, chunks, strict=True))
-    for chunk in np.ndindex(*(-(-size // most) for size, most in sizes)):
-        both = zip(chunk, sizes, strict=True)
-        yield chunk, tuple(slice(k * most, min((k + 1) * most, size)) for k, (size, most) in both)
+def pieces(
+    part: Sequence[slice], chunks: Index
+) -> Iterator[tuple[Index, tuple[slice, ...], tuple[slice, ...]]]:
+    """Chunks that a part of an array is in; where each is in the part, and that in the chunk."""
+    both = list(zip(part, chunks, strict=True))
+    for chunk in product(*(range(one.start // n, -(-one.stop // n)) for one, n in both)):
+        ends = [
+            (max(k * n, one.start), min((k + 1) * n, one.stop), one.start, k * n)
+            for k, (one, n) in zip(chunk, both, strict=True)
+        ]
+        place = tuple(slice(low - begin, high - begin) for low, high, begin, _ in ends)
+        yield chunk, place, tuple(slice(low - begin, high - begin) for low, high, _, begin in ends)
 
 
 def put(path: Path, content: bytes) -> None:
@@ -493,11 +491,23 @@ def put(path: Path, content: bytes) -> None:
         raise
 
 
-def damaged_whole(path: Path, error: Exception) -> JointplayError:
-    """What to say of a store whose metadata are damaged."""
-    # No damage makes foreign metadata of ours.
-    fate = "" if isinstance(error, Foreign) else "; --resume writes them again"
-    return damaged(path, "sweep", f"metadata of the whole: {_reason(error)}{fate}")
+def contents_of(folder: Path, copy: bool = False) -> Contents:
+    """What the store in a folder has, by its metadata, or with `copy` by their copy if need be.
+
+    Raises:
+        JointplayError: they are damaged, or foreign, of which no damage makes ours: why.
+    """
+    try:
+        return Contents.read(folder)
+    except Foreign as error:
+        reason, fate = str(error), ""
+    except (OSError, ValueError) as error:
+        reason, fate = _reason(error), "; --resume writes them again"
+        if copy:
+            with suppress(OSError, ValueError):
+                return Contents.read(folder, COPY)
+            fate = ", and so has their copy; choose another name"
+    raise damaged(folder, "sweep", f"metadata of the whole: {reason}{fate}")
 
 
 def _reason(error: Exception) -> str:

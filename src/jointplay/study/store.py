@@ -15,13 +15,11 @@ What has changed since it was written is found by its seal, what is gone by the 
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import secrets
 import shutil
 import time
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -33,7 +31,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, damaged, require_a
+from jointplay.base.errors import JointplayError, require_a
 from jointplay.simulation.result.stored import versions
 from jointplay.study import sealed
 from jointplay.study.journal import FAILED, JOURNAL, History, Index, Journal, Outcome, is_there
@@ -71,8 +69,6 @@ class Store:
 
     Attributes:
         state: of every case; 0: not run, `DONE`, `FAILED`.
-        new: whether it was made here.
-        removed: whether it is there no more.
 
     Raises:
         JointplayError: the store exists (and `resume` is false), is of another study, or another
@@ -84,9 +80,7 @@ class Store:
     ) -> None:
         self.path = Path(path)
         there = is_there(self.path, resume or extend)
-        self._folder_was_there = files.is_folder(self.path)
         files.claim(self.path, [])
-        self.removed = False
         try:
             self.plan = plan
             self.state = np.zeros(self._shape, np.int8)
@@ -100,7 +94,6 @@ class Store:
                 else:
                     self._make()
                 self._take_up()
-            self.new = not there and not self.journal.found
         except BaseException:
             files.release(self.path)
             raise
@@ -124,26 +117,23 @@ class Store:
 
     def _make(self) -> None:
         """Begin a new store; what there was in the folder was of an older one."""
+        for one in self.path.iterdir():
+            if one.is_dir() and not one.is_symlink():
+                shutil.rmtree(one)
+            elif one.name not in (METADATA, COPY):  # by which a killed process is gone on with
+                one.unlink()
         self.contents = Contents(self.path, self._about(secrets.token_hex(16)))
         for name, kind, unit, text in (
             ("state", "int8", "1", "0: not run, 1: done, 2: failed"),
             ("error", "string", "", "error message of the case"),
         ):
             self._add(name, self._of_cases(kind, {"units": unit, "long_name": text}))
-        self._commit()
-        for one in self.path.iterdir():
-            if one.is_dir() and not one.is_symlink():
-                shutil.rmtree(one)
-            elif one.name not in (METADATA, COPY):
-                one.unlink()
-        self._written = {}
-        self._labels = {}
         self._commit(coordinates=True)
         self.journal = Journal(self.path / JOURNAL, self.contents.store)
 
     def _reopen(self, extend: bool) -> None:
         """Go on with an old store."""
-        contents = self._read()
+        contents = sealed.contents_of(self.path, copy=True)
         self._check_study(contents.attributes, extend)
         for rest in self.path.rglob(f"*{sealed.PARTIAL}"):  # of a process that was killed
             rest.unlink(missing_ok=True)
@@ -164,17 +154,6 @@ class Store:
             self.grow(self.plan)
         else:
             self._commit(coordinates=True)
-
-    def _read(self) -> Contents:
-        """What the store has, by its metadata or their copy."""
-        try:
-            return Contents.read(self.path)
-        except (OSError, ValueError) as error:
-            if not isinstance(error, sealed.Foreign):
-                with suppress(OSError, ValueError):
-                    return Contents.read(self.path, COPY)
-                error = sealed.Foreign(f"{error}, and so has their copy; choose another name")
-            raise sealed.damaged_whole(self.path, error) from None
 
     def _check_study(self, attributes: Mapping[str, Any], extend: bool) -> None:
         """Refuse a store of another study."""
@@ -317,12 +296,11 @@ class Store:
             chunk, at = zip(*map(divmod, index, sizes), strict=True)
             inside.setdefault(chunk, []).append((at, row))
         for chunk, given in inside.items():
-            for more, place in sealed.pieces(tail, array.chunks[number:]):
+            for more, place, within in sealed.pieces(sealed.whole(tail), array.chunks[number:]):
                 block = self.contents.load(name, (*chunk, *more))
                 for at, row in given:
-                    part = row[place] if tail else row
-                    inner: Any = (*at, *map(slice, np.shape(part)))
-                    block[inner] = part
+                    inner: Any = (*at, *within)
+                    block[inner] = row[place] if tail else row
                 self.contents.save(name, (*chunk, *more), block)
 
     def _commit(self, coordinates: bool = False) -> None:
@@ -497,16 +475,6 @@ class Store:
             self.journal.close()
             files.release(self.path)
 
-    def remove(self) -> None:
-        """Delete it, of which nothing is worth keeping, and let go of it."""
-        self.removed = True
-        self.journal.close()
-        with suppress(OSError):
-            files.empty(self.path)
-            if not self._folder_was_there:
-                self.path.rmdir()
-        files.release(self.path)
-
 
 def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
     """In what two studies differ, in words by key."""
@@ -526,9 +494,8 @@ def _short(text: str) -> str:
 
 def sizes_of(path: Path) -> dict[str, int] | None:
     """Sizes of the dimensions of the cases of a store; None if nothing tells."""
-    for name in (METADATA, COPY):
-        with suppress(OSError, ValueError):
-            return dict(Contents.read(path, name).attributes["sizes"])
+    with suppress(JointplayError):
+        return dict(sealed.contents_of(path, copy=True).attributes["sizes"])
     return None
 
 
@@ -566,36 +533,4 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     path = Path(path)
     if not files.is_file(path / METADATA):
         raise JointplayError(f"no sweep {str(path)!r}")
-    try:
-        with warnings.catch_warnings():  # zarr's notes on what Zarr 3 has not settled
-            warnings.simplefilter("ignore")
-            dataset = xr.open_zarr(
-                sealed.SealedStore(path), chunks=None, consolidated=True, zarr_format=3,
-                mask_and_scale=False,
-            )  # fmt: skip
-    except JointplayError:
-        raise
-    except Exception as error:  # noqa: BLE001 - zarr and xarray raise whatever they stumble over
-        raise damaged(path, "sweep", error) from None
-    for word in ("store", sealed.CHUNKS):
-        dataset.attrs.pop(word)
-    folders = map(str, {*dataset.variables, *dataset.dims})
-    dataset = dataset.rename({f: plain_name(f) for f in folders if f != plain_name(f)})
-    coordinates = [*dataset.attrs["sizes"], *dataset.attrs["sampled"]]
-    dataset = dataset.set_coords([name for name in coordinates if name in dataset.variables])
-    dataset.encoding["source"] = str(path)
-    return dataset
-
-
-@contextmanager
-def reading(path: str | Path) -> Iterator[None]:
-    """Say of what zarr stumbles over in the block, long after a store was opened, that it is
-    damaged.
-
-    Raises:
-        JointplayError: it is.
-    """
-    try:
-        yield
-    except (RuntimeError, json.JSONDecodeError) as error:  # of codecs, and of arrays' metadata
-        raise JointplayError(f"{str(path)!r} is damaged: {error}") from None
+    return xr.open_dataset(path, engine=sealed.Reader)

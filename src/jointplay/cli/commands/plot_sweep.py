@@ -39,10 +39,8 @@ def run(options: argparse.Namespace) -> int:
     out = files.check_picture(options.out or store.parent / default)
     from jointplay.show.plots.sweep import draw  # what comes now takes long to import
     from jointplay.study import open_sweep
-    from jointplay.study.store import reading
 
-    with reading(store):
-        figure = draw(open_sweep(store), **roles, only=given)
+    figure = draw(open_sweep(store), **roles, only=given)
     files.picture(out, figure)
     print(out)
     return 0

@@ -61,7 +61,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any]) -> list[Path]:
     from jointplay.show.reports import sweep
-    from jointplay.study.store import reading
 
     if len(paths) > 1:
         raise JointplayError("a sweep gets a separate report; give only its store")
@@ -70,5 +69,4 @@ def _sweep(paths: list[Path], options: argparse.Namespace, shared: dict[str, Any
         if getattr(options, name):
             raise JointplayError(f"--{name} is for results; {str(store)!r} is a sweep")
     default = store.parent / f"{store.name.removesuffix('.zarr')}_report.html"
-    with reading(store):
-        return sweep.write(store, Path(options.out or default), **shared)
+    return sweep.write(store, Path(options.out or default), **shared)

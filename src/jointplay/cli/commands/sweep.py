@@ -33,7 +33,6 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from jointplay.study import open_sweep, plan_of, run_plan
-    from jointplay.study.store import reading
     from jointplay.study.table import table
 
     made = plan_of(options.file)
@@ -50,8 +49,7 @@ def run(options: argparse.Namespace) -> int:
         begin=None if options.quiet else lambda: print(words, flush=True),
     )
     dataset = open_sweep(options.out)
-    with reading(options.out):
-        print(table(dataset, options.rows))
+    print(table(dataset, options.rows))
     failed = int(np.count_nonzero(dataset["state"].values == 2))
     print(f"\nresults in {options.out}")
     return FAILED if failed == dataset["state"].size else 0

@@ -21,12 +21,10 @@ def run(options: argparse.Namespace) -> int:
     out = files.check_picture(options.out) if options.out else None
     from jointplay.show.plots.sweep import draw_convergence  # what comes now takes long to import
     from jointplay.study import open_sweep
-    from jointplay.study.store import reading
     from jointplay.study.table import uncertainty
 
     dataset = open_sweep(Path(options.store))
-    with reading(options.store):
-        print(uncertainty(dataset, options.measure, options.precision))
+    print(uncertainty(dataset, options.measure, options.precision))
     if out is not None:
         files.picture(out, draw_convergence(dataset, options.measure, options.precision))
         print(out)
