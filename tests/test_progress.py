@@ -107,7 +107,7 @@ def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(jobs, tmp_p
     totals = {re.search(r"/([\d.]+) s simulated", line)[1] for line in bars}
     assert len(totals) == 1  # one bar for all three cases and their further runs
     assert "x real time" in screen
-    assert ("3 of 3 cases done" in screen) == (jobs == "2")
+    assert "3 of 3 cases done" in screen
     assert screen.rindex("%|") > screen.index("0.2 mm: Play of 0.2 mm")
     done = subprocess.run(
         [*command, *short, "--out", tmp_path / "b"],

@@ -23,6 +23,7 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
+from jointplay.base import progress, signals
 from jointplay.base.errors import JointplayError, require_whole
 from jointplay.base.modules import import_module, imported_modules
 from jointplay.base.signals import SIGNALS
@@ -76,17 +77,20 @@ def number_of(jobs: int | None, items: object = None) -> int:
     return max(min(number, len(items)), 1) if isinstance(items, Sized) else number
 
 
-def begin(orphaned: Callable[[], None] | None = None) -> None:
+def begin(early: bool = False) -> None:
     """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
 
-    `orphaned` is done, in a thread, before the process ends because its parent has.
+    With `early` SIGTERM, and the end of its parent, are to it what Ctrl-C is to its parent: what it
+    does ends early and is saved.
     """
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    if orphaned is None:
+    if early:
+        signal.signal(signal.SIGTERM, signals.stop)
+    else:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         end_with_parent(signal.SIGKILL)
-    threading.Thread(target=_watch, args=(orphaned, os.getppid()), daemon=True).start()
+    threading.Thread(target=_watch, args=(early, os.getppid()), daemon=True).start()
 
 
 def end_with_parent(number: int) -> None:
@@ -99,17 +103,16 @@ def end_with_parent(number: int) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
 
 
-def _watch(orphaned: Callable[[], None] | None, parent: int) -> None:
+def _watch(early: bool, parent: int) -> None:
     """Wait for the parent to end, on any system; then end too."""
     known = multiprocessing.parent_process()
     assert known is not None
     while os.getppid() == parent and known.is_alive():
         wait([known.sentinel], _WATCH_S)
-    try:
-        if orphaned is not None:
-            orphaned()
-    finally:
-        os._exit(1)
+    if early:
+        os.kill(os.getpid(), signal.SIGTERM)
+        threading.main_thread().join()
+    os._exit(1)
 
 
 @contextmanager
@@ -133,6 +136,7 @@ class Pool(Generic[Item, Value]):
         lost: what came of an item that took `MOST_DEATHS` processes with it; None: the first one
             is an error.
         small: items are so small that one can wait with each process.
+        early: whether a process that is told to stop ends its work early and saves it.
         kept: what is left of the work if a process is killed, in words.
         name: of the items, with which errors say of which they are.
     """
@@ -142,14 +146,17 @@ class Pool(Generic[Item, Value]):
         work: Callable[[Item], Value],
         number: int,
         *,
-        begin: Callable[[], None] = begin,
+        begin: Callable[..., None] = begin,
         lost: Callable[[Item], Value] | None = None,
         small: bool = False,
+        early: bool = False,
         kept: str = "nothing was kept",
         name: str = "",
     ) -> None:
-        self._kept, self._name = kept, name
-        self._target = partial(_serve, work, begin, () if _FORKS else imported_modules())
+        self._kept, self._name, self._early = kept, name, early
+        setup = partial(begin, True) if early else begin
+        told = progress.current() is not None
+        self._target = partial(_serve, work, setup, told, () if _FORKS else imported_modules())
         self._number, self._lost, self._small = number, lost, small
         self.processes: dict[Connection, BaseProcess] = {}  # by their connections
         self._queues: dict[Connection, deque[tuple[Any, Item]]] = {}
@@ -205,12 +212,16 @@ class Pool(Generic[Item, Value]):
         for ready in wait([one for one, queue in self._queues.items() if queue], timeout):
             connection = cast(Connection, ready)
             try:
-                error, value = connection.recv()
+                answer = connection.recv()
             except (EOFError, OSError):
                 if self._closed:
                     return
                 yield from self._died(connection)
                 continue
+            if isinstance(answer, progress.Moved):
+                answer.show()
+                continue
+            error, value = answer
             key, _ = self._queues[connection].popleft()
             self._done += 1
             if error is not None:
@@ -257,13 +268,31 @@ class Pool(Generic[Item, Value]):
                 self._feed(other)
 
     def close(self) -> None:
-        """End all processes; what they were doing is given up."""
+        """End all processes. What they were doing is given up, or with `early` ended and saved.
+
+        Raises:
+            GivenUp: told to stop once more.
+        """
+        left = [str(queue[0][0]) for queue in self._queues.values() if queue and self._early]
         self._closed = True
         ending = list(self.processes.values())
-        for process in ending:
-            process.kill()
-        for process in ending:
-            process.join()
+        try:
+            if left:
+                if signals.stop_requested():
+                    signals.say(
+                        "stopping; saving what was computed (interrupt again to discard it)"
+                    )
+                for process in ending:
+                    process.terminate()
+                for process in ending:
+                    process.join()
+        except KeyboardInterrupt:
+            raise signals.GivenUp(f"discarded without saving: {', '.join(left)}") from None
+        finally:
+            for process in ending:
+                process.kill()
+            for process in ending:
+                process.join()
 
 
 class Serial(Generic[Item, Value]):
@@ -297,20 +326,28 @@ def with_item(error: BaseException, name: str, key: Any) -> BaseException:
 
 
 def _serve(
-    work: Callable[[Any], Any], begin: Callable[[], None], modules: Sequence[str], connection: Any
+    work: Callable[[Any], Any],
+    begin: Callable[[], None],
+    told: bool,
+    modules: Sequence[str],
+    connection: Any,
 ) -> None:
-    """What a process does: the work for each item that comes."""
+    """What a process does: the work for each item that comes; its progress is `told`."""
     begin()
     for module in modules:
         import_module(module)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    with one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
+    ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
+    with one_thread(), suppress(*ends), progress.telling(connection.send if told else None) as bar:
         while True:
             content = connection.recv_bytes()
             try:
                 sent = ForkingPickler.dumps((None, work(pickle.loads(content))))
             except BaseException as error:  # noqa: BLE001
+                if signals.stop_requested():
+                    return
                 sent = ForkingPickler.dumps((_portable(error), None))
+            bar.tell()
             connection.send_bytes(sent)
 
 

@@ -4,10 +4,10 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
 from datetime import timedelta
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 LINE_EVERY_S = 10.0
 """Interval at which progress is said where there is no terminal [s]; `JOINTPLAY_PROGRESS_S` of the
@@ -53,7 +53,7 @@ class ProgressBar:
     ) -> None:
         self.items, self.desc, self.unit, self.n = items, desc, unit, initial
         self.total = total or (len(items) if isinstance(items, Sized) else 0)
-        self.disable, self.postfix = disable, ""
+        self.disable, self.postfix = disable or isinstance(_whole, Elsewhere), ""
         self._leave, self._layout = leave, layout if self.total else _COUNT
         self._file = sys.stderr if file is None else file
         self._drawn, self._every = _is_terminal(self._file), _DRAWN_EVERY_S
@@ -179,12 +179,58 @@ class Simulated(ProgressBar):
         self._words = f"{words}, " if words else ""
 
 
-_whole: Simulated | None = None
+class Moved(NamedTuple):
+    """What moves the bar of the whole in another process."""
+
+    more: float
+    words: str
+
+    def show(self) -> None:
+        if _whole is not None:
+            _whole.say(self.words)
+            _whole.update(self.more)
 
 
-def current() -> Simulated | None:
+class Elsewhere:
+    """The bar of the whole, which another process has: it is told at times how far runs are."""
+
+    def __init__(self, tell: Callable[[Moved], None] | None) -> None:
+        self._tell, self._more, self._words, self._told = tell, 0.0, "", 0.0
+
+    def say(self, words: str) -> None:
+        self._words = words
+
+    def update(self, more: float = 0.0) -> None:
+        self._more += more
+        if time.monotonic() - self._told > _DRAWN_EVERY_S:
+            self.tell()
+
+    def tell(self) -> None:
+        if self._tell is not None and self._words:
+            self._tell(Moved(self._more, self._words))
+        self._more, self._told = 0.0, time.monotonic()
+
+    def clear(self) -> None:
+        pass
+
+
+_whole: Simulated | Elsewhere | None = None
+
+
+def current() -> Simulated | Elsewhere | None:
     """The bar of the whole, within `whole`."""
     return _whole
+
+
+@contextmanager
+def telling(tell: Callable[[Moved], None] | None) -> Iterator[Elsewhere]:
+    """Within the block the bar of the whole is that of another process, which is told of it."""
+    global _whole
+    before, _whole = _whole, Elsewhere(tell)
+    try:
+        yield _whole
+    finally:
+        _whole = before
 
 
 @contextmanager

@@ -52,13 +52,17 @@ def listening() -> Iterator[None]:
 
 
 def _handle(*_: Any) -> None:
+    stop()
+    say(f"stopping; saving {_state.keeping} (interrupt again to discard it)")
+
+
+def stop(*_: Any) -> None:
     """Stop at once, or let what is to be saved be saved first."""
     _state.requests += 1
     if not _state.keeping:
         raise KeyboardInterrupt
     if _state.requests > 1:
         raise GivenUp(f"gave up {_state.keeping}")
-    say(f"stopping; saving {_state.keeping} (interrupt again to discard it)")
 
 
 def say(text: str) -> None:

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import json
 import math
-import multiprocessing
-import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jointplay.base import processes, signals, streams
 from jointplay.base.errors import JointplayError, MissingName
@@ -27,7 +22,6 @@ from jointplay.base.tables import few
 from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
-    from jointplay.physics.kernel import Status
     from jointplay.scenario import Scenario
     from jointplay.simulation.result.result import Result
     from jointplay.simulation.run import Run
@@ -39,8 +33,6 @@ _LONGEST_NAME = 100
 """Bytes of a file's name that are taken of its case's."""
 IDLE, IDLE_S = 0.2, 1.0
 """More than this part of a run, and more than this [s], without motion is told of."""
-_LOOK_S = 0.2
-"""Interval at which progress is looked at."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +81,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
 
     progress = not options.quiet
     items = {}
-    lengths, simulations, only_run = {}, {}, None
+    lengths, simulations = {}, {}
+    ready: list[Run] = []
     remarks: dict[str, list[str]] = {}  # cases by what is said of them
     for case, name in zip(cases, names, strict=True):  # before anything is written
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
@@ -101,7 +94,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
         for line in _length_and_size(run):
             remarks.setdefault(line, []).append(case)
-        only_run = run if len(cases) == 1 else None
+        ready = [run] if len(cases) == 1 else []
         del run  # and its arrays
     for line in [*decisive(scenario, simulations), *scenario.notes]:
         streams.note(line)
@@ -132,12 +125,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     if all(map(_gives, simulations.values())):
         total += sum(more for _, more in lengths.values())
     with whole(total, progress):
-        summaries.add(*done)
-        if jobs == 1 or len(left) <= 1:
-            stopped = _run_serially(scenario, left, progress, only_run, summaries)
-            only_run = None
-        else:
-            stopped = _run_parallel(scenario, left, jobs, summaries)
+        for case in done:
+            summaries.keep(case)
+        stopped = _run_all(scenario, left, jobs, progress, ready, summaries)
         summaries.finish()
     results = summaries.results
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
@@ -171,7 +161,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
 
 
 class _Summaries:
-    """What came out of each case, printed as soon as it can be."""
+    """The results of the cases, kept as files; what came out of each is printed as soon as it can
+    be.
+    """
 
     def __init__(
         self,
@@ -188,12 +180,20 @@ class _Summaries:
         self._printed: set[str] = set()
         self._ideal = {case for case, one in simulations.items() if not _gives(one)}
 
-    def add(self, *cases: str) -> None:
-        """These are done. Those are printed whose ideal mechanism is there or is no case's."""
-        for case in cases:
-            self._load(case)
+        kept_in = next(iter(items.values())).path.parent
+        self.kept = f"completed results are in {str(kept_in)!r}"
+
+    def __contains__(self, case: object) -> bool:
+        return case in self.results
+
+    def keep(self, case: str, _: None = None) -> None:
+        """It is done. Those are printed whose ideal mechanism is there or is no case's."""
+        self._load(case)
         if self._ideal <= set(self.results):
             self._print()
+        if (bar := current()) is not None:
+            bar.say(f"{len(self.results)} of {len(self.items)} cases done")
+            bar.update()
 
     def finish(self) -> None:
         for case in self.items:
@@ -283,191 +283,67 @@ def file_names(cases: Sequence[str]) -> list[str]:
     return names
 
 
-def _execute(
-    scenario: Scenario,
-    item: CaseRun,
-    run: Run,
-    progress: bool,
-    begin: Callable[[Run], None] = lambda _: None,
-) -> Status:
-    """Run a case, save it with its scenario, find its errors; `begin` gets each run first."""
+def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun) -> None:
+    """Run a case, save it with its scenario, find its errors.
+
+    Args:
+        ready: the run, if it has been made ready.
+
+    Raises:
+        KeyboardInterrupt: told to stop; it is saved as far as it came.
+    """
     from jointplay.physics.kernel import Status
     from jointplay.scenario.settings import words
     from jointplay.simulation.analysis.certification import add_certificate
     from jointplay.simulation.checkpoint import check_replaceable, continue_run
     from jointplay.simulation.saving import run_and_save
 
+    run = ready.pop() if ready else scenario.ready_run(item.case, progress, item.records)
     notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
     notes |= {"title": scenario.title, "case": item.case}
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     status, result = Status.COMPLETED, None
     if not item.finished:
-        begin(run)
+        run.label = f"case {item.case} "
         kept = working_paths(item.path)[1]
         if resumed := kept.exists():
             check_replaceable(item.path)
             continue_run(run, kept)
         status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
     if item.errors:
-        add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
-    return status
+        add_certificate(result, item.path, run.simulation, progress, item.certified, name=item.case)
+    if status == Status.INTERRUPTED or signals.stop_requested():
+        raise KeyboardInterrupt
 
 
-def _run_serially(
+def _run_all(
     scenario: Scenario,
     items: Sequence[CaseRun],
+    jobs: int,
     progress: bool,
-    ready: Run | None,
+    ready: list[Run],
     summaries: _Summaries,
 ) -> bool:
-    """Run all in this process, the only one as it is `ready`; returns whether told to stop."""
-    from jointplay.physics.kernel import Status
+    """Run the cases; returns whether it was told to stop."""
+    from jointplay.study import Study
 
-    for item in items:
-        try:
-            prepared = ready or scenario.ready_run(item.case, progress, item.records)
-            if len(items) > 1:
-                prepared.label = f"case {item.case} "
-            status = _execute(scenario, item, prepared, progress)
-        except signals.GivenUp as error:
-            signals.say(str(error))
-            return True
-        except KeyboardInterrupt:
-            return True
-        if status == Status.INTERRUPTED or signals.stop_requested():
-            return True
-        summaries.add(item.case)
-    return False
-
-
-def _run_parallel(
-    scenario: Scenario, items: Sequence[CaseRun], jobs: int, summaries: _Summaries
-) -> bool:
-    """Run each in a process of its own; returns whether it was told to stop."""
-    clocks = multiprocessing.RawArray(ctypes.c_double, len(items))
-    begun = multiprocessing.RawArray(ctypes.c_int, len(items))
-    bar, shown = current(), 0.0
-    kept = f"completed results are in {str(items[0].path.parent)!r}"
-    work = partial(_work, clocks, begun, scenario)
-    pool = processes.Pool(work, jobs, begin=_begin, kept=kept)
-    left = [item.case for item in items]
+    work = partial(_execute, scenario, progress, ready)
+    study = Study({item.case: item for item in items}, work, summaries)
     try:
-        with closing(pool):
-            try:
-                pool.start(enumerate(enumerate(items)))
-                while pool.busy:
-                    for place, _ in pool.outcomes(_LOOK_S):
-                        left.remove(items[place].case)
-                        summaries.add(items[place].case)
-                    if bar is None:
-                        continue
-                    now = sum(clocks)
-                    ended = f"{len(items) - len(left)} of {len(items)} cases done"
-                    for item, runs in zip(items, begun, strict=True):
-                        if item.case in left and runs > 1:
-                            ended += f", errors of {item.case} (further run {runs - 1})"
-                    bar.say(ended)
-                    bar.update(now - shown)
-                    shown = now
-            except BaseException:
-                _stop_workers(pool, items, left)
-                raise
+        with ExitStack() as stack:
+            workers, number = None, min(jobs, len(items))
+            if number > 1:
+                workers = processes.Pool(work, number, early=True, kept=summaries.kept)
+                stack.callback(workers.close)
+            for _ in study.outcomes(1, workers=workers):
+                pass
+    except signals.GivenUp as error:
+        signals.say(str(error))
+        return True
     except KeyboardInterrupt:
         return True
     return False
-
-
-def _stop_workers(
-    pool: processes.Pool[tuple[int, CaseRun], None], items: Sequence[CaseRun], left: list[str]
-) -> None:
-    """Have the processes save their runs as far as they came; told to stop again, end them."""
-    if signals.stop_requested():
-        signals.say("stopping; saving what was computed (interrupt again to discard it)")
-    try:
-        for process in pool.processes.values():
-            process.terminate()  # which ends a run as Ctrl-C does
-        while pool.busy:
-            with suppress(Exception):  # the first is raised
-                for place, _ in pool.outcomes():
-                    left.remove(items[place].case)
-    except KeyboardInterrupt:
-        pool.close()
-        signals.say(f"discarded without saving: {', '.join(left) or 'nothing'}")
-
-
-_ending = False
-_idle = threading.Lock()
-"""Held while a case is being run and saved."""
-
-
-def _begin() -> None:
-    """Set up a process: told to stop, or without its parent, it saves its run and takes no more."""
-    signal.signal(signal.SIGTERM, _end)
-    processes.begin(_save_and_end)
-
-
-def _save_and_end() -> None:
-    """Have the case at hand saved as far as it came."""
-    os.kill(os.getpid(), signal.SIGTERM)
-    _idle.acquire()
-
-
-def _end(*_: Any) -> None:
-    global _ending
-    _ending = True
-
-
-def _work(clocks: Any, begun: Any, scenario: Scenario, numbered: tuple[int, CaseRun]) -> None:
-    """Run a case in this process and save it; then find its numerical errors."""
-    index, item = numbered
-    with _idle, suppress(KeyboardInterrupt):  # told to stop before its time loop began
-        if _ending:
-            return
-        prepared = scenario.ready_run(item.case, records=item.records)
-        with _progress_reporter(clocks, begun, index) as begin:
-            _execute(scenario, item, prepared, False, begin)
-
-
-@contextmanager
-def _progress_reporter(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], None]]:
-    """Tell the parent how far the runs of a case have come; gives what each run is begun with."""
-    over = threading.Event()
-    runs: list[Run] = []
-    past = 0.0
-
-    def tell() -> None:
-        clocks[index] = past + sum(run.workspace.time for run in runs)
-
-    def begin(run: Run) -> None:
-        nonlocal past
-        if runs:
-            past += runs.pop().workspace.time
-        run.guards.append(_check_started)
-        run.stop_checks.append(lambda: _ending)
-        runs.append(run)
-        begun[index] += 1
-
-    def tick() -> None:
-        while not over.wait(_LOOK_S):
-            tell()
-
-    thread = threading.Thread(target=tick, daemon=True)
-    thread.start()
-    try:
-        yield begin
-    finally:
-        over.set()
-        thread.join()
-        tell()
-
-
-@contextmanager
-def _check_started() -> Iterator[None]:
-    """Told to stop before the time loop began, there is nothing to be kept."""
-    if _ending:
-        raise KeyboardInterrupt
-    yield
 
 
 # `jointplay run --resume`: which runs in a folder are finished, and going on with the others.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -103,9 +103,6 @@ CLAIM_UNITS = {
 }
 """Units of what `claims.measure` finds."""
 
-Begin = Callable[[Run], None]
-"""Told of each further run before it begins."""
-
 
 @dataclass(frozen=True)
 class Measured:
@@ -135,7 +132,7 @@ def certify(
     *,
     progress: bool = False,
     simulation: Simulation | None = None,
-    begin: Begin = lambda _: None,
+    name: str = "",
     claims: bool = False,
     strict: bool = True,
 ) -> Certificate:
@@ -147,7 +144,7 @@ def certify(
         source: what is certified; a simulation is run first.
         progress: show a bar that names what runs.
         simulation: what made the result; built from the result if not given.
-        begin: told of each further run before it begins.
+        name: of the run, which the bar shows.
         claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
             with clearance.
         strict: without, as `estimate` does.
@@ -166,15 +163,15 @@ def certify(
         return Certificate((), note=note, strict=strict)
     plans = further_simulations(simulation, result, strict)
     # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
-    ideal, unknown = _ideal(simulation, result, progress, begin)
+    ideal, unknown = _ideal(simulation, result, progress)
     with_claims = claims and _fits(result)
     measured, notes = [_measure(result, ideal, with_claims)], []
-    what = "certifying" if strict else "estimating errors"
+    what = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
     for number, (other, aside, macro) in enumerate(reversed(plans), 1):
         label = f"{what}, {number} of {len(plans)} ({_words(other)}) "
         figures = _Headline(result.time, result.judge_from, ideal, hinges(result))
         try:
-            run = _completed(other, label, progress, begin, aside, macro, figures)
+            run = _completed(other, label, progress, aside, macro, figures)
         except JointplayError as why:
             notes.append(f"with {_words(other)}, {why}")
             continue
@@ -318,7 +315,6 @@ def _completed(
     simulation: Simulation,
     label: str,
     progress: bool,
-    begin: Begin,
     aside: Sequence[float] = (0.0, 0.0, 0.0),
     macro: float = 1.0,
     figures: _Headline | None = None,
@@ -336,7 +332,6 @@ def _completed(
     run.label = label
     if figures is not None:
         figures.builder = HistoryBuilder(run)
-    begin(run)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
         status = run.run_to_end(progress)
@@ -347,9 +342,7 @@ def _completed(
     return run
 
 
-def _ideal(
-    simulation: Simulation, result: Result, progress: bool, begin: Begin
-) -> tuple[Result | None, str]:
+def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Result | None, str]:
     """The ideal mechanism's run with the same settings, or None and why there is none."""
     if not analysis.has_play(result):
         return None, ""
@@ -359,7 +352,7 @@ def _ideal(
         same = replace(same, record_every=same.record_every * seldom)
     try:
         twin = analysis.ideal_simulation(same)
-        run = _completed(twin, "the ideal mechanism ", progress, begin)
+        run = _completed(twin, "the ideal mechanism ", progress)
         return run.result(Status.COMPLETED, reactions=False, only=COMPARED), ""
     except JointplayError as error:
         text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
@@ -561,9 +554,9 @@ def add_certificate(
     path: Path,
     simulation: Simulation,
     progress: bool = False,
-    begin: Begin = lambda _: None,
     strict: bool = True,
     claims: bool = False,
+    name: str = "",
 ) -> None:
     """Certify a saved result, or estimate its errors, and save it again; until then it stays.
 
@@ -571,7 +564,7 @@ def add_certificate(
 
     Args:
         result, path: what `run_and_save` gave, and its file.
-        simulation, progress, begin, strict, claims: see `certify`.
+        simulation, progress, strict, claims, name: see `certify`.
 
     Raises:
         JointplayError: the file cannot be written again; the message says where the result is.
@@ -579,7 +572,7 @@ def add_certificate(
     """
     if signals.stop_requested():
         return
-    told: dict[str, Any] = {"progress": progress, "begin": begin, "claims": claims}
+    told: dict[str, Any] = {"progress": progress, "claims": claims, "name": name}
     given = result or Result.open(path)
     with closing(given.dataset):
         if given.status == Status.INTERRUPTED:
