@@ -107,7 +107,7 @@ class Array:
     def __post_init__(self) -> None:
         if self.dtype not in TYPES:
             raise ValueError(f"the type {self.dtype!r:.60} is none of {', '.join(TYPES)}")
-        sizes = len(self.shape) == len(self.chunks) == len(self.dims) > 0
+        sizes = len(self.shape) == len(self.chunks) == len(self.dims) == len({*self.dims}) > 0
         whole = all(type(k) is int and k >= 0 for k in self.shape)
         if not (sizes and whole and all(type(k) is int and k > 0 for k in self.chunks)):
             raise ValueError(f"the shape {self.shape!r:.60} in chunks {self.chunks!r:.60}")

@@ -23,7 +23,6 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,11 +100,6 @@ class Store:
     @property
     def _shape(self) -> Index:
         return tuple(self.plan.sizes.values())
-
-    @cached_property
-    def _reserved(self) -> set[str]:
-        """Folders of arrays that are of no measure and no history."""
-        return {"state", "error", *map(array_name, (*self.plan.sizes, *self.plan.coordinates))}
 
     # ---- Made, and gone on with -----------------------------------------------------------------
 
@@ -212,17 +206,14 @@ class Store:
 
     def _taken(self, outcome: Outcome) -> list[str]:
         """What an outcome has for which there is no array, nor can be: its names are others'."""
-        arrays = self.contents.arrays
-        taken = [
-            name
-            for name, folder in ((name, array_name(name)) for name in outcome.values)
-            if folder in self._reserved or self.contents.kind(folder, "measure") != "measure"
-        ]
+        arrays, kind = self.contents.arrays, self.contents.kind
+        taken = [name for name in outcome.values if kind(array_name(name), "measure") != "measure"]
         for name, history in outcome.histories.items():
             own = tuple(map(array_name, history.labels))
             known = arrays.get(array_name(name + SUFFIX))
             other = known is not None and known.dims[len(self._shape) :] != own
-            if other or name not in self.plan.histories or self._reserved & {*own}:
+            labels = all(kind(one, "labels") == "labels" for one in own)
+            if other or not labels or name not in self.plan.histories:
                 taken.append(name)
         return taken
 
