@@ -337,8 +337,9 @@ def _serve(
     for module in modules:
         import_module(module)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    bar = progress.tell_elsewhere(connection.send if told else None)
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
-    with one_thread(), suppress(*ends), progress.telling(connection.send if told else None) as bar:
+    with one_thread(), suppress(*ends):
         while True:
             content = connection.recv_bytes()
             try:

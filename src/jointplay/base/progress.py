@@ -206,8 +206,9 @@ class Elsewhere:
             self.tell()
 
     def tell(self) -> None:
-        if self._tell is not None and self._words:
-            self._tell(Moved(self._more, self._words))
+        if self._tell is not None and (self._more or self._words):
+            with suppress(OSError):  # the other process has ended
+                self._tell(Moved(self._more, self._words))
         self._more, self._told = 0.0, time.monotonic()
 
     def clear(self) -> None:
@@ -222,15 +223,11 @@ def current() -> Simulated | Elsewhere | None:
     return _whole
 
 
-@contextmanager
-def telling(tell: Callable[[Moved], None] | None) -> Iterator[Elsewhere]:
-    """Within the block the bar of the whole is that of another process, which is told of it."""
+def tell_elsewhere(tell: Callable[[Moved], None] | None) -> Elsewhere:
+    """From now on the bar of the whole is that of another process, which is told of it."""
     global _whole
-    before, _whole = _whole, Elsewhere(tell)
-    try:
-        yield _whole
-    finally:
-        _whole = before
+    _whole = Elsewhere(tell)
+    return _whole
 
 
 @contextmanager

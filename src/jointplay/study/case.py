@@ -157,15 +157,10 @@ class Bench:
 
     def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
         simulation = self.simulation(changes)
-        result = simulation.run(estimate=False)
+        integration = {**self._integration, **changes.get("integration", {})}
+        result = simulation.run(certify=bool(integration.get("certify")), estimate=False)
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
-        if self._certified(changes):
-            from jointplay.simulation.analysis.certification import errors_if_possible
-
-            certificate = errors_if_possible(result, True, simulation=simulation)
-            if certificate is not None:
-                result.certificate = certificate
         ideal = self._ideal(result, simulation) if self.job.tool_error else None
         rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
         values = measure(result, ideal, self.job.joints, rests)
@@ -179,9 +174,6 @@ class Bench:
             values |= found
         known = [name for name in self.job.histories if name in result.dataset]
         return values, {name: History.of(result[name]) for name in known}
-
-    def _certified(self, changes: Mapping[str, Any]) -> bool:
-        return bool({**self._integration, **changes.get("integration", {})}.get("certify"))
 
     def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
         """Times at which the reference stands still; of one motion they are looked up once."""
