@@ -19,6 +19,8 @@ from jointplay.cli import main
 from jointplay.show.plots.design import cause_allocation
 from jointplay.study.courses import dynamic_error, fitting_step
 
+later = pytest.mark.thorough
+
 # Clearances of any size.
 
 
@@ -55,7 +57,13 @@ def test_the_optimum_is_the_known_one_for_weights(three):
     assert saved == pytest.approx([found.relief] * 3, rel=2e-2)
 
 
-@pytest.mark.parametrize("cost", ["reciprocal", "reciprocal-squared", "linear"])
+costs = pytest.mark.parametrize(
+    "cost",
+    ["reciprocal", *(pytest.param(c, marks=later) for c in ("reciprocal-squared", "linear"))],
+)
+
+
+@costs
 def test_the_target_is_kept_and_used_up(three, cost):
     mechanism = robot(three, spatial)
     q = np.array([mechanism.configuration({"b": b, "c": c}) for b, c in ((0.4, 0.2), (1.5, -0.9))])
@@ -67,7 +75,7 @@ def test_the_target_is_kept_and_used_up(three, cost):
     assert ratio == pytest.approx([2.0] * 3)
 
 
-@pytest.mark.parametrize("cost", ["reciprocal", "reciprocal-squared", "linear"])
+@costs
 def test_no_other_clearances_that_keep_the_target_are_cheaper(three, cost):
     mechanism, pose = robot(three, spatial), {"b": 0.6, "c": 0.4}
     found = allocate(mechanism, pose, 1e-3, cost=cost)
@@ -210,7 +218,9 @@ def test_offers_are_all_classes_of_the_size_and_a_preloaded_pair(rolling):
     assert dear[0].price == 7.0
 
 
-@pytest.mark.parametrize("target", [2e-3, 1.1e-3, 8.5e-4, 7e-4])
+@pytest.mark.parametrize(
+    "target", [1.1e-3, 7e-4, *(pytest.param(size, marks=later) for size in (2e-3, 8.5e-4))]
+)
 def test_no_cheaper_choice_of_classes_keeps_the_target(rolling, target):
     poses, best, names = at_poses(rolling), np.inf, list(rolling.clearance)
     for choice in product(*(offers_of(rolling.clearance[name], PRICED) for name in names)):
@@ -337,7 +347,7 @@ def test_a_general_method_finds_no_cheaper_sizes(scara, statistical):
 
 
 @both
-@pytest.mark.parametrize("part", [0.6, 0.3])
+@pytest.mark.parametrize("part", [0.6, pytest.param(0.3, marks=later)])
 def test_the_whole_budget_with_what_remains_is_the_target(arm, statistical, part):
     first = budget(arm, POSE, force=PULL, causes=CAUSES)
     target = part * largest(first, statistical)

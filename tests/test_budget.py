@@ -328,7 +328,7 @@ def test_a_journal_that_stands_on_its_face_is_held_anywhere_across_by_enough_fri
     assert smooth.rest_interval[0, 1] == pytest.approx([0.0, 0.0], abs=5e-6)
 
 
-@pytest.mark.parametrize("name", ["ur5", "scara"])
+@pytest.mark.parametrize("name", [pytest.param("ur5", marks=pytest.mark.thorough), "scara"])
 def test_budgets_rest_is_where_a_run_at_rest_begins_and_friction_can_hold_it_there(name):
     path = robot_urdf("ur5") if name == "ur5" else shipped("scara.urdf")
     plain = Mechanism(path)

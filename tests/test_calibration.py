@@ -132,6 +132,7 @@ def test_derivatives_are_those_of_finite_differences(arm):
     assert len(residual) == len(slope) == 48
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_in_95_of_100_cases(arm):
     """Over random robots; of all coefficients of joints that gravity loads and of their play."""
     inside = total = seen = 0

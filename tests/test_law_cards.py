@@ -74,6 +74,7 @@ def rows(folder, family, heading):
     return cells
 
 
+@pytest.mark.thorough
 def test_generator_writes_a_card_of_each_family(written):
     assert listed(written) == list(CHOSEN.items())
     for family, name in CHOSEN.items():
@@ -101,6 +102,7 @@ def test_generator_writes_a_card_of_each_family(written):
                 assert coloured.sum() > 200, (name, i, k)
 
 
+@pytest.mark.thorough
 def test_normal_card_shows_what_its_law_delivers(written):
     """Zhang and Sharf's delivers what it is asked for, and so must the impacts on the card."""
     found = np.array(rows(written, "normal", "## Alone"), float)
@@ -108,6 +110,7 @@ def test_normal_card_shows_what_its_law_delivers(written):
     assert found[:, 1:] == pytest.approx(np.repeat(found[:, :1], 3, axis=1), abs=2e-3)
 
 
+@pytest.mark.thorough
 def test_friction_card_shows_hysteresis(written):
     """Dahl's friction is still that of sliding back when the speed turns its sign."""
     largest, turning, top, lasting = (
@@ -117,6 +120,7 @@ def test_friction_card_shows_hysteresis(written):
     assert turning == pytest.approx(-0.1, abs=2e-3)
 
 
+@pytest.mark.thorough
 def test_film_card_agrees_with_ocvirk(written):
     e, number, _, attitude, *_ = np.array(rows(written, "film", "## Alone"), float).T
     root = np.sqrt(1 - e**2)
@@ -125,6 +129,7 @@ def test_film_card_agrees_with_ocvirk(written):
     assert attitude == pytest.approx(np.degrees(np.arctan(np.pi * root / (4 * e))), abs=0.06)
 
 
+@pytest.mark.thorough
 def test_data_has_every_run(written):
     with (written / "law_cards.csv").open(encoding="utf-8") as file:
         runs = list(csv.DictReader(file))

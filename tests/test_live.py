@@ -477,6 +477,7 @@ def test_a_question_that_was_overtaken_is_not_computed():
     assert [values["payload"] for values in workers.questions] == [1.0, 3.0, 4.0]
 
 
+@pytest.mark.thorough
 def test_nothing_is_left_running_after_a_stop():
     program = shutil.which("jointplay")
     if program is None:

@@ -16,6 +16,7 @@ from truth.peer_engines.trace import Trace, impacts, offset
 
 import jointplay as jp
 
+pytestmark = pytest.mark.thorough
 STEP, SHORT = 5e-7, 2.2e-4
 """Of single impacts: the first is over at 0.2 ms [s]."""
 RESTITUTION = 0.9

@@ -170,6 +170,7 @@ def test_force_figures_show_held_peaks(cases):
     assert figure.axes[0].get_ylabel() == "Fy [N]"
 
 
+@pytest.mark.thorough
 def test_files_are_written_and_not_blank(cases, tmp_path):
     import matplotlib.image
 

@@ -200,40 +200,6 @@ def test_in_python_too_a_result_imports_nothing_unasked(lawful, monkeypatch):
     sys.modules.pop("strange_laws")
 
 
-SCRIPT = """
-import jointplay as jp
-from jointplay.paper import scara
-
-def push(delta, ddelta, ddelta0, stiffness):
-    return stiffness * delta
-
-made = scara(2e-4)
-joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4,
-    normal=jp.contact.CustomNormalForce(push, {"stiffness": 1e8}))
-robot = made.mechanism.with_clearance({"joint_b": joint})
-result = jp.simulate(robot, made.motion, duration=1e-3)
-result.save("r.nc")
-assert (result.simulation.run()["q"].values == result["q"].values).all()
-"""
-
-
-def test_a_law_typed_in_a_script_is_saved_shown_and_not_run(tmp_path):
-    (tmp_path / "script.py").write_text(SCRIPT)
-    subprocess.run([PYTHON, "script.py"], cwd=tmp_path, check=True)
-    loaded = jp.Result.load(tmp_path / "r.nc")
-    law = loaded.simulation.mechanism.clearance["joint_b"].normal
-    assert law.source in SCRIPT
-    assert repr(law) == "CustomNormalForce(push, (100000000.0,))"
-    with pytest.raises(JointplayError, match=r"push.*define it here and make CustomNormalForce"):
-        loaded.simulation.run()
-    for command in ("play", "--html"), ("report", "-o"):
-        call = [JOINTPLAY, command[0], "r.nc", command[1], "o.html", "--quiet"]
-        subprocess.run(call, cwd=tmp_path, check=True)
-        page = (tmp_path / "o.html").read_text(encoding="utf-8")
-        assert ("return stiffness * delta" in page) == (command[0] == "report")
-        (tmp_path / "o.html").unlink()
-
-
 def mine(delta, ddelta, ddelta0, p):
     return p[0] * delta
 

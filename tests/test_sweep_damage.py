@@ -144,7 +144,7 @@ def test_no_flipped_bit_of_a_store_gives_another_number(whole):
     _, store, reference = whole
     rng = random.Random(5)
     files = kept(store)
-    anywhere = rng.choices(files, [one.stat().st_size for one in files], k=30)
+    anywhere = rng.choices(files, [one.stat().st_size for one in files], k=10)
     refused = 0
     for path in [*files, *anywhere]:
         content = path.read_bytes()
@@ -163,13 +163,14 @@ def test_no_flipped_bit_of_a_store_gives_another_number(whole):
             assert f"chunk {chunk.replace('/', '.')} of array {name!r}" in said
         else:
             assert "metadata of the whole" in said
-    assert refused > 30
+    assert refused > 15
 
 
 def test_a_chunk_copied_over_another_is_refused(whole):
-    """Each in turn, which are whole and in the wrong place."""
+    """Which are whole and in the wrong place."""
     _, store, _ = whole
     chunks = [one for one in kept(store) if "/c/" in one.as_posix()]
+    chunks = random.Random(6).sample(chunks, 8)
     for path, other in zip(chunks, chunks[1:] + chunks[:1], strict=True):
         with changed(path, other.read_bytes()):
             found, said = read(store)

@@ -20,7 +20,9 @@ law = jp.contact.CustomNormalForce(typed, {{"stiffness": 1e9, "alpha": 0.08}})
 joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, normal=law)
 mechanism = jp.Mechanism("scara", {{"joint_b": joint}})
 motion = jp.Motion(["joint_a"], [0, 1], [[0], [0.1]])
-jp.simulate(mechanism, motion, duration=2e-3, estimate=False).save("own.nc")
+result = jp.simulate(mechanism, motion, duration=2e-3, estimate=False)
+result.save("own.nc")
+assert (result.simulation.run(estimate=False)["q"].values == result["q"].values).all()
 """
 SAID = (
     "the law 'typed(delta, ddelta, ddelta0, stiffness, alpha)' was typed in another script or "
@@ -48,6 +50,9 @@ def folder(tmp_path_factory):
 def test_what_to_define_is_said_in_one_line(folder, monkeypatch):
     monkeypatch.chdir(folder)
     simulation = jp.Result.load("own.nc").simulation
+    law = simulation.mechanism.clearance["joint_b"].normal
+    assert law.source in LAW
+    assert repr(law) == "CustomNormalForce(typed, (1000000000.0, 0.08))"
     with pytest.raises(jp.JointplayError) as error:
         simulation.run()
     assert SAID in str(error.value)
@@ -71,6 +76,9 @@ def test_the_commands_show_the_result_and_say_what_a_repetition_needs(folder, mo
     assert SAID in said.out + said.err
     assert main(["play", "own.nc", "--html", "play.html", "--quiet"]) == 0
     capsys.readouterr()
+    for page in ("plain", "play"):
+        text = (folder / f"{page}.html").read_text(encoding="utf-8")
+        assert ("return stiffness * delta" in text) == (page == "plain")
     line = ["report", "own.nc", "-o", "known.html", "--no-pdf", "--import", "typed_laws"]
     assert main(line) == 0
     said = capsys.readouterr()

@@ -15,6 +15,7 @@ def test_case_passes_in_its_short_form(name):
 
 
 @each
+@pytest.mark.thorough
 def test_case_fails_with_its_deliberate_mistake(name):
     assert not CASES[name].run(True, True).passed
 

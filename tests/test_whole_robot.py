@@ -389,6 +389,7 @@ def test_a_missing_package_leaves_its_format_out_and_says_how_to_get_it(
         find_play("<mujoco/>")
 
 
+@pytest.mark.thorough
 def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_path):
     mujoco = pytest.importorskip("mujoco")
     out = tmp_path / "out"

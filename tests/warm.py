@@ -8,6 +8,7 @@ that are killed takes the real ones.
 
 import fcntl
 import functools
+import importlib.util
 import os
 import socket
 import subprocess
@@ -90,12 +91,12 @@ def end() -> None:
 def compile_in_turn() -> None:
     """Have one process of these tests compile at a time: the others find what it made."""
     alone, work = threading.RLock(), Dispatcher.compile
-    place = Path(tempfile.gettempdir()) / f"jointplay-tests-compile-{os.getuid()}"
+    place = Path(importlib.util.find_spec("jointplay").origin)
     depth = 0
 
     def compiled(dispatcher: Dispatcher, signature: object) -> object:
         nonlocal depth
-        with alone, place.open("w") as file:
+        with alone, place.open("rb") as file:
             if depth == 0:
                 fcntl.flock(file, fcntl.LOCK_EX)
             depth += 1
