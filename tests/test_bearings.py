@@ -44,7 +44,14 @@ def benchmark():
 
 
 @pytest.mark.parametrize(
-    "part", ["deflections", "distributions", "free_sets", "energies", "varying_compliance"]
+    "part",
+    [
+        "deflections",
+        "distributions",
+        pytest.param("free_sets", marks=pytest.mark.thorough),
+        "energies",
+        "varying_compliance",
+    ],
 )
 def test_reference_numbers_are_met_within_their_limits(benchmark, part):
     cases = benchmark.Cases()

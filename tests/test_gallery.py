@@ -49,12 +49,21 @@ def test_the_page_shows_it_with_picture_numbers_and_command(name):
         assert abs(float(row["residual"])) < 0.05
 
 
-@pytest.mark.parametrize(
-    "name", [n if n in SHIPPED else pytest.param(n, marks=pytest.mark.thorough) for n in NAMES]
-)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_what_is_shipped_runs(name):
+    given = scenario(name)
+    runs(given, given.cases[-1:])
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", NAMES)
 def test_every_case_runs(name):
     given = scenario(name)
-    for case in given.cases:
+    runs(given, given.cases)
+
+
+def runs(given, cases):
+    for case in cases:
         changes = {"integration": {"duration": SHORT, "settle": 0}}
         result = given.simulation(case, changes).run(check_step=False)
         assert result.status == Status.COMPLETED, (case, result.message)
