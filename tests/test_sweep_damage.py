@@ -140,13 +140,13 @@ def read(store):
 
 
 def test_no_flipped_bit_of_a_store_gives_another_number(whole):
-    """Each file in turn, at a random place; then at places anywhere, large files more often."""
+    """Of files, at a random place; then at places anywhere, large files more often."""
     _, store, reference = whole
     rng = random.Random(5)
     files = kept(store)
     anywhere = rng.choices(files, [one.stat().st_size for one in files], k=10)
     refused = 0
-    for path in [*files, *anywhere]:
+    for path in [*rng.sample(files, 12), *anywhere]:
         content = path.read_bytes()
         with changed(path, flipped(content, rng.randrange(8 * len(content)))):
             found, said = read(store)
@@ -163,7 +163,7 @@ def test_no_flipped_bit_of_a_store_gives_another_number(whole):
             assert f"chunk {chunk.replace('/', '.')} of array {name!r}" in said
         else:
             assert "metadata of the whole" in said
-    assert refused > 15
+    assert refused > 10
 
 
 def test_a_chunk_copied_over_another_is_refused(whole):
