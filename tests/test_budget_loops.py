@@ -296,9 +296,9 @@ def test_all_causes_of_closed_loops_against_loops_closed_afresh(name):
     causes = [one for one in CAUSES if name == "delta" or one != "elasticity"]
     found = budget(mechanism, q, causes=causes, kind="calibrated-industrial")
     assert found.reached == pytest.approx(found.worst[0], rel=2e-3)
-    distance = np.linalg.norm(found.sample(400), axis=1)
+    distance = np.linalg.norm(found.sample(100), axis=1)
     assert distance.max() <= 1.02 * found.worst[0]
-    assert np.sqrt((distance**2).mean()) == pytest.approx(found.rms[0], rel=0.1)
+    assert np.sqrt((distance**2).mean()) == pytest.approx(found.rms[0], rel=0.2)
 
 
 def test_causes_move_the_slider_as_links_of_other_lengths_and_another_angle_do():
@@ -341,17 +341,20 @@ def test_deflections_that_a_loop_holds_are_refused():
         budget(mechanism, q, causes=["elasticity"])
 
 
-@pytest.mark.parametrize("name", ["delta", "three_rrr"])
-def test_causes_of_a_loop_are_allocated_within_the_target(name):
-    simulation = Scenario.load(f"jointplay:{name}.toml").simulation("ideal")
-    mechanism = simulation.mechanism
-    q = poses.at_pose(mechanism, {}, near=poses.start_of(simulation))
-    causes = ["encoder", "geometry"]
+@pytest.mark.parametrize("tied", [False, True])
+def test_causes_of_a_loop_are_allocated_within_the_target(door, tied):
+    mechanism, q, causes = door[0]({}), np.zeros((1, 1)), ["geometry"]
+    if not tied:
+        simulation = Scenario.load("jointplay:delta.toml").simulation("ideal")
+        mechanism, causes = simulation.mechanism, ["encoder", "geometry"]
+        q = poses.at_pose(mechanism, {}, near=poses.start_of(simulation))
     target = 0.5 * budget(mechanism, q, causes=causes).worst[0]
     found = allocate(mechanism, q, target, causes=causes)
     kept = budget(mechanism, q, causes=causes, remaining=found.parts)
-    assert found.error == pytest.approx(kept.worst[0], rel=1e-3)
     assert 0.99 * target < kept.worst[0] <= target * (1.0 + 1e-6)
+    if tied:
+        with pytest.raises(JointplayError, match="variances do not add"):
+            allocate(mechanism, q, target, causes=causes, statistical=True)
 
 
 def test_others_than_budgets_say_that_they_take_no_loops():

@@ -39,6 +39,15 @@ def test_worst_case_and_variance_against_random_states_of_the_exact_kinematics(r
     assert drawn.mean(axis=0) == pytest.approx(found.mean[0], abs=0.02 * found.rms[0])
 
 
+def test_causes_seen_from_a_body_against_the_exact_kinematics(robot):
+    found = budget(
+        robot, POSE, kind="calibrated-industrial", causes=CAUSES, relative_to="forearm_link"
+    )
+    assert found.reached == pytest.approx(found.worst[0], rel=1e-3)
+    moving = {one.joint for one in found.model.contributions}
+    assert moving == {"wrist_1_joint", "wrist_2_joint", "wrist_3_joint"}
+
+
 def test_parts_sum_to_the_worst_case_and_shares_of_variance_to_one(robot):
     found = budget(robot, POSE, causes=CAUSES)
     assert found.worst_parts.sum(axis=1) == pytest.approx(found.worst)

@@ -22,7 +22,7 @@ GRAVITY = 9.81
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    """An arm about a vertical axis: its weight leans the journal, and turns nothing."""
+    """An arm about a vertical axis: its weight tilts the journal, and turns nothing."""
     found = tmp_path_factory.mktemp("reduce") / "arm.urdf"
     found.write_text(
         '<robot name="r"><link name="base"/>'
@@ -74,7 +74,7 @@ def test_friction_is_that_of_the_rims_that_bear_the_moment(plain):
     assert found.friction_error < 0.3 * wanted
 
 
-def test_the_lean_is_that_of_the_bearing(plain):
+def test_the_tilt_is_that_of_the_bearing(plain):
     mechanism, found = plain
     one = mechanism.clearance["j"]
     assert found.tilt == pytest.approx(2.0 * one.cr / one.lj)
@@ -86,27 +86,27 @@ def test_the_lean_is_that_of_the_bearing(plain):
     )
 
 
-def test_the_leans_error_is_what_friction_and_contacts_do_to_it(plain):
+def test_the_tilts_error_is_what_friction_and_contacts_do_to_it(plain):
     mechanism, found = plain
     one = mechanism.clearance["j"]
-    lean = found.history["lean"]
-    # The arm reverses about x: its weight leans the journal outwards, friction drags it aside.
-    size = np.linalg.norm(lean, axis=1)
+    tilt = found.history["tilt"]
+    # The arm reverses about x: its weight tilts the journal outwards, friction drags it aside.
+    size = np.linalg.norm(tilt, axis=1)
     assert size == pytest.approx(np.full(len(size), found.tilt), rel=0.05)
     dragged = found.tilt * 0.1  # its coefficient of friction
     assert 0.5 * dragged < found.tilt_rms < 1.5 * dragged
     assert found.tilt_rms < found.tilt_error < 0.6 * found.tilt
-    assert "lean, stated error" in str(found)
+    assert "tilt, stated error" in str(found)
     assert json.loads(to_json([found], "motor", 0.3))
     flat = Mechanism(
         mechanism.description.path, {"j": RevoluteClearance.planar(radial_clearance=one.cr)}
     )
     none = reduce(flat, "j", period=0.4)
     assert (none.tilt, none.tilt_error, none.tilt_rms) == (0.0, 0.0, 0.0)
-    assert "lean" not in none.history
+    assert "tilt" not in none.history
 
 
-def test_a_journal_that_no_load_leans_says_so(tmp_path, path, capsys):
+def test_a_journal_that_no_load_tilts_says_so(tmp_path, path, capsys):
     # Its axis is level: the weight, a little aside, presses both rims down.
     text = path.read_text().replace('xyz="0 0 1"', 'xyz="0 1 0"')
     text = text.replace('xyz="0.3 0 0"', 'xyz="0.3 0.003 0"')
@@ -118,13 +118,13 @@ def test_a_journal_that_no_load_leans_says_so(tmp_path, path, capsys):
     assert "leave --tilt out" in capsys.readouterr().out
 
 
-def test_mujocos_axis_leans_as_the_full_model_within_the_stated_error(plain, geared):
+def test_mujocos_axis_tilts_as_the_full_model_within_the_stated_error(plain, geared):
     pytest.importorskip("mujoco")
     for mechanism, found in (plain, geared):
         seen = follow(to_mjcf(mechanism, found, tilt=True), found)
-        assert 0.0 < seen.lean_error <= found.tilt_error
+        assert 0.0 < seen.tilt_error <= found.tilt_error
         assert seen.error <= found.angle_error + 1e-9
-        assert follow(to_mjcf(mechanism, found), found).lean_error is None
+        assert follow(to_mjcf(mechanism, found), found).tilt_error is None
 
 
 def test_mujoco_follows_the_link_through_reversals_within_the_stated_error(geared):

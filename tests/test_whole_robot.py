@@ -281,28 +281,28 @@ def test_the_command_writes_the_whole_robot_and_its_copies(path, tmp_path, capsy
     assert "robot.xml" in capsys.readouterr().err
 
 
-def test_the_lean_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path):
+def test_the_tilt_of_the_axes_moves_mujocos_tool_as_far_as_the_budget_says(path):
     mujoco = pytest.importorskip("mujoco")
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     mechanism = Mechanism(path, {"a": bearing, "b": bearing}, tool="slider")
-    pose, leaning = {"a": 0.3, "b": -0.4, "c": 0.05}, ("a", "b")
+    pose, tilting = {"a": 0.3, "b": -0.4, "c": 0.05}, ("a", "b")
     tilt, arm = bearing.play(second_order=False).reach[1], bearing.hinge.length / 2.0
-    made = [Reduction(name, tilt=tilt, half_length=arm) for name in leaning]
+    made = [Reduction(name, tilt=tilt, half_length=arm) for name in tilting]
     text = compile_robot(mechanism, made, pose, tilt=True).mjcf(made)
-    written, own = reach(mechanism, made, pose, leaning)
+    written, own = reach(mechanism, made, pose, tilting)
     assert reach(mechanism, made, pose)[0] == 0.0
     # What is missing is at most the travel aside and along of two journals.
     assert 0.0 < own.worst[0] - written < 2 * np.hypot(1e-4, 1e-4)
     assert written > 0.9 * own.worst[0]
     found = find_reach(text, {}, "slider", pose, own.direction[0])
     assert found == pytest.approx(written, rel=0.02)
-    ranges = intervals(mechanism, made, 0.3, leaning=leaning)
+    ranges = intervals(mechanism, made, 0.3, tilting=tilting)
     assert [one.quantity for one in ranges] == ["tilt", "tilt"]
     values = draw(ranges, 2, 0)
     assert np.ptp(values) > 0.0
     copies = drawn(made, ranges, values[1])
     model = mujoco.MjModel.from_xml_string(compile_robot(mechanism, made, pose, True).mjcf(copies))
-    for name, value in zip(leaning, values[1], strict=True):
+    for name, value in zip(tilting, values[1], strict=True):
         assert model.tendon_range[model.tendon(f"{name}.rim").id, 1] == pytest.approx(arm * value)
 
 

@@ -124,7 +124,7 @@ def reductions(quick: bool) -> list[list[str]]:
     rows = [
         [
             *("joint", "reversals", "stated [urad]", "MuJoCo, largest", "MuJoCo, RMS"),
-            *("lean: stated [mrad]", "MuJoCo's lean, largest", "us a step", "s per s simulated"),
+            *("tilt: stated [mrad]", "MuJoCo's tilt, largest", "us a step", "s per s simulated"),
             "full model, s per s",
         ]
     ]
@@ -143,18 +143,18 @@ def reductions(quick: bool) -> list[list[str]]:
             other = reduce(mechanism, joint, pose, amplitude=amplitude, period=period)
             spent = time.process_time() - begun
             past = replace(fitted, history=other.history)
-            stiff, leaning = (
+            stiff, tilting = (
                 compile_robot(mechanism, [fitted], pose, tilt) for tilt in (False, True)
             )
             seen = follow(stiff.mjcf([fitted]), past, stiff.meshes)
-            lean = follow(leaning.mjcf([fitted]), past, leaning.meshes).lean_error
+            tilt = follow(tilting.mjcf([fitted]), past, tilting.meshes).tilt_error
             angles = (fitted.angle_error, seen.error, seen.rms)
-            leans = (fitted.tilt_error, lean)
+            tilts = (fitted.tilt_error, tilt)
             rows.append(
                 [
                     *(joint, f"{amplitude:g} rad, {period:g} s"),
                     *(f"{1e6 * one:.0f}" for one in angles),
-                    *(f"{1e3 * one:.2f}" for one in leans),
+                    *(f"{1e3 * one:.2f}" for one in tilts),
                     *(f"{1e6 * seen.step_seconds:.0f}", f"{seen.step_seconds / seen.step:.3f}"),
                     f"{spent / (2.0 * period):.2f}",
                 ]

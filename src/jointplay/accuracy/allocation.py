@@ -278,7 +278,7 @@ def allocate(
             case.
         keep: joints and causes that count but stay as they are.
         offers: bearings for joints; of play alone `offers_of` all rolling bearings that are not
-            named, as of a joint with an empty list. Of several causes, how a joint gives way goes
+            named, as of a joint with an empty list. Of several causes, a joint's compliance goes
             with its bearing, and is no size of its own.
         prices: by class of bearing, `PRICES` where not given; of halving a cause, by cause, 1 where
             not given.

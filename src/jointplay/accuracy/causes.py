@@ -1,6 +1,6 @@
 """Causes of a tool's error, one class each: what each does at a joint.
 
-Beside play an arm gives way under its weight, its payload and a force; encoders have a resolution
+Beside play an arm deflects under its weight, its payload and a force; encoders have a resolution
 and a zero, gears an error of their own; links and axes are not where the drawing has them, and all
 of it grows with heat. What is not given of a robot is taken from a class of robots
 (`robot_errors`), and said to be assumed.
@@ -114,7 +114,7 @@ class Cause(ABC):
     name: ClassVar[str]
     """In tables and options."""
     of_mounts: ClassVar[bool] = False
-    """Whether it acts at mounts, too, which cannot move and give way."""
+    """Whether it acts at mounts, too, which cannot move but deflect."""
 
     @abstractmethod
     def at(self, joint: JointAt) -> Iterable[Contribution]:
@@ -134,7 +134,7 @@ class ClearanceAndBacklash(Cause):
 
 
 class Compliance(Cause):
-    """Bearings, gears, links and mounts give way under weight, payload and force."""
+    """Bearings, gears, links and mounts deflect under weight, payload and force."""
 
     name = "elasticity"
     of_mounts = True
@@ -166,7 +166,7 @@ class Compliance(Cause):
     def _of_bearing(
         self, own: Clearance | None, carried: np.ndarray
     ) -> tuple[np.ndarray, list[str]]:
-        """By how much it gives way beyond its play under loads (n, 6), and what does, in words."""
+        """Its deflection beyond its play under loads (n, 6), and of what, in words."""
         if own is None:
             return np.zeros_like(carried), []
         if own.springs is not None:

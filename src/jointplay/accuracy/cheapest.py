@@ -373,13 +373,15 @@ class Problem:
         assert found is not None
         return found[:-1], float(found[-1]) * self.target
 
-    def _integers(self, price: np.ndarray, rows: np.ndarray, room: np.ndarray) -> np.ndarray | None:
-        """The cheapest choice with rows . (z, more) <= room; None: there is none."""
+    def _integers(
+        self, price: np.ndarray, rows: np.ndarray, slack: np.ndarray
+    ) -> np.ndarray | None:
+        """The cheapest choice with rows . (z, more) <= slack; None: there is none."""
         more = len(price) - self._ends[-1]
         low = np.concatenate([self.sizes.least, np.zeros(len(price) - self._count)])
         ones = np.ones(self._ends[-1] - self._count)
         high = np.concatenate([self.sizes.most, ones, np.full(more, np.inf)])
-        limits = [LinearConstraint(rows, -np.inf, room)]
+        limits = [LinearConstraint(rows, -np.inf, slack)]
         for first, end in zip(self._ends, self._ends[1:], strict=False):
             one = np.zeros((1, len(price)))
             one[0, first:end] = 1.0
@@ -410,10 +412,10 @@ class Problem:
     def _taken(self) -> np.ndarray:
         own, row = np.concatenate(self.offers), self._rows[-1, self._count :]
         own = own + _TIE * own.max() * row / max(row.max(), 1e-300)
-        rows, room = self._rows / self.target, 1.0 - self._offsets / self.target
+        rows, slack = self._rows / self.target, 1.0 - self._offsets / self.target
         k = self._count
         if self.sizes.linear or not k:
-            found = self._integers(np.append(-self.sizes.scaled, own), rows, room)
+            found = self._integers(np.append(-self.sizes.scaled, own), rows, slack)
         else:  # one more number for each size: its price, above all tangents
             slopes = np.array([self.sizes.slopes(x) for x in self._tangents])
             at = np.array([self.sizes.prices(x) for x in self._tangents])
@@ -425,7 +427,7 @@ class Problem:
             found = self._integers(
                 np.concatenate([np.zeros(k), own, np.ones(k)]),
                 np.vstack([np.hstack([rows, np.zeros((len(rows), k))]), cuts.reshape(-1, total)]),
-                np.append(room, left.ravel()),
+                np.append(slack, left.ravel()),
             )
         assert found is not None
         return found[: self._ends[-1]]
@@ -434,24 +436,24 @@ class Problem:
         """The cheapest sizes with these offers (0 or 1), and the offers."""
         k, sizes = self._count, self.sizes
         rows = self._rows[:, :k] / self.target
-        room = 1.0 - (self._offsets + self._rows[:, k:] @ taken) / self.target
+        slack = 1.0 - (self._offsets + self._rows[:, k:] @ taken) / self.target
         if not k:
             return taken
         solve = self._linear if sizes.linear else self._dual
-        x, multipliers = solve(rows, room)
+        x, multipliers = solve(rows, slack)
         self._multipliers = multipliers / self.target
         return np.append(x, taken)
 
-    def _linear(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _linear(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sizes = self.sizes
         # The solver's tolerances are absolute: in parts of what each could have alone.
-        alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
+        alone = (slack[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
         unit = np.clip(alone, sizes.least, sizes.most)
         whole = float((sizes.scaled * unit).max())
         found = linprog(
             -sizes.scaled * unit / whole,
             A_ub=rows * unit,
-            b_ub=room,
+            b_ub=slack,
             bounds=np.column_stack([sizes.least / unit, sizes.most / unit]),
             method="highs",
             options={"primal_feasibility_tolerance": 1e-10},
@@ -461,7 +463,7 @@ class Problem:
         x = np.clip(found.x * unit, sizes.least, sizes.most)
         return x, -found.ineqlin.marginals * whole
 
-    def _dual(self, rows: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _dual(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """By the dual, which has bounds only: with multipliers y of the rows R, each size is
         (p w / (R' y))^(1 / (p + 1)) within its limits.
         """
@@ -476,8 +478,8 @@ class Problem:
 
         def dual(multiplier: np.ndarray) -> tuple[float, np.ndarray]:
             x, slope = best(multiplier)
-            value = float((unit * x**-power + slope * x).sum() - multiplier @ room)
-            return -value, room - rows @ x
+            value = float((unit * x**-power + slope * x).sum() - multiplier @ slack)
+            return -value, slack - rows @ x
 
         start = np.zeros(len(rows))
         known = self._multipliers * self.target / whole

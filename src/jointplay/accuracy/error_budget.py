@@ -61,13 +61,21 @@ class Budget:
     model: ErrorModel
     force: np.ndarray
     """On the tool, world axes, (3,) [N]."""
-    positions: np.ndarray
-    """Of the ideal tool, shape (n, 3)."""
+    driven: Sequence[str] | None
+    """Joints of loops that stand; None: the first that determine the others."""
+    relative_to: str | None
+    """Body from which the tool is seen; None: the world."""
     farthest: Farthest
 
     @property
     def tool(self) -> str:
         return self.mechanism.tool
+
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """Of the ideal tool, shape (n, 3)."""
+        poses = (tool_place(self.mechanism, row, self.relative_to) for row in self.q)
+        return np.array([one.translation for one in poses])
 
     @property
     def worst(self) -> np.ndarray:
@@ -111,7 +119,7 @@ class PlayBudget(Budget):
 
     No state of the journals without penetration is worse than `worst`. `rms` is of states without
     friction. Where the machine rests is found when it is asked for (`rest`, `rest_interval`);
-    contacts give way there, so that it may be a little beyond `worst`.
+    contacts deflect there, so that it may be a little beyond `worst`.
     """
 
     rest_positions: RestPositions
@@ -119,10 +127,6 @@ class PlayBudget(Budget):
     """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
     rms_parts: np.ndarray
     """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
-
-    @property
-    def relative_to(self) -> str | None:
-        return self.rest_positions.relative_to
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -349,9 +353,6 @@ class PlayBudget(Budget):
 class ErrorBudget(Budget):
     """Error of the tool by several causes, each with its variance."""
 
-    driven: Sequence[str] | None
-    """Joints of loops that stand; None: the first that determine the others."""
-    relative_to: str | None
     given: tuple[str, ...]
     assumed: tuple[str, ...]
 
@@ -538,7 +539,7 @@ def budget(
         friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
             None: the largest that the law of each joint has.
         drive: of all joints that stand, as in a run: where they rest, drives of finite stiffness
-            give way a little, unless a force acts on the tool. `Prescribed` does not.
+            deflect a little, unless a force acts on the tool. `Prescribed` does not.
         relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
             errors, directions and positions are those seen from it, in its axes. The base stays
             held, for loads. None: the world.
@@ -564,11 +565,8 @@ def budget(
         mechanism, model = cause_model(
             mechanism, q, push, named(causes), known, kind, remaining or {}, driven, relative_to
         )
-        places = _positions(mechanism, q, relative_to)
-        return ErrorBudget(
-            mechanism, q, model, push, places, model.farthest(), driven, relative_to,
-            *told_apart(model, kind),
-        )  # fmt: skip
+        own = told_apart(model, kind)
+        return ErrorBudget(mechanism, q, model, push, driven, relative_to, model.farthest(), *own)
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:
@@ -599,13 +597,8 @@ def budget(
         more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
     push = force_on_tool(force)
     rest = RestPositions(mechanism, q, model, push, driven, friction, drive, more, relative_to)
-    places = _positions(mechanism, q, relative_to)
-    return PlayBudget(mechanism, q, model, push, places, found, rest, rms, rms_parts)
-
-
-def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> np.ndarray:
-    """Of the tool at configurations (n, nq), (n, 3) [m]."""
-    return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
+    seen = driven, relative_to
+    return PlayBudget(mechanism, q, model, push, *seen, found, rest, rms, rms_parts)
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:

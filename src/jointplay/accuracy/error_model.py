@@ -377,7 +377,7 @@ class ErrorModel:
         able = sum(loop_play.opening(*pair) for pair in zip(plays, ties, strict=True))
         (some,) = np.nonzero(opened > _FITS * able)
         if len(some):
-            loads, at = (factor * flat[sets])[:, some], np.ix_(sets, some)
+            loads, at = (factor * flat[sets])[:, some], np.ix_(np.array(sets), some)
             value[at], inner = loop_play.farthest(plays, loads, ties[:, some])
             point[at] = factor * inner
 

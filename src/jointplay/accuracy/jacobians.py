@@ -115,7 +115,7 @@ def link_ends(
         ends.append((frame.parentJoint, "", sign * back, data.oMf[index].translation))
     for index, end, axes, point in ends:
         carrier = mechanism.owner(index)
-        if carrier in joints:
+        if carrier is not None and carrier in joints:
             arm = axes @ (point - place(mechanism, carrier)[1].translation)
             yield carrier, end, np.concatenate([arm, np.zeros(3)])
 

@@ -1,7 +1,7 @@
 """How far plays that a closed loop ties to each other can go.
 
 A loop stays closed: what the plays of its joints open, its other coordinates must close again.
-What these cannot close (a plane linkage whose pins lean) the plays must not open. So the farthest
+What these cannot close (a plane linkage whose pins tilt) the plays must not open. So the farthest
 displacements along loads a_i are
 
     max sum_i a_i . xi_i    for xi_i in P_i with sum_i T_i xi_i = 0
@@ -113,11 +113,11 @@ class _Path:
         ties = self._rows[0].shape[1]
         inner, outer = np.zeros((len(some), ties, ties)), np.zeros((len(some), ties))
         for point, one, aims, rows in zip(y, self._sets, self._aims, self._rows, strict=True):
-            slope, bend = _barrier(one, point[some])
+            slope, curvature = _barrier(one, point[some])
             slope = slope - weight * aims[some]
             row = rows[some]
             right = np.concatenate([slope[..., None], row.transpose(0, 2, 1)], axis=2)
-            both = np.linalg.solve(bend, right)
+            both = np.linalg.solve(curvature, right)
             inner += row @ both[..., 1:]
             outer += np.einsum("nri,ni->nr", row, both[..., 0])
             slopes.append(slope)
@@ -169,7 +169,7 @@ class _Path:
 
 def _barrier(cones: Cones, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slope (n, m) and curvature (n, m, m) of -sum log((room - along . y)^2 - |across @ y|^2)."""
-    slope, bend = np.zeros_like(y), np.zeros((*y.shape, y.shape[1]))
+    slope, curvature = np.zeros_like(y), np.zeros((*y.shape, y.shape[1]))
     for wall in cones.walls:
         aside = y @ wall.across.T + wall.centre
         left = wall.room - y @ wall.along
@@ -177,5 +177,5 @@ def _barrier(cones: Cones, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         own = 2.0 * (left[:, None] * wall.along + aside @ wall.across) / inside[:, None]
         curve = 2.0 * (wall.across.T @ wall.across - np.outer(wall.along, wall.along))
         slope += own
-        bend += curve / inside[:, None, None] + own[:, :, None] * own[:, None, :]
-    return slope, bend
+        curvature += curve / inside[:, None, None] + own[:, :, None] * own[:, None, :]
+    return slope, curvature

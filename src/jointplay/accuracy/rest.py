@@ -2,16 +2,16 @@
 
 Without friction a journal slides to where the potential energy is lowest. To the first order that
 is the point at which the support function of its play is attained (`joints.play`), but the axial
-torque of a load that leans the joint does work only through the product of two leans, as the
-drive's coupling has it, and so do the weights of all that leans with it: where the first order
-leaves the lean nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as
+torque of a load that tilts the joint does work only through the product of two tilts, as the
+drive's coupling has it, and so do the weights of all that tilts with it: where the first order
+leaves the tilt nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as
 a run with start="rest" does.
 
 With Coulomb friction a journal rests wherever its contacts, each pushing within its cone of
 friction, can balance its load. For friction at given parts of the normal forces that is the state
 without friction under a load that has this friction added; all such states, the parts going through
 the cone's edge, bound the set (`_held_states`). The cones are taken as polygons around the round
-ones; loads as they change with all leans, contacts as they give way: what is found is on the safe
+ones; loads as they change with all tilts, contacts as they deflect: what is found is on the safe
 side. Sets of several joints add up, so the tool's interval along a direction is the sum of theirs.
 """
 
@@ -79,7 +79,7 @@ class RestPlace(NamedTuple):
 
 @dataclass(frozen=True)
 class RestPositions:
-    """A machine with play that stands, at n poses."""
+    """A machine with play in static equilibrium, at n poses."""
 
     mechanism: Mechanism
     q: np.ndarray
@@ -145,7 +145,7 @@ class RestPositions:
     def at(self, pose: int) -> RestPlace:
         """Where the machine rests without friction at a pose, as a run with start="rest" begins.
 
-        Contacts, teeth and drives give way by their laws; not so the drives under a force on the
+        Contacts, teeth and drives deflect by their laws; not so the drives under a force on the
         tool, for those of a run do not know of it.
         """
         if pose not in self._rests:
@@ -262,7 +262,7 @@ class RestPositions:
             pressed: list[Pressed | None] = []
             if names:
                 found, pressed = _held_states(
-                    plays.subset(slice(len(names))), friction, self._bend(pose, names)
+                    plays.subset(slice(len(names))), friction, self._curvature(pose, names)
                 )
             for j, name in enumerate(names):
                 contacts, joint = pressed[j], self.mechanism.clearance[name]
@@ -296,7 +296,7 @@ class RestPositions:
             errors = {**dict(zip(plays.names, anywhere, strict=True)), **errors}
         return [errors[name] for name in plays.names]
 
-    def _bend(self, pose: int, names: Sequence[str]) -> np.ndarray:
+    def _curvature(self, pose: int, names: Sequence[str]) -> np.ndarray:
         """How loads fall with displacements: the energy's curvature, shape (6 j, 6 j)."""
         mechanism, q = self.mechanism, self.q[pose]
         if mechanism.loops:
@@ -331,7 +331,7 @@ def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
 
 
 def _held_states(
-    plays: ErrorModel, friction: Sequence[float], bend: np.ndarray
+    plays: ErrorModel, friction: Sequence[float], curvature: np.ndarray
 ) -> tuple[list[np.ndarray], list[Pressed | None]]:
     """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
 
@@ -353,11 +353,11 @@ def _held_states(
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
         tangents.append(_directions(k, random))
     loads = [load.copy() for load in given]
-    # Half of them follow the load as it turns with the lean, which does not find the states that
+    # Half of them follow the load as it turns with the tilt, which does not find the states that
     # this leads away from; the others, of loads as they are anywhere, are sorted out below.
     follows = np.arange(STATES) % 2 == 0
     for turn in range(_ROUNDS):
-        falls = np.concatenate(points, axis=1) @ bend
+        falls = np.concatenate(points, axis=1) @ curvature
         if turn == 0:
             stays = falls
         falls = np.where(follows[:, None], falls, stays)
@@ -370,13 +370,13 @@ def _held_states(
             loads[j] = load if turn < _DAMPED else 0.5 * (loads[j] + load)
             points[j] = play.support(loads[j]).point
             contacts[j] = play.pressed(loads[j], points[j])
-    falls = np.concatenate(points, axis=1) @ bend
+    falls = np.concatenate(points, axis=1) @ curvature
     found: list[Pressed | None] = []
     for j, play in enumerate(sets):
         now = contacts[j]
         if now is not None:
             kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, friction[j], _arm(play))
-            # None is left if a lean swings between two ends of what is nearly open.
+            # None is left if a tilt swings between two ends of what is nearly open.
             if not kept.any() and friction[j] > 0.0:
                 kept[follows] = True
             points[j] = points[j][kept]
@@ -436,7 +436,7 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
 
 
 def compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
-    """How far journals go on because their contacts give way, (m, 6)."""
+    """Displacements of journals by the deflection of their contacts, (m, 6)."""
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):
         if contact < len(joint.contacts):

@@ -33,7 +33,7 @@ class JointErrors(Described):
     axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
     """How far the axis may be off along each of x, y, z, either way [m]."""
     axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
-    """How far it may lean about x and y, either way [rad]."""
+    """How far it may be tilted about x and y, either way [rad]."""
     heating: float | None = quantity("K", default=None, least=0.0, words="heating")
     """By how much its link may become warmer [K]."""
     torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
@@ -64,7 +64,7 @@ class RobotErrors(Described):
     axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
     """How far each axis may be off along each of x, y, z, either way [m]."""
     axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
-    """How far it may lean about x and y, either way [rad]."""
+    """How far it may be tilted about x and y, either way [rad]."""
     heating: float | None = quantity("K", default=None, least=0.0, words="heating")
     """By how much links may become warmer [K]."""
     expansion: float | None = quantity("1/K", default=None, least=0.0, words="expansion")

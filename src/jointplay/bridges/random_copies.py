@@ -25,7 +25,7 @@ QUANTITIES = {
     "tilt": "rad",
 }
 """What is drawn of each joint, and in which unit; the last two only MJCF has, the servo's friction
-and how far the axis can lean."""
+and how far the axis can tilt."""
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,17 @@ def intervals(
     spread: float,
     identified: Mapping[str, Any] | None = None,
     servos: Mapping[str, Servo] = MappingProxyType({}),
-    leaning: Iterable[str] = (),
+    tilting: Iterable[str] = (),
 ) -> list[Interval]:
-    """Intervals of half play, friction, stiffness and lean of each joint, and its servo's friction.
+    """Intervals of half play, friction, stiffness and tilt of each joint, and its servo's friction.
 
     Args:
         spread: half width, relative, of what was not identified: an assumption.
         identified: what `Identification.describe` says, the contents of ``identified.json``.
             Gear play, gear compliance and dry friction are taken as they are; the coefficient of
             friction scales the bearing's part of the friction. A clearance gives no dead band about
-            the axis, and is not drawn; the lean is, within the spread.
-        leaning: joints whose axes lean in the files.
+            the axis, and is not drawn; the tilt is, within the spread.
+        tilting: joints whose axes tilt in the files.
 
     Raises:
         JointplayError: a negative spread, or one of 100 % or more, for which play would vanish;
@@ -71,13 +71,13 @@ def intervals(
     if spread >= 1.0:
         raise JointplayError(f"the spread must be below 100 %, got {100.0 * spread:g} %")
     known = {} if identified is None else _known(identified)
-    found, used, leaning = [], 0, set(leaning)
+    found, used, tilting = [], 0, set(tilting)
     for one in reductions:
         own = mechanism.description.joints[one.joint].friction
         numbers = {"half_play": 0.5 * one.dead_band}
         numbers |= {"friction": one.friction, "stiffness": one.stiffness}
         numbers["motor_friction"] = servos[one.joint].friction if one.joint in servos else 0.0
-        numbers["tilt"] = one.tilt if one.joint in leaning else 0.0
+        numbers["tilt"] = one.tilt if one.joint in tilting else 0.0
         ends = {k: (x * (1.0 - spread), x * (1.0 + spread)) for k, x in numbers.items()}
         mine = {name: row for (joint, name), row in known.items() if joint == one.joint}
         better = {}

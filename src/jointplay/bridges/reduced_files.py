@@ -290,16 +290,16 @@ def reach(
     mechanism: Mechanism,
     reductions: Iterable[Reduction],
     pose: Mapping[str, float],
-    leaning: Iterable[str] = (),
+    tilting: Iterable[str] = (),
 ) -> tuple[float, PlayBudget]:
     """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
 
     Of both the worst case. Files have no travel of journals aside and along; the axes of the joints
-    `leaning` tilt in them.
+    `tilting` tilt in them.
     """
     found = budget(mechanism, pose)
     bands = {one.joint: one.dead_band for one in reductions}
-    tilts = {one.joint: one.tilt for one in reductions if one.joint in set(leaning)}
+    tilts = {one.joint: one.tilt for one in reductions if one.joint in set(tilting)}
 
     def file_of(one: Contribution) -> Play:
         if one.gear:

@@ -4,7 +4,7 @@ The MJCF is the robot's own URDF as MuJoCo compiles it, shapes included. In seri
 J that has a dead band stands a hinge `J_play` about the same axis, in the same body: J is the
 motor, loaded with its rotor's inertia, and J_play is what the link lags behind. A tendon whose
 spring has a dead band holds J_play, for MuJoCo has none inside an actuator; a second tendon, J plus
-J_play, is the link's angle and has the friction of bearing and joint. A journal that leans has two
+J_play, is the link's angle and has the friction of bearing and joint. A journal that tilts has two
 more hinges, J.pitch and J.roll, which a tendon, J.rim, keeps within the bore.
 """
 
@@ -65,7 +65,7 @@ class CompiledRobot:
     """Rows of it by joint."""
     notes: tuple[str, ...]
     """What is not as in the URDF, a line each."""
-    leaning: tuple[str, ...]
+    tilting: tuple[str, ...]
 
     def mjcf(
         self,
@@ -120,7 +120,7 @@ class CompiledRobot:
             link = put(tendon, "fixed", name=f"{name}.link", **losses)
             for part in (name, f"{name}_play"):
                 put(link, "joint", joint=part, coef=1.0)
-        for name in self.leaning:
+        for name in self.tilting:
             rim = put(
                 tendon, "spatial", name=f"{name}.rim", limited="true",
                 range=(0.0, reduced[name].half_length * reduced[name].tilt),
@@ -194,7 +194,7 @@ def compile_robot(
     """
     mujoco = load_mujoco()
     bodies(mechanism)
-    leaning = [one for one in reductions if tilt and one.tilt > 0.0]
+    tilting = [one for one in reductions if tilt and one.tilt > 0.0]
     refuse_taken(mechanism, reductions)
     root = mechanism.description.elements()
     for old in root.findall("mujoco"):
@@ -206,7 +206,7 @@ def compile_robot(
         spec = mujoco.MjSpec.from_string(text, assets=meshes)
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of flat ones, too
-        _edit(mujoco, spec, mechanism, reductions, leaning)
+        _edit(mujoco, spec, mechanism, reductions, tilting)
         model = spec.compile()
         touching = _touching(mujoco, model, pose)
         for first, second in touching:
@@ -228,7 +228,7 @@ def compile_robot(
     dofs = {model.joint(i).name: int(model.jnt_dofadr[i]) for i in range(model.njnt)}
     if made.find("option") is None:
         put(made, "option")
-    names = tuple(one.joint for one in leaning)
+    names = tuple(one.joint for one in tilting)
     return CompiledRobot(mechanism, made, meshes, mass, dofs, tuple(notes), names)
 
 
@@ -270,7 +270,7 @@ def _edit(
     spec: Any,
     mechanism: Mechanism,
     reductions: Sequence[Reduction],
-    leaning: Sequence[Reduction],
+    tilting: Sequence[Reduction],
 ) -> None:
     hinge = mujoco.mjtJoint.mjJNT_HINGE
     spec.option.gravity = mechanism.gravity
@@ -282,9 +282,9 @@ def _edit(
             where = {"type": hinge, "pos": motor.pos, "axis": motor.axis}
             motor.parent.add_joint(name=f"{one.joint}_play", **where)
     tree = {body.name: body for body in bodies(mechanism)}
-    for one in leaning:
+    for one in tilting:
         body, moved = tree[one.joint], spec.joint(one.joint).parent
-        for part, axis in lean_axes(body.axis).items():
+        for part, axis in tilt_axes(body.axis).items():
             moved.add_joint(name=f"{one.joint}.{part}", type=hinge, axis=axis)
         end = one.half_length * body.axis
         moved.add_site(name=f"{one.joint}.rim", pos=end)
@@ -386,7 +386,7 @@ def find_play(
 
 
 _PUSH_N, _CROSSING_S = 100.0, 0.05
-"""Force by which MuJoCo's tool is pushed, and time in which journals lean from side to side."""
+"""Force by which MuJoCo's tool is pushed, and time in which journals tilt from side to side."""
 
 
 def find_reach(
@@ -403,12 +403,12 @@ def find_reach(
     """
     mujoco = load_mujoco()
     model = _load(mujoco, text, meshes, bare=True)
-    leans = [
+    tilts = [
         int(model.jnt_dofadr[i])
         for i in range(model.njnt)
         if model.joint(i).name.endswith((".pitch", ".roll"))
     ]
-    held = np.setdiff1d(np.arange(model.nv), leans)
+    held = np.setdiff1d(np.arange(model.nv), tilts)
     model.dof_armature[held] = _HELD
     data = mujoco.MjData(model)
     mujoco.mj_setConst(model, data)
@@ -419,7 +419,7 @@ def find_reach(
     torque = _PUSH_N * direction @ jacobian
     torque[held] = 0.0
     damping = model.dof_damping.reshape(model.nv, -1)
-    for first, second in zip(leans[::2], leans[1::2], strict=True):
+    for first, second in zip(tilts[::2], tilts[1::2], strict=True):
         name = model.joint(int(model.dof_jntid[first])).name.removesuffix(".pitch")
         arm = float(np.linalg.norm(model.site(f"{name}.rim").pos))
         tilt = float(model.tendon_range[model.tendon(f"{name}.rim").id, 1]) / arm
@@ -474,7 +474,7 @@ def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
     return 0.0 if gear is None else gear.rotor_inertia
 
 
-def lean_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
+def tilt_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
     """Axes of the hinges across a joint's own, unit vectors (3,), by the ends of their names."""
     first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     first /= np.linalg.norm(first)
@@ -496,9 +496,9 @@ class Followed(NamedTuple):
     """Computing time of a step [s]."""
     step: float
     """[s]."""
-    lean_error: float | None = None
-    """Largest difference of the axis' lean, a vector, after a tenth of the time [rad]; None if the
-    file's joint cannot lean."""
+    tilt_error: float | None = None
+    """Largest difference of the axis' tilt, a vector, after a tenth of the time [rad]; None if the
+    file's joint cannot tilt."""
 
 
 def load_mujoco() -> Any:
@@ -545,23 +545,23 @@ def follow(
     angle[0] = data.qpos[link].sum()
     sites = [f"{joint}.{end}" for end in ("rim", "bore")]
     named = {model.site(index).name for index in range(model.nsite)}
-    leans = "lean" in past and named.issuperset(sites)
-    lean = np.zeros((len(grid), 3))
+    tilts = "tilt" in past and named.issuperset(sites)
+    tilt = np.zeros((len(grid), 3))
     begun = clock.process_time()
     for i in range(1, len(grid)):
         speed = (goals[i] - data.qpos[at]) / step
         data.qfrc_applied[dof] = _HELD * (speed - data.qvel[dof]) / step
         mujoco.mj_step(model, data)
         angle[i] = data.qpos[link].sum()
-        if leans:
+        if tilts:
             rim, bore = (data.site(name).xpos for name in sites)
-            lean[i] = (rim - bore) / reduction.half_length
+            tilt[i] = (rim - bore) / reduction.half_length
     spent = clock.process_time() - begun
     difference = angle - np.interp(grid, time, past["full"])
     tilted = None
-    if leans:  # the beginning left aside, in which the journal falls
-        wanted = np.column_stack([np.interp(grid, time, one) for one in past["lean"].T])
+    if tilts:  # the beginning left aside, in which the journal falls
+        wanted = np.column_stack([np.interp(grid, time, one) for one in past["tilt"].T])
         settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
-        tilted = float(np.linalg.norm(lean - wanted, axis=1)[settled].max())
+        tilted = float(np.linalg.norm(tilt - wanted, axis=1)[settled].max())
     largest, rms = float(np.abs(difference).max()), float(np.sqrt(np.mean(difference**2)))
     return Followed(grid, angle, largest, rms, spent / max(len(grid) - 1, 1), step, tilted)

@@ -4,14 +4,14 @@ What a robot simulator can bear is a hinge: a dead band between motor and link, 
 damping of the teeth, and dry friction. What of these a joint has comes from different places. The
 dead band about the joint's own axis is that of its gear; the bearing's clearance gives none, for
 the drive turns the journal. The bearing gives friction about the axis, in proportion to its load,
-and lets the journal lean: a dead band across the axis.
+and lets the journal tilt: a dead band across the axis.
 
 The full model runs through reversals of the one joint, the others standing: friction is fitted to
 its contacts, damping to its link's motion. The written model is then run through the same
 reversals. The error it comes with is `SAFETY` times the largest difference of the link's angle, and
 of what a simulator's longer steps change.
 
-Of the lean the reduced model knows a dead band: the axis leans, as far as both rims on opposite
+Of the tilt the reduced model knows a dead band: the axis tilts, as far as both rims on opposite
 sides of the bore let it, to where the load's moment turns it. The full model's contacts give way,
 walls hold the journal more upright, friction drags it aside, and a side force may press both rims
 to one side.
@@ -80,8 +80,8 @@ def _compare_tilts(
     _, tilt = clearance.play(second_order=False).reach
     # The body turns about its moment; its axis goes across it.
     sign = -1.0 if clearance.exchanged else 1.0
-    lean = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
-    there = np.einsum("nij,nj->ni", axes[some], lean)
+    turned = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
+    there = np.einsum("nij,nj->ni", axes[some], turned)
     away = np.linalg.norm(full[some] - there, axis=1)
     return full, float(away.max()), float(np.sqrt(np.mean(away**2)))
 
@@ -102,7 +102,7 @@ _STEP_S = 2e-5
 LONGEST_STEP_S = 1e-3
 """Of a simulator that runs the reduced model."""
 _BEYOND = 1e-3
-"""Part of the play by which a bearing's ring must lean further to tell a chord."""
+"""Part of the play by which a bearing's ring must tilt further to tell a chord."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,9 @@ class Reduction:
     angle_rms: float = 0.0
     """RMS difference of the link's angle in the fit's reversals [rad]."""
     tilt: float = 0.0
-    """How far the axis can lean, either way [rad]."""
+    """How far the axis can tilt, either way [rad]."""
     tilt_stiffness: float = 0.0
-    """Of the lean beyond that, at the resting load [N m/rad]."""
+    """Of the tilt beyond that, at the resting load [N m/rad]."""
     lateral: float = 0.0
     """How far the journal can be aside, either way [m]."""
     axial: float = 0.0
@@ -150,14 +150,14 @@ class Reduction:
     pose: Mapping[str, float] = field(default_factory=dict)
     """Joint positions about which it was fitted [rad or m]."""
     half_length: float = 0.0
-    """Of the journal; zero if it cannot lean [m]."""
+    """Of the journal; zero if it cannot tilt [m]."""
     tilt_error: float = 0.0
-    """Error of the lean, size and direction, in reversals: `SAFETY` times the largest [rad]."""
+    """Error of the tilt, size and direction, in reversals: `SAFETY` times the largest [rad]."""
     tilt_rms: float = 0.0
-    """RMS difference of the lean in the fit's reversals [rad]."""
+    """RMS difference of the tilt in the fit's reversals [rad]."""
     history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
     """Of the fit: time [s], motor, full model's link and reduced model's link [rad]; if the journal
-    leans, where the full model's axis points beside the bearing's, `lean`, world axes (n, 3)."""
+    tilts, where the full model's axis points beside the bearing's, `tilt`, world axes (n, 3)."""
 
     @property
     def timestep(self) -> float:
@@ -178,10 +178,10 @@ class Reduction:
             ("dry friction about the axis", self.friction, "N m"),
             ("viscous friction about the axis", self.viscous, "N m s/rad"),
             ("  friction, RMS difference", self.friction_error, "N m"),
-            ("dead band of the lean (bearing)", 1e3 * self.tilt, "mrad, either way"),
-            ("stiffness of the lean beyond", self.tilt_stiffness, "N m/rad"),
-            ("  lean, stated error", 1e3 * self.tilt_error, "mrad, size and direction"),
-            ("  lean, RMS difference", 1e3 * self.tilt_rms, "mrad"),
+            ("dead band of the tilt (bearing)", 1e3 * self.tilt, "mrad, either way"),
+            ("stiffness of the tilt beyond", self.tilt_stiffness, "N m/rad"),
+            ("  tilt, stated error", 1e3 * self.tilt_error, "mrad, size and direction"),
+            ("  tilt, RMS difference", 1e3 * self.tilt_rms, "mrad"),
             ("lateral play (bearing)", 1e6 * self.lateral, "um, either way"),
             ("axial play (bearing)", 1e6 * self.axial, "um, either way"),
             ("link's angle, stated error", 1e6 * self.angle_error, "urad"),
@@ -249,7 +249,7 @@ def reduce(
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
     found |= rubs | _across(alone, clearance, positions)
     if (tilted := _compare_tilts(alone, joint, q)) is not None:
-        history["lean"], largest, rms = tilted
+        history["tilt"], largest, rms = tilted
         found |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
     away = np.abs(reduced - full)
     found["angle_error"] = SAFETY * (float(away.max()) + step_error)

@@ -36,6 +36,8 @@ def run(options: argparse.Namespace) -> int:
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
     at = "\n".join([*work.notes, f"at: {work.poses}"])
+    body = options.relative_to
+    seen = "" if body is None else f"\nseen from {body!r}, in its axes"
     if options.whole is not None:
         from jointplay.accuracy.causes import CAUSES
 
@@ -49,17 +51,17 @@ def run(options: argparse.Namespace) -> int:
             errors=work.errors,
             kind=error_class(options, work),
             driven=work.driven,
-            relative_to=options.relative_to,
+            relative_to=body,
         )
-        print(f"{at}\n{whole.table()}")
+        print(f"{at}{seen}\n{whole.table()}")
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
             out.write({"errors.csv": whole.data().csv(), "errors.png": cause_bars(whole)})
         return 0
-    seen = options.relative_to is not None  # figures of the robot are in the world
-    out.names += ["bars.png", *([] if seen else ["robot.png", "reach.png"])]
-    of_kind = {"motion": ["course.png"], "workspace": [] if seen else ["map.png"]}
+    # Figures of the robot are in the world.
+    out.names += ["bars.png", *([] if body else ["robot.png", "reach.png"])]
+    of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
     out.names += of_kind.get(work.kind, [])
     out.claim()
     own = None if work.simulation is None else work.simulation.drive
@@ -70,11 +72,9 @@ def run(options: argparse.Namespace) -> int:
         driven=work.driven,
         friction=options.friction,
         drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
-        relative_to=options.relative_to,
+        relative_to=body,
     )
-    print(at)
-    if errors.relative_to is not None:
-        print(f"seen from {errors.relative_to!r}, in its axes")
+    print(f"{at}{seen}")
     if work.names:
         print(errors.by_pose(work.names))
     if len(errors.worst) > 1:
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
     contents = {"budget.csv": errors.data(work.names or ()).csv(), "bars.png": plots.bars(errors)}
-    if not seen:
+    if not body:
         contents["robot.png"] = plots.robot(work.mechanism, errors, work.q)
         contents["reach.png"] = plots.reachable(errors)
     if work.kind == "motion":
@@ -103,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
 
         assert work.motion is not None
         contents["course.png"] = plots.course(errors, times_along(work.motion))
-    if work.kind == "workspace" and not seen:
+    if work.kind == "workspace" and not body:
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
     return 0

@@ -61,8 +61,8 @@ NEEDS = {
     "usd": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
 }
 """Packages that formats need, and for what."""
-LEANS = ("mjcf", "json")
-"""Formats that can hold the lean of an axis."""
+TILTED = ("mjcf", "json")
+"""Formats that can hold the tilt of an axis."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -108,21 +108,21 @@ def run(options: argparse.Namespace) -> int:
     servos = _servos(options, work) if "mjcf" in formats else {}
     if servos:
         notes.append(f"servos (MJCF): {', '.join(servos)}")
-    leaning = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
-    shown = _overview(reductions, leaning) if joint is None else str(reductions[0])
+    tilting = [one.joint for one in reductions if options.tilt and one.tilt > 0.0]
+    shown = _overview(reductions, tilting) if joint is None else str(reductions[0])
     print("\n".join([*work.notes, shown]))
     later: list[str] = []
     makers, meshes = _makers(options, mechanism, reductions, pose, endings, later)
-    written, own = reduced_files.reach(mechanism, reductions, pose, leaning)
+    written, own = reduced_files.reach(mechanism, reductions, pose, tilting)
     notes.append(
         f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
         f"budget's worst case is {1e3 * own.worst[0]:.5g} mm"
-        + _unwritten(mechanism, reductions, leaning)
+        + _unwritten(mechanism, reductions, tilting)
     )
     for one in reductions:
-        if one.joint in leaning and one.tilt_error > one.tilt:
+        if one.joint in tilting and one.tilt_error > one.tilt:
             notes.append(
-                f"note: the error of the lean of {one.joint} exceeds its dead band: its load does "
+                f"note: the error of the tilt of {one.joint} exceeds its dead band: its load does "
                 "not turn the journal to the rim (a side force presses both rims to one side, or "
                 "nothing does); leave --tilt out"
             )
@@ -137,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
     if count:
         compiled = "mjcf" in formats
         ranges = random_copies.intervals(
-            mechanism, reductions, options.spread, found, servos, leaning if compiled else ()
+            mechanism, reductions, options.spread, found, servos, tilting if compiled else ()
         )
         values = random_copies.draw(ranges, count, options.seed or 0)
         for name, row in zip(copies, values, strict=True):
@@ -163,12 +163,12 @@ def run(options: argparse.Namespace) -> int:
     if options.check:
         mjcf = contents[f"{stem}.xml"]
         _check(mjcf, meshes, reductions)
-        if leaning:
+        if tilting:
             from jointplay.bridges.reduced_mjcf import find_reach
 
             moved = find_reach(mjcf, meshes, mechanism.tool, pose, own.direction[0])
             print(
-                f"MuJoCo: the axes' lean moves the tool by {1e3 * moved:.5g} mm along the "
+                f"MuJoCo: the axes' tilt moves the tool by {1e3 * moved:.5g} mm along the "
                 "budget's worst direction"
             )
     return 0
@@ -208,15 +208,15 @@ def _joint(options: argparse.Namespace) -> str:
     return joint
 
 
-def _unwritten(mechanism: Any, reductions: list[Any], leaning: list[str]) -> str:
+def _unwritten(mechanism: Any, reductions: list[Any], tilting: list[str]) -> str:
     """Which play is in no file, in words after those on the budget; empty if all is."""
     left = {name: "" for name in [*mechanism.clearance, *mechanism.gears]}
     for one in reductions:
         left.pop(one.joint)
     parts = [f"all play of {', '.join(left)}"] if left else []
-    upright = [one.joint for one in reductions if one.tilt > 0.0 and one.joint not in leaning]
+    upright = [one.joint for one in reductions if one.tilt > 0.0 and one.joint not in tilting]
     if upright:
-        parts.append(f"the lean of {', '.join(upright)} (--tilt writes it)")
+        parts.append(f"the tilt of {', '.join(upright)} (--tilt writes it)")
     if any(max(one.lateral, one.axial) > 0.0 for one in reductions):
         parts.append("the journals' travel aside and along")
     return f"; not written: {', '.join(parts)}" if parts else ""
@@ -227,12 +227,12 @@ def _formats(options: argparse.Namespace) -> tuple[list[str], list[str]]:
     from importlib.util import find_spec
 
     chosen, notes = list(dict.fromkeys(options.format or FORMATS)), []
-    upright = [one for one in chosen if options.tilt and one not in LEANS]
+    upright = [one for one in chosen if options.tilt and one not in TILTED]
     if upright:
-        can = f"the lean of an axis, which --tilt writes, is held by {' and '.join(LEANS)} only"
+        can = f"the tilt of an axis, which --tilt writes, is held by {' and '.join(TILTED)} only"
         if options.format:
             raise JointplayError(f"--format {upright[0]} with --tilt: {can}")
-        chosen = [one for one in chosen if one in LEANS]
+        chosen = [one for one in chosen if one in TILTED]
         notes.append(f"no {', '.join(upright)}: {can}")
     for name, (package, use) in NEEDS.items():
         if name not in chosen or find_spec(package) is not None:
@@ -253,7 +253,7 @@ def _require_play(
     """Refuse to write files without any play of a robot that has some.
 
     A journal has no play about its own axis, which is all that a dead band can say; JSON has the
-    numbers of its lean and travel, too.
+    numbers of its tilt and travel, too.
 
     Raises:
         JointplayError: no file but JSON would have any.
@@ -265,17 +265,17 @@ def _require_play(
         if name in mechanism.clearance and mechanism.clearance[name].hinge is not None
     }
     loose = [name for name, far in reach.items() if max(far) > 0.0]
-    leans = options.tilt and any(turn > 0.0 for _, turn in reach.values())
+    tilts = options.tilt and any(turn > 0.0 for _, turn in reach.values())
     bands = any(gear.unloaded_range > 0.0 for gear in gears)
     empty = [name for name in dict.fromkeys(formats) if name != "json"]
-    if not empty or not loose or leans or bands:
+    if not empty or not loose or tilts or bands:
         return
     remedy = "a gear's play (--gear NAME=ANGLE)"
     if not options.tilt:
-        remedy = f"--tilt for the lean, or {remedy}"
+        remedy = f"--tilt for the tilt, or {remedy}"
     raise JointplayError(
         f"{', '.join(empty)} would have no play: the clearance of {', '.join(loose)} gives none "
-        f"about a journal's own axis, only lean and travel, which move the tool; add {remedy}; "
+        f"about a journal's own axis, only tilt and travel, which move the tool; add {remedy}; "
         "--format json has all numbers"
     )
 
@@ -315,17 +315,17 @@ def _makers(
     return {ending: makers[ending] for ending in endings if ending in makers}, meshes
 
 
-def _overview(reductions: list[Any], leaning: list[str]) -> str:
+def _overview(reductions: list[Any], tilting: list[str]) -> str:
     rows = [
         (one.joint, 0.5 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
         for one in reductions
     ]
     heads = ("joint", ""), ("half play", "rad"), ("friction", "N*m"), ("stiffness", "N*m/rad")
     table = Table.of([*heads, ("rotor", "kg*m^2")], rows)
-    if not leaning:
+    if not tilting:
         return str(table)
-    tilts = [one.tilt if one.joint in leaning else 0.0 for one in reductions]
-    return str(Table([*table.columns, Column("lean", tilts, "rad")]))
+    tilts = [one.tilt if one.joint in tilting else 0.0 for one in reductions]
+    return str(Table([*table.columns, Column("tilt", tilts, "rad")]))
 
 
 def _check(mjcf: str, meshes: dict[str, bytes], reductions: list[Any]) -> None:
@@ -340,10 +340,10 @@ def _check(mjcf: str, meshes: dict[str, bytes], reductions: list[Any]) -> None:
             f"the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
             f"{1e3 * seen.step:.3g} ms"
         )
-        if seen.lean_error is not None:
-            kept = "within" if seen.lean_error <= one.tilt_error else "beyond"
+        if seen.tilt_error is not None:
+            kept = "within" if seen.tilt_error <= one.tilt_error else "beyond"
             print(
-                f"MuJoCo: {one.joint}: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, "
+                f"MuJoCo: {one.joint}: axis' tilt off by up to {1e3 * seen.tilt_error:.4g} mrad, "
                 f"{kept} the stated {1e3 * one.tilt_error:.4g}"
             )
     found = find_play(mjcf, meshes)
