@@ -122,8 +122,8 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
             kind = "revolute" if group else "prismatic"
             element = Element("joint", name=f"{name}.{freedom}", type=kind)
             put(element, "axis", xyz=axis)
-            room = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
-            put(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
+            far = joint.travel[freedom] * (LIMIT_FACTOR if joint.resultant is None else 1.0)
+            put(element, "limit", lower=-far, upper=far, effort=0.0, velocity=SPEED[kind])
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
         ends = [Element("parent", link=link), Element("child", link=following)]
