@@ -113,7 +113,7 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(three):
 
 def test_an_unreachable_target_says_what_can_be_reached(three):
     with pytest.raises(
-        JointplayError, match=r"with 5 um in every joint the error is 15(\.\d*)? um at least"
+        JointplayError, match=r"with 5 µm in every joint the error is 15(\.\d*)? µm at least"
     ):
         allocate(robot(three), {}, 1e-5, least=5e-6)
     with pytest.raises(JointplayError, match="cannot be reached"):
@@ -159,7 +159,7 @@ def test_the_command_prints_the_table_and_writes_files(three, tmp_path, capsys):
     assert main(["allocate", str(three), "--target", "0.5 mm", "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "static worst case" in text
-    assert "a target one um wider saves" in text
+    assert "a target one µm wider saves" in text
     assert (out / "allocation.csv").read_text().count("\n") == 4
     assert (out / "allocation.png").stat().st_size > 5000
 
@@ -286,7 +286,7 @@ def test_the_command_line_allocates_by_class(tmp_path, capsys):
     assert main([*options, "--price", "C2=3", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "elbow_joint" in shown
-    assert "of 1000.00 um" in shown
+    assert "of 1000.00 µm" in shown
     assert (out / "allocation.csv").read_text().startswith("joint,class,")
 
 

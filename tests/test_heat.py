@@ -113,7 +113,7 @@ def test_the_tool_of_a_warm_arm_is_farther_out():
     places = [tool_of(one, q) for one in (cold, warm)]
     grown = 1.0 + 20.0 * 23.6e-6
     assert places[1] == pytest.approx(grown * places[0], rel=1e-12)
-    assert "472 um/m" in notes[0]
+    assert "472 µm/m" in notes[0]
     bodies = [one.model.inertias.tolist() for one in (cold, warm)]
     for a, b in zip(*bodies, strict=True):
         assert b.mass == a.mass

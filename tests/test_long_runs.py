@@ -193,7 +193,7 @@ def test_size_and_idle_time_are_said_before_a_run(tmp_path, monkeypatch, capsys)
         in said
     )
     records, every, size = re.search(
-        r"(\d+) records, one every (\S+) us, take (\S+) GB", said
+        r"(\d+) records, one every (\S+) µs, take (\S+) GB", said
     ).groups()
     assert (records, every) == ("30001", "10")
     record = jp.Run(jp.Scenario.load(tmp_path / "long.toml").simulation("long")).workspace.record

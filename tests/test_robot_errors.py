@@ -137,7 +137,7 @@ def test_given_and_assumed_numbers_are_told_apart(scara):
     assert "encoder: resolution 2e-06 m (stroke)" in given
     assert "encoder: resolution 1.745e-05 rad (joint_b)" in given
     assert "heat: up to 8 K" in given
-    assert "heat: 23 um/(m K) (class 'industrial')" in assumed
+    assert "heat: 23 µm/(m K) (class 'industrial')" in assumed
     text = str(found.table())
     assert "\ngiven: heat" in text
     assert "\nassumed: heat" in text

@@ -42,7 +42,7 @@ SMALLER_IS_WORSE = ("scale: cores",)
 
 ACCURACY_S = 0.5
 FINE = {"step": 1e-6, "macro_step": 2e-5, "record_every": 200}
-"""The reference of the accuracy: a tenth of the step and macro steps of 20 us."""
+"""The reference of the accuracy: a tenth of the step and macro steps of 20 µs."""
 
 
 def step_cost():

@@ -7,7 +7,7 @@ are CPU times. The table gives the median and the quartiles over all these piece
 The ratio divides the whole step by the cheapest form of the bare call: the largest ratio of all
 forms. Pinocchio's part of a multi-rate step is timed alone; compiled code is the rest. `cycle` is
 the same for whole cycles of the error-controlled loop (tolerance 1e-3), uninterrupted, over as many
-bare calls as there are steps of 10 us in them.
+bare calls as there are steps of 10 µs in them.
 """
 
 import sys

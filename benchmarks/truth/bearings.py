@@ -66,22 +66,22 @@ def deflections(cases):
     ):
         bearing = jp.BallBearing(**SEVEN, radial_clearance=clearance)
         place = bearing.deflection(force)
-        words = f"{2e6 * clearance:g} um, {'across' if force[0] else 'along'} 1 kN"
-        cases.add(f"{words} [um]", 1e6 * np.abs(place[:3]).max(), expected, 1e-4, ISO)
+        words = f"{2e6 * clearance:g} µm, {'across' if force[0] else 'along'} 1 kN"
+        cases.add(f"{words} [µm]", 1e6 * np.abs(place[:3]).max(), expected, 1e-4, ISO)
         found = bearing.life(bearing.load(place).loads) / 1e6
         cases.add(f"{words}, life [Mrev]", found, life, 1e-3, ISO)
     bearing = jp.BallBearing(**SEVEN, radial_clearance=5e-6)
     across, along = combined(bearing, exact=False)
-    cases.add("ISO's equations, both loads, across [um]", across, 19.5923, 5e-4, ISO)
-    cases.add("ISO's equations, both loads, along [um]", along, 146.4603, 5e-4, ISO)
+    cases.add("ISO's equations, both loads, across [µm]", across, 19.5923, 5e-4, ISO)
+    cases.add("ISO's equations, both loads, along [µm]", along, 146.4603, 5e-4, ISO)
     place = 1e6 * bearing.deflection((1000, 0, 1000))
     across, along = combined(bearing, exact=True)
-    cases.add("both loads, across [um]", place[0], across, 5e-4, "exact circle, solved here")
-    cases.add("both loads, along [um]", place[2], along, 5e-4, "exact circle, solved here")
+    cases.add("both loads, across [µm]", place[0], across, 5e-4, "exact circle, solved here")
+    cases.add("both loads, along [µm]", place[2], along, 5e-4, "exact circle, solved here")
 
 
 def combined(bearing, exact):
-    """Displacements under 1 kN across and along, by a solver of its own [um]."""
+    """Displacements under 1 kN across and along, by a solver of its own [µm]."""
     a, r, k = bearing.distance, bearing.groove_radius, bearing.stiffness_of_element
     phi = 2.0 * np.pi * np.arange(bearing.count) / bearing.count
     c, s = np.cos(phi), np.sin(phi)
@@ -154,14 +154,14 @@ def free_sets(cases):
     across, between, along, _, tilt = play.support(np.eye(6)[:5]).value
     a = bearing.distance
     free = a * math.sin(math.acos(1.0 - 27e-6 / (2.0 * a)))
-    cases.add("6010/C3 across [um]", 1e6 * across, 13.5, 1e-6, "half of P_d = 27 um")
+    cases.add("6010/C3 across [µm]", 1e6 * across, 13.5, 1e-6, "half of P_d = 27 µm")
     expected = 13.5 / math.cos(math.pi / 14)
-    cases.add("6010/C3 between balls [um]", 1e6 * between, expected, 1e-6, GEOMETRY)
-    cases.add("6010/C3 along [um]", 1e6 * along, 1e6 * free, 1e-6, GEOMETRY)
+    cases.add("6010/C3 between balls [µm]", 1e6 * between, expected, 1e-6, GEOMETRY)
+    cases.add("6010/C3 along [µm]", 1e6 * along, 1e6 * free, 1e-6, GEOMETRY)
     lean = 1e3 * free / bearing.groove_radius
     cases.add("6010/C3 tilt [mrad]", 1e3 * tilt, lean, 1e-6, GEOMETRY)
     for name, found, expected in (
-        ("along [um]", 1e6 * along, 96.16), ("tilt [mrad]", 1e3 * tilt, 2.943)
+        ("along [µm]", 1e6 * along, 96.16), ("tilt [mrad]", 1e3 * tilt, 2.943)
     ):  # fmt: skip
         cases.add(f"6010/C3 {name}", found, expected, 2e-4, SKETCH)
     random = np.random.default_rng(0)
@@ -254,7 +254,7 @@ def varying_compliance(cases):
             for part in np.linspace(0.0, 0.5, 21)
         ]
         found = 1e9 * (max(places) - min(places))
-        words = f"6010, P_d {2e6 * clearance:g} um: varying compliance at 200 N [nm]"
+        words = f"6010, P_d {2e6 * clearance:g} µm: varying compliance at 200 N [nm]"
         cases.add(words, found, expected, 0.05 if clearance else 0.2, SKETCH)
 
 
@@ -344,6 +344,6 @@ def main():
     found = costs(0.6 if quick else 2.5)
     own = found["journal"]
     for name, one in found.items():
-        print(f"step with {name}: {1e6 * one:.2f} us, {one / own:.2f} of the journal's")
+        print(f"step with {name}: {1e6 * one:.2f} µs, {one / own:.2f} of the journal's")
     print(f"bearings {len(cases.rows)} cases, worst {cases.worst:.2f} of its limit")
     return cases, {name: one / own for name, one in found.items()}

@@ -123,8 +123,8 @@ def reductions(quick: bool) -> list[list[str]]:
     """MuJoCo with the reduced model against the full model, in reversals other than the fit's."""
     rows = [
         [
-            *("joint", "reversals", "stated [urad]", "MuJoCo, largest", "MuJoCo, RMS"),
-            *("tilt: stated [mrad]", "MuJoCo's tilt, largest", "us a step", "s per s simulated"),
+            *("joint", "reversals", "stated [µrad]", "MuJoCo, largest", "MuJoCo, RMS"),
+            *("tilt: stated [mrad]", "MuJoCo's tilt, largest", "µs a step", "s per s simulated"),
             "full model, s per s",
         ]
     ]

@@ -486,13 +486,13 @@ def compare(name: str, case: Case, mu: float, states: int) -> tuple[float, float
         covered, beyond = min(covered, part), max(beyond, over)
         print(
             f"  {'xyz'[axis]}: search {1e6 * low:9.2f} to {1e6 * high:9.2f}, budget "
-            f"{1e6 * ends[axis, 0]:9.2f} to {1e6 * ends[axis, 1]:9.2f} um (rest "
+            f"{1e6 * ends[axis, 0]:9.2f} to {1e6 * ends[axis, 1]:9.2f} µm (rest "
             f"{1e6 * rest[axis]:.2f}, play {1e6 * play[axis]:.0f}): covers {100 * part:.1f} %, "
             f"beyond by {100 * over:.1f} %"
         )
     print(
         f"  {len(errors)} states in {spent:.1f} s, budget {took:.2f} s; second order "
-        f"{1e6 * found.second_order[0]:.2g} um", flush=True
+        f"{1e6 * found.second_order[0]:.2g} µm", flush=True
     )  # fmt: skip
     return covered, beyond
 

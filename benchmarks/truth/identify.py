@@ -271,7 +271,7 @@ FEWER = 5
 
 
 def elastic_arm(random: np.random.Generator, kind: str) -> elastic.Arm:
-    """Stiffness 2e4 to 1e7 N m/rad, 0.05 to 2 um/N at the tool."""
+    """Stiffness 2e4 to 1e7 N m/rad, 0.05 to 2 µm/N at the tool."""
 
     def log(low: float, high: float) -> float:
         return float(np.exp(random.uniform(np.log(low), np.log(high))))

@@ -137,7 +137,7 @@ def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, 
         out = np.maximum(ends[:, 0] - there, there - ends[:, 1]).max()
         outside += out > AGREES_M
         worst = max(worst, float(differ))
-        print(f"{name} {k} {len(names)} loose: differ {1e6 * differ:.3g} um", flush=True)
+        print(f"{name} {k} {len(names)} loose: differ {1e6 * differ:.3g} µm", flush=True)
         if len(names) == 1 and released > 0:
             released -= 1
             fall = standing(robot, q[0], duration=0.3, start="centred", seed=k).run()
@@ -145,7 +145,7 @@ def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, 
             end = tool(robot, last) - places[0].positions[0]
             out = np.maximum(ends[:, 0] - end, end - ends[:, 1]).max()
             away += out > AGREES_M
-            print(f"{name} {k}: released, ends {1e6 * out:.3g} um beyond the interval "
+            print(f"{name} {k}: released, ends {1e6 * out:.3g} µm beyond the interval "
                   f"(negative: inside)", flush=True)  # fmt: skip
     return worst, looked, outside, away
 
@@ -171,5 +171,5 @@ def main() -> None:
         worst, looked = max(worst, one[0]), looked + one[1]
         outside, away = outside + one[2], away + one[3]
     print(f"seed {options.seed}: worst disagreement of budget and start=\"rest\" {1e6 * worst:.3g} "
-          f"um at {looked} poses, stated {1e6 * AGREES_M:g} um; {outside} starts, {away} ends of "
+          f"µm at {looked} poses, stated {1e6 * AGREES_M:g} µm; {outside} starts, {away} ends of "
           f"runs with friction outside the interval")  # fmt: skip

@@ -51,7 +51,7 @@ class Situation:
         play = self.pendulum.play
         if play > 1e-3:
             return [(np.array([0.0, 0.0, 0.3 + p, 0.1, -0.2, 10.0]), 0.0) for p in phases]
-        if self.duration < 3e-3:  # strikes after 50 to 90 us
+        if self.duration < 3e-3:  # strikes after 50 to 90 µs
             away = play - 5e-6 - 4e-6 * phases
             return [(np.array([x, 0.0, 0.4, 0.1, 0.03, -0.5]), 0.0) for x in away]
         rest = resting(self.pendulum, 0.4)
@@ -88,7 +88,7 @@ SITUATIONS = {
 )
 def order(quick: bool = False, wrong: bool = False) -> Outcome:
     number = 2 if quick else 8
-    rows = [["situation", "integrator", "order expected", "observed", "error at finest step [um]"]]
+    rows = [["situation", "integrator", "order expected", "observed", "error at finest step [µm]"]]
     shortfalls = []
     figure, axes = new_figure(1, 4, 11.0, 3.4)
     for panel, (title, situation) in zip(axes.flat, SITUATIONS.items(), strict=True):
@@ -121,11 +121,11 @@ def order(quick: bool = False, wrong: bool = False) -> Outcome:
                 1e6 * np.array(situation.steps), 1e6 * np.array(errors), marker + "-", ms=4, lw=1,
                 color=colour, label=f"{method}: {observed:.2f}",
             )  # fmt: skip
-        panel.set(xlabel="step [us]", title=title)
+        panel.set(xlabel="step [µs]", title=title)
         plain_ticks(panel, 1e6 * np.array(situation.steps))
         panel.title.set_fontsize(9)
         panel.legend(fontsize=7)
-    axes[0, 0].set_ylabel("error of the journal's place [um]")
+    axes[0, 0].set_ylabel("error of the journal's place [µm]")
     return Outcome(max(shortfalls), 0.3, rows, figure)
 
 
@@ -135,7 +135,7 @@ BOUNCING = np.array([0.5e-4, -1e-4, 0.4, 0.02, 0.03, -0.5])
 TIED = 50
 """Steps of a macro step where both are refined together: then neither error is the larger."""
 EQUAL_UM = (0.1, 0.01, 0.001)
-"""Errors at which costs are compared [um]."""
+"""Errors at which costs are compared [µm]."""
 ROWS = {
     "multi-rate": ("multi-rate", 1, (4e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)),
     f"multi-rate, {TIED} steps a macro step": (
@@ -197,7 +197,7 @@ def compare_costs(points: dict[str, list]) -> str:
         other = cost_at(1e-6 * error, points["DOP853"])
         known = [cost for cost in own if cost is not None]
         if known and other is not None:
-            found.append(f"{other / min(known):.1f} times at {error:g} um")
+            found.append(f"{other / min(known):.1f} times at {error:g} µm")
     return "CPU time of DOP853 over that of multi-rate at equal error: " + ", ".join(found) + "."
 
 
@@ -209,7 +209,7 @@ def compare_costs(points: dict[str, list]) -> str:
     "the approach speed located as events, and Radau at 1e-10; scipy's own errors and "
     "times at coarser tolerances are shown for comparison. Errors are RMS over the "
     "starts, times the minimum.",
-    measures="distance of the journal from DOP853's, rk4 with 1 us and Radau, over the clearance",
+    measures="distance of the journal from DOP853's, rk4 with 1 µs and Radau, over the clearance",
     wrong="the reference has g = 9.80665 m/s^2",
 )
 def work_precision(quick: bool = False, wrong: bool = False) -> Outcome:
@@ -217,14 +217,14 @@ def work_precision(quick: bool = False, wrong: bool = False) -> Outcome:
     starts = bounces(1 if quick else 8)
     truth = replace(pendulum, gravity=WRONG_GRAVITY) if wrong else pendulum
     ends = [truth.solve(start, duration, "DOP853", 1e-12).states[0] for start in starts]
-    rows = [["method", "step or rtol", "error [um]", "evaluations", "CPU [s] per simulated s"]]
+    rows = [["method", "step or rtol", "error [µm]", "evaluations", "CPU [s] per simulated s"]]
     judged, points = [], {}
     for row, (method, _, steps) in ROWS.items():
         for step in (1e-5, 1e-6) if quick else steps:
             found, calls, cpu = stepped(pendulum, starts, duration, step, row)
             error = distances(found, ends)
             points.setdefault(row, []).append((error, calls, cpu / duration))
-            rows.append([row, f"{1e6 * step:g} us", f"{1e6 * error:.2g}", f"{calls}"])
+            rows.append([row, f"{1e6 * step:g} µs", f"{1e6 * error:.2g}", f"{calls}"])
             rows[-1].append(f"{cpu / duration:.2g}")
         if method == "rk4":
             judged.append(error / pendulum.play)
@@ -256,7 +256,7 @@ def draw_work(points: dict[str, list]):
         for panel, across in ((axes[0, 0], cpu), (axes[0, 1], calls)):
             panel.loglog(across, 1e6 * error, marker + "-", color=colour, ms=4, lw=1, label=method)
     axes[0, 0].set(
-        xlabel="CPU time per simulated second [s]", ylabel="error of the journal's place [um]"
+        xlabel="CPU time per simulated second [s]", ylabel="error of the journal's place [µm]"
     )
     axes[0, 1].set(xlabel="evaluations of the acceleration in 30 ms")
     axes[0, 0].legend(fontsize=7)
@@ -357,7 +357,7 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
 def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
     mass = MASS if wrong else 1.0 / (1.0 / MASS + ARM**2 / INERTIA)
     path = urdf(body("arm", MASS, f"{ARM} 0 0", INERTIA), joint("pin", "base", "arm"))
-    rows = [["law", "stiffness", "largest step accepted [us]", "formula [us]", "relative error"]]
+    rows = [["law", "stiffness", "largest step accepted [µs]", "formula [µs]", "relative error"]]
     errors = []
     for law, stiffness in [
         *((jp.contact.Hertz(), k) for k in (1e8, 1e10, 1e12)),
@@ -439,7 +439,7 @@ def swing(job: tuple[str, float, bool]) -> tuple[str, np.ndarray, np.ndarray, fl
     compared="Kinetic, potential and elastic energy (2/5 k delta^(5/2)) of a swinging pendulum "
     "with clearance, from formulas written for this case, plus the losses in impacts "
     "and friction, against their value at the start; for the SCARA (0.2 mm, 20 cycles) "
-    "from the program's own energy balance. Semi-implicit Euler, 10 us.",
+    "from the program's own energy balance. Semi-implicit Euler, 10 µs.",
     measures="largest error of the balance over the largest kinetic energy",
     wrong="g is 9.7 m/s^2 in the potential energy",
 )
@@ -549,7 +549,7 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
             notes.append(
                 f"SCARA, {label}: {mean:.1f} per second. A difference grows tenfold in "
                 f"{1e3 * math.log(10) / mean:.0f} ms on the average; rounding (1e-16 of a metre) "
-                f"has grown to 1 um after about {math.log(1e10) / mean:.1f} s."
+                f"has grown to 1 µm after about {math.log(1e10) / mean:.1f} s."
                 if mean - half > 0
                 else f"SCARA, {label}: {mean:.1f} per second; the interval includes zero or less: "
                 "each stroke wedges the journal again, which removes at least as much of a "
@@ -570,7 +570,7 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
 
 FIGURES = {
     "peak joint force [N]": lambda r: np.linalg.norm(r["joint_force_peak"][:, 0], axis=1).max(),
-    "rms eccentricity [um]": lambda r: (
+    "rms eccentricity [µm]": lambda r: (
         1e6 * math.sqrt(float((r["journal_centre"][:, 0, :2] ** 2).sum("axis").mean()))
     ),
     "lost in impacts [mJ]": lambda r: 1e3 * float(r["normal_dissipation"][-1]),

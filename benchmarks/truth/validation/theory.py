@@ -42,7 +42,7 @@ def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         urdf(body("arm", mass), joint("pin", "base", "arm")), {"pin": bearing}, gravity=(0, 0, 0)
     )
     speeds = np.geomspace(0.01, 1.0, 3 if quick else 9)
-    rows, errors = [["speed [m/s]", "depth [um]", "theory", "duration [us]", "theory"]], []
+    rows, errors = [["speed [m/s]", "depth [µm]", "theory", "duration [µs]", "theory"]], []
     for speed in speeds:
         power = 0.4 if not wrong else 1.0 / 2.45
         depth = (1.25 * mass * speed**2 / stiffness) ** power
@@ -67,11 +67,11 @@ def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         rows.append([f"{speed:.3g}", *(f"{1e6 * x:.4g}" for x in figures)])
     figure, axes = new_figure(1, 1, 6.0, 3.4)
     values = np.array([[float(x) for x in row] for row in rows[1:]])
-    for k, name in enumerate(("depth [um]", "duration [us]")):
+    for k, name in enumerate(("depth [µm]", "duration [µs]")):
         colour, theory = COLOURS[k], values[:, 2 + 2 * k]
         axes[0, 0].loglog(values[:, 0], theory, color=colour, lw=1, label=f"{name}, Hertz")
         axes[0, 0].loglog(values[:, 0], values[:, 1 + 2 * k], "o", color=colour, ms=4)
-    axes[0, 0].set(xlabel="approach speed [m/s]", ylabel="depth [um], duration [us]")
+    axes[0, 0].set(xlabel="approach speed [m/s]", ylabel="depth [µm], duration [µs]")
     axes[0, 0].legend()
     return Outcome(max(errors), 2e-4, rows, figure)
 

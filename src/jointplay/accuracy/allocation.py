@@ -103,7 +103,7 @@ class Choice:
     """Error per clearance, where the target binds."""
     price: float
     saved: float
-    """What the last micrometre of the clearance costs: saved by one more [1/um]."""
+    """What the last micrometre of the clearance costs: saved by one more [1/µm]."""
     held: str
     """``target``, ``least``, ``most``, of causes ``limit``, ``as is`` where nothing is bought, or
     ``kept``; ``class`` of bearings."""
@@ -208,7 +208,7 @@ class Allocation:
         gains = [of("error per clearance", "gain")] if sized else []
         columns += [*gains, of("adds", "after", "m", fine=True), *([price] if any(offers) else [])]
         if sized:
-            saved = of("a um more saves", "saved", key="saved_by_a_micrometre")
+            saved = of("a µm more saves", "saved", key="saved_by_a_micrometre")
             columns += [saved, of("held by", "held")]
         return Table(columns)
 
@@ -226,11 +226,11 @@ class Allocation:
             return [line, *self.notes]
         low, high = self.spread
         interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
-        line = f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; "
+        line = f"{self.kind}: {1e6 * self.error:.2f} µm{interval} of {1e6 * self.target:.2f} µm; "
         if np.isnan(self.clearance).all():
             line += f"price {self.total:g} (without a target {self.free:g})"
         else:
-            line += f"cost {self.total:.5g} ({self.cost}); a target one um wider saves "
+            line += f"cost {self.total:.5g} ({self.cost}); a target one µm wider saves "
             line += f"{1e-6 * self.relief:.4g}"
         return [line, *self.notes]
 
@@ -548,11 +548,11 @@ class _Search:
     def refusal(self, unreachable: cheapest.Unreachable) -> JointplayError:
         """What prevents a target."""
         count, sizes = len(self.keys), self.sizes
-        text = f"a target of {1e6 * unreachable.target:.4g} um cannot be reached"
-        error = f"the error is {1e6 * unreachable.bound:.4g} um at least"
+        text = f"a target of {1e6 * unreachable.target:.4g} µm cannot be reached"
+        error = f"the error is {1e6 * unreachable.bound:.4g} µm at least"
         if self.causes is None:
             least = sizes.least[0] * sizes.unit[0] / _MM if count else 0.0
-            means = [f"{1e6 * least:.4g} um in every joint"] if count else []
+            means = [f"{1e6 * least:.4g} µm in every joint"] if count else []
             means += ["the tightest bearings offered"] if self.offers else []
             return JointplayError(f"{text}: with {' and '.join(means)} {error}")
         x = unreachable.z[:count]
@@ -568,7 +568,7 @@ class _Search:
         for cause, part in sorted(sums.items(), key=lambda one: -one[1])[:3]:
             why = [f"at least {limit[cause]:g} of it remains"] if cause in limit else []
             why += ["kept"] if cause in kept else []
-            words.append(f"{cause} {1e6 * part:.4g} um ({' and '.join(why)})")
+            words.append(f"{cause} {1e6 * part:.4g} µm ({' and '.join(why)})")
         error += f", most of it by {'; then '.join(words)}"
         return JointplayError(f"{text}: with all causes at their limits {error}")
 

@@ -237,7 +237,7 @@ class Heat(Cause):
     def at(self, joint: JointAt) -> Iterator[Contribution]:
         told = dict[str, str]()
         heating = joint.size("heating", told, "up to {:g} K")
-        expansion = joint.size("expansion", told, "{:.3g} um/(m K)", 1e6)
+        expansion = joint.size("expansion", told, "{:.3g} µm/(m K)", 1e6)
         if joint.name not in joint.mechanism.loops:
             shift = np.zeros_like(joint.load)
             shift[:, 0] = 0.5 * heating * expansion

@@ -302,11 +302,11 @@ class PlayBudget(Budget):
     def accuracy(self) -> str:
         search = 1.0 / np.cos(covering()) - 1.0
         excess = max(play.excess for play in self.model.plays)
-        more = f"{1e6 * self.second_order[self.worst_pose]:.3g} um"
+        more = f"{1e6 * self.second_order[self.worst_pose]:.3g} µm"
         second = f"rotations of second order up to {more}"
         if self.mechanism.loops:
             second = f"loops closed exactly put the tool {more} elsewhere"
-        at_rest = f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
+        at_rest = f"at rest within {1e6 * AGREES_M:g} µm of where a run begins"
         if self.rest_positions.force.any():
             at_rest = "at rest, with drives assumed rigid under the force on the tool"
         return (

@@ -178,7 +178,7 @@ class Table:
         widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
         forms = [f"{'<' if place == 0 else others}{width}" for place, width in enumerate(widths)]
         lines = [zip(line, forms, strict=True) for line in (head, *rows)]
-        return ["  ".join(format(cell, form) for cell, form in line) for line in lines]
+        return ["  ".join(format(cell, form) for cell, form in line).rstrip() for line in lines]
 
     def markdown(self) -> str:
         head, rows = self._shown()

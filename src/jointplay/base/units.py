@@ -278,18 +278,15 @@ _DISPLAY = {
     "rad": (1e3, "mrad"),
     "rad/m": (1e3, "mrad/m"),
     "rad/rad": (1e3, "mrad/rad"),
-    "rad/(N*m)": (1e3, "mrad/(N m)"),
+    "rad/(N*m)": (1e3, "mrad/(N*m)"),
     "m/N": (1e3, "mm/N"),
-    "N*m": (1.0, "N m"),
-    "N*m/rad": (1.0, "N m/rad"),
-    "kg*m^2": (1.0, "kg m^2"),
 }
 """Factor and unit in which results are shown, by SI unit; others are shown as they are."""
 
 _FINE = {
-    "m": (1e6, "um"),
-    "rad/(N*m)": (1e6, "urad/(N m)"),
-    "m/N": (1e6, "um/N"),
+    "m": (1e6, "µm"),
+    "rad/(N*m)": (1e6, "µrad/(N*m)"),
+    "m/N": (1e6, "µm/N"),
     "m/s": (1e3, "mm/s"),
     "rad/s": (1e3, "mrad/s"),
     "s": (1e3, "ms"),
@@ -298,12 +295,14 @@ _FINE = {
 }
 """The same of what is as small as a clearance, or what goes with it."""
 
-_TYPESET = (
-    (re.compile(r"^u(?=[a-zA-Z])|(?<=[ /(])u(?=[a-zA-Z])"), "µ"),
-    (re.compile(r"\^2"), "²"),
-    (re.compile(r"\^3"), "³"),
-    (re.compile(r"\*"), " "),
-)
+_PREFIXED = {
+    "m": ((1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
+    "s": ((1e-6, "µs"), (1e-3, "ms"), (1.0, "s")),
+    "Pa": ((1.0, "Pa"), (1e6, "MPa"), (1e9, "GPa")),
+    "J": ((1e-9, "nJ"), (1e-6, "µJ"), (1e-3, "mJ"), (1.0, "J")),
+    "W": ((1e-9, "nW"), (1e-6, "µW"), (1e-3, "mW"), (1.0, "W")),
+}
+"""Sizes of units with prefixes, the smallest first."""
 
 
 def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
@@ -311,37 +310,42 @@ def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
 
     `fine` is for sizes such as clearances.
     """
-    return (_FINE if fine and unit in _FINE else _DISPLAY).get(unit, (1.0, unit))
+    factor, word = (_FINE if fine and unit in _FINE else _DISPLAY).get(unit, (1.0, unit))
+    return factor, typeset(word)
 
 
 def typeset(unit: str) -> str:
-    """A unit as charts and pages write it: ``um`` is µm. Streams and files may know no Greek."""
-    for plain, nice in _TYPESET:
-        unit = plain.sub(nice, unit)
-    return unit
+    """A unit as people read it: N m/s² for ``N*m/s^2``."""
+    return unit.replace("^2", "²").replace("^3", "³").replace("*", " ")
 
 
-def readable(value: float, unit: str) -> str:
-    """A value in SI with a handy prefix: 0.0002 m is ``0.2 mm``.
+def told(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
+    """A value in SI in the unit in which tables have it (`displayed`)."""
+    factor, word = displayed(unit, fine)
+    return f"{factor * value:.{digits}g} {word}".rstrip()
+
+
+def handy(size: float, unit: str) -> tuple[float, str]:
+    """The unit in which something of a size [SI] is easy to read: its own size, and its name."""
+    best = (1.0, unit)
+    if size != 0.0:
+        for factor, name in _PREFIXED.get(unit, ()):
+            # Tenths of millimetres are millimetres to an engineer.
+            if abs(size) >= (0.01 * factor if name == "mm" else factor) * (1 - 1e-12):
+                best = factor, name
+    return best[0], typeset(best[1])
+
+
+def readable(value: float, unit: str, digits: int = 6) -> str:
+    """A value in SI, rounded, with a handy prefix: 0.0002 m is ``0.2 mm``.
 
     An angle is told in degrees, mrad or rad, whichever is the shortest.
     """
+    value = float(f"{value:.{digits}g}")
     if unit == "rad" and value != 0.0:
         sizes = ((_DEGREE, "deg"), (1e-3, "mrad"), (1.0, "rad"))
         return min((f"{value / size:.6g} {name}" for size, name in sizes), key=len)
-    prefixed = {
-        "m": ((1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
-        "s": ((1e-6, "µs"), (1e-3, "ms"), (1.0, "s")),
-        "Pa": ((1.0, "Pa"), (1e6, "MPa"), (1e9, "GPa")),
-        "J": ((1e-9, "nJ"), (1e-6, "µJ"), (1e-3, "mJ"), (1.0, "J")),
-        "W": ((1e-9, "nW"), (1e-6, "µW"), (1e-3, "mW"), (1.0, "W")),
-    }
-    size, name = 1.0, unit
-    if value != 0.0:
-        for factor, candidate in prefixed.get(unit, ()):
-            # Tenths of millimetres are millimetres to an engineer.
-            if abs(value) >= (0.01 * factor if candidate == "mm" else factor) * (1 - 1e-12):
-                size, name = factor, candidate
+    size, name = handy(value, unit)
     return f"{value / size:.6g} {name}".rstrip()
 
 

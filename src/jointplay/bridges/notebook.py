@@ -56,9 +56,7 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     if result.joints:
         with suppress(JointplayError):  # too few records
             rows.append(("rattle", f"{str(rattle(result)).removeprefix('rattle: ')}{since}"))
-        rows.append(
-            ("largest penetration", readable(float(f"{audit.largest_penetration:.3g}"), "m"))
-        )
+        rows.append(("largest penetration", readable(audit.largest_penetration, "m", 3)))
     percent = 100.0 * audit.relative_energy_residual
     rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:

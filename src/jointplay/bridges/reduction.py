@@ -34,6 +34,8 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import plain
+from jointplay.base.tables import Table
+from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.impact import fitting_step
 from jointplay.model.mechanism import Mechanism
@@ -171,23 +173,24 @@ class Reduction:
         return {name: plain(value) for name, value in vars(self).items() if name != "history"}
 
     def __str__(self) -> str:
-        rows = [
-            ("dead band about the axis (gear)", 1e3 * self.dead_band, "mrad, whole"),
-            ("stiffness of the teeth", self.stiffness, "N m/rad"),
-            ("damping motor to link", self.damping, "N m s/rad"),
-            ("dry friction about the axis", self.friction, "N m"),
-            ("viscous friction about the axis", self.viscous, "N m s/rad"),
-            ("  friction, RMS difference", self.friction_error, "N m"),
-            ("dead band of the tilt (bearing)", 1e3 * self.tilt, "mrad, either way"),
-            ("stiffness of the tilt beyond", self.tilt_stiffness, "N m/rad"),
-            ("  tilt, stated error", 1e3 * self.tilt_error, "mrad, size and direction"),
-            ("  tilt, RMS difference", 1e3 * self.tilt_rms, "mrad"),
-            ("lateral play (bearing)", 1e6 * self.lateral, "um, either way"),
-            ("axial play (bearing)", 1e6 * self.axial, "um, either way"),
-            ("link's angle, stated error", 1e6 * self.angle_error, "urad"),
-            ("link's angle, RMS difference", 1e6 * self.angle_rms, "urad"),
+        figures = [
+            ("dead band about the axis (gear), whole", self.dead_band, "rad"),
+            ("stiffness of the teeth", self.stiffness, "N*m/rad"),
+            ("damping motor to link", self.damping, "N*m*s/rad"),
+            ("dry friction about the axis", self.friction, "N*m"),
+            ("viscous friction about the axis", self.viscous, "N*m*s/rad"),
+            ("  friction, RMS difference", self.friction_error, "N*m"),
+            ("dead band of the tilt (bearing), either way", self.tilt, "rad"),
+            ("stiffness of the tilt beyond", self.tilt_stiffness, "N*m/rad"),
+            ("  tilt, stated error of size and direction", self.tilt_error, "rad"),
+            ("  tilt, RMS difference", self.tilt_rms, "rad"),
+            ("lateral play (bearing), either way", self.lateral, "m"),
+            ("axial play (bearing), either way", self.axial, "m"),
+            ("link's angle, stated error", self.angle_error, "rad"),
+            ("link's angle, RMS difference", self.angle_rms, "rad"),
         ]
-        return "\n".join(f"{name:<34} {value:>12.5g}  {unit}" for name, value, unit in rows)
+        rows = [(name, told(value, unit, 5, fine=unit == "m")) for name, value, unit in figures]
+        return "\n".join(Table.of_texts([("reduced joint", "value"), *rows]).aligned("<"))
 
 
 def reduce(

@@ -12,7 +12,7 @@ import numpy as np
 from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.tables import Table
-from jointplay.base.units import displayed
+from jointplay.base.units import told
 from jointplay.estimate import least_squares, measurement, planning, restitution
 from jointplay.estimate.least_squares import Fit, LeastSquares, basis, estimates, information
 from jointplay.estimate.machine import (
@@ -577,9 +577,9 @@ def _assumptions(
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {words}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
-        factor, unit = displayed(measurement.SHOWN[kind], fine=True)
+        unit = measurement.SHOWN[kind]
         source = "given" if kind in measured.noise else "of the records"
-        deviations.append(f"{kind} {name} {factor * spread:.3g} {unit} ({source})")
+        deviations.append(f"{kind} {name} {told(spread, unit, 3, True)} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
     if taken := _taken(machine, {(one.joint, one.name) for one in model.unknowns}):
         lines.append(f"taken from the scenario: {', '.join(taken)}")
@@ -605,7 +605,7 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
             )
         for name, size in bearing.clearances.items():
             if (joint, name) not in sought:
-                taken.append(f"{joint} {name.replace('_', ' ')} {1e6 * size:.4g} um")
+                taken.append(f"{joint} {name.replace('_', ' ')} {told(size, 'm', fine=True)}")
     for joint in mechanism.joints:
         own = machine.friction.get(joint, JointFriction())
         if (joint, "dry_friction") not in sought:
@@ -614,7 +614,7 @@ def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
             taken.append(f"{joint} viscous friction {own.viscous:g} N m s/rad")
     for joint, gear in known_gears(mechanism).items():
         if (joint, "gear_play") not in sought:
-            taken.append(f"{joint} gear play {1e3 * gear.play:.4g} mrad")
+            taken.append(f"{joint} gear play {told(gear.play, 'rad')}")
         given = f"{joint} torsional" in machine.compliances
         if (joint, "gear_compliance") not in sought and not given:
             taken.append(f"{joint} gear stiffness {gear.stiffness:.4g} N m/rad")

@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
-from jointplay.base.units import displayed
+from jointplay.base.units import told
 
 CANNOT_TELL = "this measurement cannot tell"
 NORMAL = 1.96
@@ -54,10 +54,7 @@ class Unknown:
 
     def shown(self, value: float) -> str:
         """A value in the unit of tables."""
-        if math.isnan(value):
-            return ""
-        factor, unit = displayed(self.unit, self.fine)
-        return f"{factor * value:.4g} {unit}".rstrip()
+        return "" if math.isnan(value) else told(value, self.unit, fine=self.fine)
 
     def widest(self, value: float) -> float:
         """Largest half width of an interval about `value` with which it is identified [SI]."""

@@ -165,7 +165,7 @@ def warmed(
     most = max(growth, key=lambda link: abs(growth[link]))
     notes.append(
         f"heat in {few([link for link in heat.links])}: lengths grow, most by "
-        f"{1e6 * growth[most]:.4g} um/m"
+        f"{1e6 * growth[most]:.4g} µm/m"
     )
     grown = {
         name: replace(

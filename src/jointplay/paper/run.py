@@ -10,7 +10,7 @@ from pathlib import Path
 from jointplay.base import files, signals
 from jointplay.base.progress import printing, whole
 from jointplay.base.tables import Table
-from jointplay.base.units import displayed
+from jointplay.base.units import told
 from jointplay.paper.cases import (
     CASES,
     CONDITIONS,
@@ -63,8 +63,8 @@ def _beside(figure: CertifiedFigure, found: Found | None) -> str:
     """What another method finds of a figure, and how much that differs."""
     if found is None or figure.name not in found.figures:
         return "not computed"
-    other, (factor, unit) = found.figures[figure.name], displayed(figure.unit)
-    text = f"{factor * other:.5g} {unit}".rstrip()
+    other = found.figures[figure.name]
+    text = told(other, figure.unit, 5)
     if figure.value == 0.0:
         return text
     held = ", within the error" if abs(other - figure.value) <= figure.error < math.inf else ""

@@ -170,8 +170,8 @@ class DynamicError:
     def __str__(self) -> str:
         return (
             f"simulated: {len(self.peak)} perturbed run{'s' * (len(self.peak) > 1)}, step "
-            f"{1e6 * self.step:.3g} us, from {self.since:g} s on: peak error "
-            f"{1e6 * self.peak.max():.4g} um, RMS {1e6 * self.rms.mean():.4g} um"
+            f"{1e6 * self.step:.3g} µs, from {self.since:g} s on: peak error "
+            f"{1e6 * self.peak.max():.4g} µm, RMS {1e6 * self.rms.mean():.4g} µm"
         )
 
 

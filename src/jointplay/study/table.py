@@ -11,7 +11,7 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_a, require_share
 from jointplay.base.tables import Column, Table
-from jointplay.base.units import convert
+from jointplay.base.units import convert, handy
 from jointplay.simulation.analysis.uncertainty import (
     SobolIndices,
     convergence,
@@ -32,7 +32,6 @@ SHOWN = (
     ("dissipated_energy", "J", 1.0),
 )
 """Measures of the table, with the units and factors of their columns."""
-PREFIXES = (("m", 1e-3, "mm"), ("m", 1e-6, "µm"), ("Pa", 1e9, "GPa"), ("s", 1e-3, "ms"))
 
 
 def table(dataset: xr.Dataset, rows: int = 20) -> str:
@@ -103,12 +102,8 @@ def scale(dataset: xr.Dataset, name: str) -> tuple[float, str]:
     if name not in dataset or dataset[name].dtype.kind not in "fi":
         return 1.0, ""
     values = np.abs(dataset[name].values.astype(float))
-    largest = float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 0.0
-    for base, size, prefixed in PREFIXES:
-        fits = 0.01 * size * (10.0 if prefixed == "mm" else 1.0) <= largest < 1e3 * size
-        if base == unit and fits:
-            return 1.0 / size, prefixed
-    return 1.0, unit
+    size, word = handy(float(np.nanmax(values, initial=0.0)), unit)
+    return 1.0 / size, word
 
 
 def label(dataset: xr.Dataset, name: str) -> str:

@@ -336,8 +336,8 @@ def _check(mjcf: str, meshes: dict[str, bytes], reductions: list[Any]) -> None:
         seen = follow(mjcf, one, meshes)
         kept = "within" if seen.error <= one.angle_error else "beyond"
         print(
-            f"MuJoCo: {one.joint}: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} "
-            f"the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+            f"MuJoCo: {one.joint}: link's angle off by up to {1e6 * seen.error:.4g} µrad, {kept} "
+            f"the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} µs a step of "
             f"{1e3 * seen.step:.3g} ms"
         )
         if seen.tilt_error is not None:

@@ -94,4 +94,4 @@ def _joints(survey: Survey, description: Description) -> list[str]:
             more.append(f"geared {gears[name].reduction:g} : 1")
         words = (name, entry.kind, entry.parent, entry.child)
         rows.append((*words, position, speed, effort, "; ".join(more)))
-    return [f"    {line}".rstrip() for line in Table.of_texts(rows).aligned("<")]
+    return [f"    {line}" for line in Table.of_texts(rows).aligned("<")]

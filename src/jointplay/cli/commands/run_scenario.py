@@ -250,7 +250,7 @@ def _length_and_size(run: Run) -> list[str]:
     if run.overflow is not None and run.overflow.needed:
         lines.append(
             f"{run.total_steps // simulation.record_every + 1} records, one every "
-            f"{1e6 * simulation.record_every * simulation.step:g} us, take "
+            f"{1e6 * simulation.record_every * simulation.step:g} µs, take "
             f"{run.overflow.bytes / 1e9:.2g} GB on disk while it runs, and the result about as "
             "much (--record-every makes them fewer)"
         )

@@ -145,10 +145,10 @@ class HuntCrossley(PointContactLaw):
     Lankarani-Nikravesh.
 
     What is not given follows from the Hertz stiffness of eq. 11 and the damping of eq. 14,
-    b delta^p = 3 k (1 - c_e^2) delta^n / (4 ddelta0), so that at the reference depth of 10 um and
+    b delta^p = 3 k (1 - c_e^2) delta^n / (4 ddelta0), so that at the reference depth of 10 µm and
     at |ddelta| = ddelta0 both keep the proportion of eq. 14 whatever n, p and q are:
 
-        k = k_Hertz d^(3/2 - n),  b = 3/4 (1 - c_e^2) k d^(n - p) / ddelta0^q,  d = 10 um
+        k = k_Hertz d^(3/2 - n),  b = 3/4 (1 - c_e^2) k d^(n - p) / ddelta0^q,  d = 10 µm
 
     With p = 0 the force jumps to b ddelta^q at the first touch and would pull before separation,
     which the time loop cuts off: a contact never pulls.
@@ -158,7 +158,7 @@ class HuntCrossley(PointContactLaw):
     name = "hunt-crossley"
     formula = r"F_n = k'\delta^n + b\,\delta^p\,\mathrm{sgn}(\dot\delta)\,|\dot\delta|^q"
     reference = "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445"
-    validity = "c_e above 0.8, as Lankarani-Nikravesh; away from 10 um and n = p, q = 1 unproven"
+    validity = "c_e above 0.8, as Lankarani-Nikravesh; away from 10 µm and n = p, q = 1 unproven"
 
     n: float = quantity("", default=1.5, above=0.0, words="exponent n")
     """Exponent of the elastic part, >= 1."""

@@ -14,7 +14,7 @@ from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 def linear_stiffness(given: float | None, contact: ContactProperties) -> float:
     """Linear stiffness [N/m]: the given one, or the Hertz contact's.
 
-    Eq. 11 gives N/m^1.5. Derived, k is the spring that stores Hertz's energy at 10 um:
+    Eq. 11 gives N/m^1.5. Derived, k is the spring that stores Hertz's energy at 10 µm:
     k delta^2 / 2 = 2/5 k_Hertz delta^(5/2).
     """
     if given is not None:

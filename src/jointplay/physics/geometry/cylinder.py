@@ -223,7 +223,7 @@ def worn_gap(px, py, ax, ay, d, at, bore_radius, journal_radius):
     constant w this is `radial_gap` of a wider bore. The minimum is sought about the two lowest
     nodes that are lower than their neighbours, for their order between the nodes may differ.
     Depths that jump by tens of micrometres from azimuth to azimuth may have two minima about one
-    node: of 6000 gaps, jumps of up to 5 um left none, of 20 um nine (1.1 um off at most).
+    node: of 6000 gaps, jumps of up to 5 µm left none, of 20 µm nine (1.1 µm off at most).
 
     Returns the gap [m] and the direction u (2) at which it is found.
     """

@@ -301,8 +301,8 @@ class RollingBearing(WholeLawJoint):
         if self._by_class:
             low, high = (2e6 * end for end in self.class_range())
             said["radial_clearance"] = (
-                f"{1e6 * self.bought_clearance:.3g} um: middle of {self.class_name}, "
-                f"{low:g} to {high:g} um full travel"
+                f"{1e6 * self.bought_clearance:.3g} µm: middle of {self.class_name}, "
+                f"{low:g} to {high:g} µm full travel"
             )
         if self.drag_torque is None:
             said["drag_torque"] = f"{1e3 * self.drag:.3g} N mm: grease, low speed"
@@ -865,7 +865,7 @@ class RollingBearing(WholeLawJoint):
         if self.preloaded:
             return f"{self.kind} {name}, preloaded"
         return (
-            f"{self.kind} {name}, free {1e6 * across:.3g} um across, {1e6 * along:.3g} um along, "
+            f"{self.kind} {name}, free {1e6 * across:.3g} µm across, {1e6 * along:.3g} µm along, "
             f"{1e3 * tilt:.3g} mrad tilt"
         )
 

@@ -156,8 +156,8 @@ class Elasticity(Described):
     def words(self) -> str:
         """Stiffness, for a line of text."""
         x, _, z, tilt, _, turn = np.diag(self.stiffness)
-        parts = [f"{1e-6 * x:.3g} N/um across"]
-        parts += [f"{1e-6 * z:.3g} N/um along"] if z else []
+        parts = [f"{1e-6 * x:.3g} N/µm across"]
+        parts += [f"{1e-6 * z:.3g} N/µm along"] if z else []
         parts += [f"{tilt:.3g} N m/rad in tilt"]
         parts += [f"{turn:.3g} in torsion"] if turn else []
         return ", ".join(parts)

@@ -34,10 +34,9 @@ class Axis:
     @property
     def shown(self) -> tuple[float, str]:
         """Factor and unit in which numbers are shown."""
-        factor, unit = 1.0, self.unit
-        if self.size != "large":
-            factor, unit = displayed(unit, self.size == "fine")
-        return factor, typeset(unit)
+        if self.size == "large":
+            return 1.0, typeset(self.unit)
+        return displayed(self.unit, self.size == "fine")
 
     @property
     def label(self) -> str:

@@ -21,7 +21,6 @@ from markupsafe import escape
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import check_new
 from jointplay.base.tables import Column, Table
-from jointplay.base.units import typeset
 from jointplay.show.player.pages import as_script, policy
 
 _MINUS = "\N{MINUS SIGN}"
@@ -169,7 +168,7 @@ def _shown(column: Column) -> list[Any]:
     """What a column is called and its values, in the unit in which they are shown."""
     factor, unit = column.shown
     scaled = (factor * v if factor != 1.0 and _is_number(v) else v for v in column.values)
-    return [f"{column.head} [{typeset(unit)}]" if unit else column.head, *scaled]
+    return [f"{column.head} [{unit}]" if unit else column.head, *scaled]
 
 
 def paragraph(content: str) -> Html:

@@ -12,7 +12,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import family_of, fields_of
 from jointplay.base.tables import Table
-from jointplay.base.units import displayed, readable, typeset
+from jointplay.base.units import displayed, readable
 from jointplay.model.free_base import FREE
 from jointplay.model.gear import Gearing
 from jointplay.model.urdf import parse
@@ -158,7 +158,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
             has_unit = name in units and not isinstance(value, list)
             unit = units[name].units[0] if has_unit else ""
             scale, shown = displayed(unit, name.endswith("interference"))
-            label = f"{joint}: {_word(name)}{f' [{typeset(shown)}]' if unit else ''}"
+            label = f"{joint}: {_word(name)}{f' [{shown}]' if unit else ''}"
             if value is None:
                 cells[label] = not_given.get(name)
             elif isinstance(value, bool):

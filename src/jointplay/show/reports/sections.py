@@ -266,7 +266,7 @@ def _judged(case: Case) -> dict[str, Quantity]:
     """Audit figures of a run by name; None where a figure does not apply."""
     audit, result = case.result.audit, case.result
     limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
-    needed = readable(float(f"{limit:.3g}"), "s") if math.isfinite(limit) else None
+    needed = readable(limit, "s", 3) if math.isfinite(limit) else None
     contact: dict[str, Quantity] = {
         "contacts begun": (audit.impacts, ""),
         "shortest contact": (audit.shortest_contact_steps or None, "steps"),

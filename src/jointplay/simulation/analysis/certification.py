@@ -300,12 +300,12 @@ def _approaches_slowly(simulation: Simulation) -> bool:
 
 def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
     if simulation.tolerance is None:
-        how = f"step {1e6 * simulation.step:.3g} us"
+        how = f"step {1e6 * simulation.step:.3g} µs"
     else:
         how = f"tolerance {simulation.tolerance:g}"
     words = f"{simulation.integrator}, {how}"
     if simulation.macro_step is not None:
-        words += f", macro step {1e6 * simulation.macro_step:.3g} us"
+        words += f", macro step {1e6 * simulation.macro_step:.3g} µs"
     if any(aside):
         words += f", journals {1e9 * max(aside):g} nm aside"
     return words

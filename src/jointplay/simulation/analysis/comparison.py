@@ -12,7 +12,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.schema import differences, short
 from jointplay.base.tables import Column, Table
-from jointplay.base.units import displayed
+from jointplay.base.units import told
 from jointplay.simulation.analysis.certification import figures
 from jointplay.simulation.analysis.headline import reference
 from jointplay.simulation.analysis.tool_error import difference
@@ -100,15 +100,13 @@ class Comparison:
                 words += ", no more than the numerical errors"
             answers.append(words)
         if self.apart is not None:
-            peak, rms = (1e3 * one for one in self.apart)
-            answers.append(f"the two tools are up to {peak:.4g} mm apart, RMS {rms:.4g} mm")
+            peak, rms = (told(one, "m") for one in self.apart)
+            answers.append(f"the two tools are up to {peak} apart, RMS {rms}")
         return "; ".join(answers) or "no figure and no tool that both have"
 
 
 def _shown(figure: CertifiedFigure) -> str:
-    factor, unit = displayed(figure.unit)
-    known = math.isfinite(figure.error)
-    return str(figure) if known else f"{factor * figure.value:.4g} {unit}".rstrip()
+    return str(figure) if math.isfinite(figure.error) else told(figure.value, figure.unit)
 
 
 def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:

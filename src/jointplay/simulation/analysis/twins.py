@@ -238,8 +238,8 @@ def ideal_simulation(source: Simulation | Result) -> Simulation:
     """The ideal mechanism doing the same work: what a tool's error is measured against.
 
     By the run's own method, whose error both then share; where there are closed loops not by a
-    method of first order, which leaves them: in a turn of the slider-crank by 0.2 um, the
-    multi-rate method by 1e-4 um.
+    method of first order, which leaves them: in a turn of the slider-crank by 0.2 µm, the
+    multi-rate method by 1e-4 µm.
 
     It begins as the run does: where drives give way and loads bend, both at rest or neither.
 

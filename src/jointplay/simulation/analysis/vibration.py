@@ -205,4 +205,4 @@ def _bands(result: Result, ideal: Result | None) -> tuple[Band, ...]:
 
 
 def _three(value: float, unit: str = "") -> str:
-    return readable(float(f"{value:.3g}"), unit)
+    return readable(value, unit, 3)

@@ -20,7 +20,7 @@ from jointplay.physics.kernel.integrators import DEFAULT, integrator
 from jointplay.physics.kernel.layout import FRICTION
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.limits import beyond, worst
-from jointplay.simulation.result.certificate import Certificate, alone, shown
+from jointplay.simulation.result.certificate import UNKNOWN_DIGITS, Certificate, alone, shown
 from jointplay.simulation.result.variables import Records
 
 DRIFT_WARNING_M = 1e-6
@@ -282,7 +282,7 @@ class Audit(Described):
             lines.append(f"  {self.headline_with(certificate)}")
         if self.step_error is not None and self.relative_step_error is not None:
             lines.append(
-                f"  error by the step: tool {readable(float(f'{self.step_error:.2g}'), 'm')}, "
+                f"  error by the step: tool {readable(self.step_error, 'm', 2)}, "
                 f"{100 * self.relative_step_error:.2g} % of the motion"
             )
         if self.loop_drift:
@@ -291,8 +291,8 @@ class Audit(Described):
 
 
 def _told(value: float, unit: str) -> str:
-    """A figure of which no error is known: three digits, in a handy unit."""
-    return readable(float(alone(value)), unit)
+    """A figure of which no error is known."""
+    return readable(value, unit, UNKNOWN_DIGITS)
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:
