@@ -1,6 +1,5 @@
 """What is said of the package in several places says the same."""
 
-import hashlib
 import re
 import runpy
 import subprocess
@@ -138,16 +137,6 @@ def test_the_licence_of_the_source_distribution_names_all_that_it_ships():
 def test_an_extract_of_share_alike_data_stays_share_alike():
     for path in DATA.glob("backlash_damper_*.csv"):
         assert "SPDX-License-Identifier: CC-BY-SA-4.0" in notes(path)
-
-
-def test_plotly_is_the_version_that_is_declared():
-    page = files("jointplay.show.reports") / "page"
-    declared = tomllib.loads((page / "plotly.toml").read_text())
-    script = (page / "plotly-basic.min.js").read_bytes()
-    assert hashlib.sha256(script).hexdigest() == declared["sha256"]
-    assert f"plotly.js (basic - minified) v{declared['version']}".encode() in script[:200]
-    named = declared["version"].rpartition(".")[0]
-    assert f"plotly.js {named} (basic bundle, MIT)" in (ROOT / "docs/report.md").read_text()
 
 
 def test_pictures_of_the_docs_are_small():

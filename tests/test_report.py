@@ -1,8 +1,10 @@
 """Reports, through the command and in a browser."""
 
+import re
 import shutil
 import subprocess
 from io import BytesIO
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -153,7 +155,7 @@ def test_nothing_is_overwritten(page, folder):
 
 
 ZOOMED = """() => {
-    const [low, high] = document.getElementById("chart-contacts").layout.xaxis.range;
+    const [low, high] = document.getElementById("chart-contacts").plots[0].across.range;
     return Math.abs(low - 0.2) < 1e-9 && Math.abs(high - 0.201) < 1e-9;
 }"""
 
@@ -191,17 +193,10 @@ def test_page_works_in_a_browser_without_a_network(page, open_report):
     assert before.shape != after.shape or np.abs(before - after).mean() > 1e-3
 
 
-LINES = """() => {
-    const host = document.getElementById("chart-tool_velocity"), found = [];
-    const paths = [...host.querySelectorAll(".scatterlayer .trace path.js-line")];
-    return paths.map((path, k) => {
-        const data = host._fullData[k], y = host._fullLayout[data.yaxis.replace("y", "yaxis")];
-        const x = host._fullLayout.xaxis;
-        const numbers = path.getAttribute("d").match(/-?[\\d.]+/g).map(Number);
-        return { numbers, x: [x.range, x._length], y: [y.range, y._length], name: data.name,
-            axis: data.yaxis };
-    });
-}"""
+LINES = """() => document.getElementById("chart-tool_velocity").plots.flatMap((plot, axis) =>
+    [...plot.inner.querySelectorAll("path.curve")].map(path => ({
+        numbers: path.getAttribute("d").match(/-?[\\d.]+/g).map(Number), name: path.dataset.name,
+        axis, x: [plot.across.range, plot.wide], y: [plot.up.range, plot.high] })))"""
 
 
 def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_report):
@@ -211,7 +206,7 @@ def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_r
     assert len(drawn) == 9  # three axes, three cases
     for one in drawn:
         result = jp.Result.load(folder / f"{one['name']}.nc")
-        record = result["tool_velocity"].values[:, int(one["axis"][1:] or 1) - 1]
+        record = result["tool_velocity"].values[:, one["axis"]]
         (x0, x1), wide = one["x"]
         (y0, y1), high = one["y"]
         across = (result.time - x0) / (x1 - x0) * wide
@@ -225,7 +220,7 @@ def show_whole_run(tab):
     """By the button, with the chart of velocities in view."""
     tab.evaluate("document.getElementById('chart-tool_velocity').scrollIntoView()")
     tab.click("#whole")
-    until(tab, "() => !document.getElementById('chart-tool_velocity').layout.xaxis.range[0]")
+    until(tab, "() => !document.getElementById('chart-tool_velocity').plots[0].across.range[0]")
     tab.wait_for_timeout(300)
 
 
@@ -270,8 +265,8 @@ SEEN = """() => {
             one => one.getBoundingClientRect().right > right + 1 && !inside(one)).length,
         paper: getComputedStyle(document.body).backgroundColor,
         charts: charts.map(one => [one.getAttribute("role"), one.getAttribute("aria-label"),
-            one.layout.paper_bgcolor, one.clientWidth, one.clientHeight,
-            one.querySelector(".main-svg").getBoundingClientRect().height]),
+            getComputedStyle(one.querySelector(".plots")).backgroundColor, one.clientWidth,
+            one.clientHeight, one.querySelector(".plots").getBoundingClientRect().height]),
     };
 }"""
 
@@ -283,7 +278,7 @@ def test_a_report_fits_the_screen_light_and_dark(page, open_report, width, schem
     assert seen["out"] == 0
     assert (seen["paper"] == "rgb(255, 255, 255)") == (scheme == "light")
     for role, label, paper, across, high, drawn in seen["charts"]:
-        assert role == "img"
+        assert role == "group"
         assert ": " in label
         assert paper == seen["paper"]
         assert across > 0.85 * min(width, 1120)
@@ -292,12 +287,61 @@ def test_a_report_fits_the_screen_light_and_dark(page, open_report, width, schem
 
 def test_charts_and_tables_show_the_same_time(page, open_report):
     tab = open_report(page, 1280)
-    assert tab.evaluate("document.getElementById('chart-tool_velocity').layout.xaxis.range") == [
+    assert tab.evaluate("document.getElementById('chart-tool_velocity').plots[0].across.range") == [
         pytest.approx(0.15),
         pytest.approx(0.4),
     ]
     assert "Figures from 0.15 s on" in tab.inner_text("#glance")
     show_whole_run(tab)
+
+
+def test_charts_zoom_name_what_is_under_the_pointer_hide_and_are_saved(page, open_report):
+    tab = open_report(page, 1280)
+    chart = tab.locator("#chart-tool_velocity")
+    chart.scroll_into_view_if_needed()
+    ranges = "id => document.getElementById(id).plots[0].across.range"
+    before = tab.evaluate(ranges, "chart-tool_velocity")
+
+    def drag(first, last):
+        box = tab.locator("#chart-tool_velocity .plots").bounding_box()
+        for act, part in (
+            (tab.mouse.move, first),
+            (tab.mouse.down, None),
+            (tab.mouse.move, last),
+            (tab.mouse.up, None),
+        ):
+            act(*([] if part is None else [box["x"] + part * box["width"], box["y"] + 80]))
+        tab.wait_for_timeout(200)
+
+    drag(0.3, 0.6)
+    low, high = tab.evaluate(ranges, "chart-tool_velocity")
+    assert before[0] < low < high < before[1]
+    assert tab.evaluate(ranges, "chart-tool_displacement") == [low, high]
+    tab.keyboard.down("Shift")
+    drag(0.6, 0.5)
+    tab.keyboard.up("Shift")
+    moved = tab.evaluate(ranges, "chart-tool_velocity")
+    assert moved[0] > low
+    assert moved[1] - moved[0] == pytest.approx(high - low)
+    x, y = tab.evaluate(
+        """() => { const [plot] = document.getElementById("chart-tool_velocity").plots;
+            const seen = plot.inner.getBoundingClientRect(), [one] = plot.series;
+            const k = one.x.length >> 1;
+            return [seen.left + plot.across.at(one.x[k]), seen.top + plot.up.at(one.y[k])]; }"""
+    )
+    tab.mouse.move(x, y)
+    assert re.search(r"(ideal|worn|loose): .* m/s at 0\.\d+ s", chart.locator(".tip").inner_text())
+    lines = chart.locator("path.curve").count()
+    chart.get_by_role("button", name="worn").click()
+    assert chart.locator("path.curve").count() == lines - 3
+    with tab.expect_download() as saved:
+        chart.get_by_role("button", name="save").click()
+    picture = ElementTree.parse(saved.value.path()).getroot()
+    assert picture.tag.endswith("svg")
+    assert "velocity x [m/s]" in "".join(picture.itertext())
+    chart.locator(".plots").dblclick(position={"x": 300, "y": 80})
+    tab.wait_for_timeout(200)
+    assert tab.evaluate(ranges, "chart-tool_velocity") == [0, pytest.approx(0.4)]
 
 
 IN_PRINT = """() => {
@@ -317,7 +361,7 @@ IN_PRINT = """() => {
     const tables = [...document.querySelectorAll("table")];
     const wide = tables.filter(one => one.getBoundingClientRect().right > right + 1).length;
     const charts = [...document.querySelectorAll(".chart")].map(one => one.id);
-    const empty = charts.filter(id => !document.querySelector(`#${id} .main-svg .trace`));
+    const empty = charts.filter(id => !document.querySelector(`#${id} .plots path`));
     return { broken, wide, tables: tables.length, charts: charts.length, empty };
 }"""
 

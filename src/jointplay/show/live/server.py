@@ -16,7 +16,7 @@ from jointplay.base.errors import JointplayError, require_finite
 from jointplay.show.live.answer import look
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
-from jointplay.show.player.pages import components, filled, viewer
+from jointplay.show.player.pages import components, filled, static, viewer
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
 
@@ -31,14 +31,14 @@ def own(name: str) -> str:
 
 def front() -> str:
     """The front end: a function of meshcat's viewer that gives ``mount``."""
-    parts = "\n".join((components(), *map(own, ("chart.js", "robot.js", "live.js"))))
+    parts = "\n".join((components(), static("chart.js"), own("robot.js"), own("live.js")))
     body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{parts}\nreturn {{mount, overHttp}};'
     return f"function jointplayLive(MeshCat) {{\n{body}\n}}"
 
 
 def style() -> str:
     """Of the front end, which touches nothing outside its own element."""
-    return own("live.css")
+    return f"{own('live.css')}\n.jp-live {{\n{static('chart.css')}}}"
 
 
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:

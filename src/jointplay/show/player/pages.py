@@ -53,10 +53,15 @@ def as_data(json: str) -> Markup:
     return Markup(json.replace("<", "\\u003c"))
 
 
-_COMPONENTS = ("tracks.js", "stage.js", "closeup.js", "rolling.js")
+_COMPONENTS = ("page.js", "tracks.js", "stage.js", "closeup.js", "rolling.js")
 _PACKAGE = "jointplay.show.player"
 _OWN = resources.files(_PACKAGE) / "static"
 _VIEWER = resources.files("meshcat") / "viewer" / "dist"
+
+
+def static(name: str) -> str:
+    """The text of a file that several pages share."""
+    return (_OWN / name).read_text("utf-8")
 
 
 def components() -> str:
@@ -67,8 +72,7 @@ def components() -> str:
             MODES, MODE_TERMS, MODE_MEANINGS, MODE_COLOURS, strict=True
         )
     ]
-    sources = ((_OWN / name).read_text("utf-8") for name in _COMPONENTS)
-    return "\n".join((f"const MODES = {json.dumps(modes)};", *sources))
+    return "\n".join((f"const MODES = {json.dumps(modes)};", *map(static, _COMPONENTS)))
 
 
 def viewer() -> str:
@@ -82,9 +86,9 @@ def render(scene: Packed, title: str) -> bytes:
     Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content
     security policy forbids the browser any request.
     """
-    player = "\n".join((components(), (_OWN / "player.js").read_text("utf-8")))
+    player = "\n".join((components(), static("player.js")))
     scripts = [viewer(), f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}']
-    look = (_OWN / "player.css").read_text("utf-8")
+    look = static("player.css")
     return filled(_PACKAGE, title, look, scene.contents, scene.block, scripts, "data: blob:")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.files import write as write_file
 from jointplay.base.processes import in_parallel
-from jointplay.show.player.pages import as_data, as_script
+from jointplay.show.player.pages import as_data, as_script, static
 from jointplay.show.plots.figures import is_paper
 from jointplay.show.plots.names import load as load
 from jointplay.show.plots.names import robot_of, title_of
@@ -127,16 +127,13 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         parts["Claims"] = sections.claims(cases, claims)
     end = max(case.duration for case in cases)
     data = {"charts": drawn, "layout": pack.layout, "start": start, "end": end}
-    resource = files("jointplay.show.reports") / "page"
+    script = (files("jointplay.show.reports") / "page" / "report.js").read_text(encoding="utf-8")
     robots = dict.fromkeys(robot_of(case.result) for case in cases)
     names = [Html("{}").format(", ".join(robots)), *(dark(case) for case in cases)]
     charts = {
         "block": pack.block(),
         "data": as_data(json.dumps(data, separators=(",", ":"), allow_nan=False)),
-        "scripts": [
-            as_script((resource / name).read_text(encoding="utf-8"))
-            for name in ("plotly-basic.min.js", "report.js")
-        ],
+        "scripts": [as_script("\n".join((static("page.js"), static("chart.js"), script)))],
         "judged": f"{start:g}" if start else "",
     }
     return html.page(title, joined(names, Html(" &ensp; ")), versions(), parts, **charts)
@@ -146,5 +143,5 @@ def _place(chart: Chart) -> Html:
     shown = dict.fromkeys(panel["title"] or panel["y"]["label"] for panel in chart["panels"])
     names = dict.fromkeys(trace["name"] for panel in chart["panels"] for trace in panel["traces"])
     words = f"{chart['title']}: {', '.join(shown)} of {', '.join(filter(None, names))}"
-    element = '<h3>{}</h3><div class="chart" id="chart-{}" role="img" aria-label="{}"></div>'
+    element = '<h3>{}</h3><div class="chart" id="chart-{}" role="group" aria-label="{}"></div>'
     return markup(element, chart["title"], chart["id"], words.removesuffix(" of "))

@@ -1,4 +1,4 @@
-"""Charts in pages: their descriptions as plain data, which `page/report.js` draws with plotly."""
+"""Charts in pages: their descriptions as plain data, which `page/report.js` draws."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _FINE, _COARSE = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces (6e-5)."""
 
 Chart = dict[str, Any]
-_DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}  # what plotly calls them
+_DASHES = {"--": "6 3", ":": "1.5 3", "-.": "6 3 1.5 3"}  # as SVG has them
 
 
 class Times:
@@ -139,7 +139,7 @@ class Drawing:
             begin, end = (self._pack.add(owner.steps(time)) for time in (mark.begin, mark.end))
             return {"from": begin, "to": end, "dt": owner.step, "row": mark.row, **look}
         x, y = panel.x.shown[0] * np.asarray(mark.x), panel.y.shown[0] * np.asarray(mark.y)
-        look |= {"dash": _DASHES.get(mark.line, ""), "frame": mark.frame}
+        look |= {"dash": _DASHES.get(mark.line), "line": bool(mark.line), "frame": mark.frame}
         bits = EXACT if panel.y.size == "large" else _COARSE if panel.y.unit in ("N", "") else _FINE
         time = np.asarray(mark.x if panel.x.unit == "s" and mark.at is None else mark.at)
         timed = next((one for one in self._times if time.ndim and one.has(time)), None)
@@ -165,7 +165,7 @@ def _is_drawn(mark: Any) -> bool:
 
 def _axis(axis: Axis) -> dict[str, Any]:
     rows = None if axis.rows is None else list(axis.rows)
-    return {"label": axis.label, "unit": axis.shown[1], "log": axis.log, "rows": rows}
+    return {"label": axis.name, "unit": axis.shown[1], "log": axis.log, "rows": rows}
 
 
 def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:

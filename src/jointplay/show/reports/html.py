@@ -21,7 +21,7 @@ from markupsafe import escape
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import check_new
 from jointplay.base.tables import Column, Table
-from jointplay.show.player.pages import as_script, policy
+from jointplay.show.player.pages import as_script, policy, static
 
 _MINUS = "\N{MINUS SIGN}"
 
@@ -58,7 +58,7 @@ def page(title: str, cases: object, made: Mapping[str, str], sections: object, *
         "page.html",
         policy=policy(scripts),
         title=title,
-        look=as_script(look),
+        look=as_script(f"{look}\n{static('chart.css')}"),
         cases=cases,
         made=", ".join(f"{name} {version}" for name, version in made.items()),
         sections=sections,

@@ -81,6 +81,57 @@ function bounds({budget, cycle}) {
     return {free: budget.worst, gives, drives: cycle.drives ?? undefined};
 }
 
+// A chart of the panel that a machine's answers fill.
+class AnswerChart extends Chart {
+    constructor(title) {
+        super({role: "img"});
+        Object.assign(this, {title, panel: null, mark: null});
+        this.caption = element("figcaption", {}, title);
+        this.figure = element("figure", {class: "answer"}, this.caption, this.svg, this.key, this.tip);
+        new ResizeObserver(() => this.fill()).observe(this.svg);
+    }
+
+    // `x` and `y`: what the axes show and in which SI unit; `equal`: both in the same scale.
+    show({x, y, equal}, series, title = this.title) {
+        this.panel = {x: {...x, tight: !equal, prefixed: x?.unit !== "s"}, y: {...y, zero: !equal, prefixed: true}, equal,
+            series: series.filter(one => one.x && one.x.length)};
+        this.caption.textContent = title;
+        this.svg.setAttribute("aria-label", `${title}. ${this.words()}`);
+        this.showKey(this.panel.series);
+        this.fill();
+    }
+
+    // What one sees, in words.
+    words() {
+        const shown = this.panel.series.filter(one => !one.frame), {unit} = this.panel.y;
+        return shown.map(one => {
+            const [low, high] = rangeOf({tight: true}, [one], "y");
+            return `${one.name}: from ${inUnits(low, unit)} to ${inUnits(high, unit)}`;
+        }).join("; ") || "nothing to show yet";
+    }
+
+    fill() {
+        const wide = this.svg.clientWidth, high = this.svg.clientHeight;
+        if (!wide || !high) return;
+        const box = {edge: 0, left: 52, right: wide - 10, top: 8, bottom: high - 34};
+        this.draw(this.panel?.series.length ? [{...this.panel, box}] : [], wide, high);
+        this.cursor = shape("line", {y1: box.top, y2: box.bottom, class: "cursor", visibility: "hidden"});
+        this.svg.append(this.cursor);
+        this.markAt(this.mark);
+    }
+
+    // A line at the time that the picture shows.
+    markAt(x) {
+        this.mark = x;
+        const [plot] = this.plots;
+        if (!plot || plot.equal || x === null) return;
+        const at = plot.box.left + plot.across.at(x);
+        this.cursor.setAttribute("x1", at);
+        this.cursor.setAttribute("x2", at);
+        this.cursor.setAttribute("visibility", "visible");
+    }
+}
+
 class Live {
     constructor(root, contents, block, transport) {
         Object.assign(this, {root, contents, transport, id: `jp${mounted++}`});
@@ -218,8 +269,8 @@ class Live {
         this.budgetBody = element("div", {}, this.budgetWords, this.budgetTable, this.budgetWhere);
         const budget = card("static error budget", element("h2", {}, "Static error budget"), this.budgetBody);
         this.charts = {
-            orbit: new Chart("Orbit of the journal"), error: new Chart("Tool error"),
-            force: new Chart("Contact force"), energy: new Chart("Energy"),
+            orbit: new AnswerChart("Orbit of the journal"), error: new AnswerChart("Tool error"),
+            force: new AnswerChart("Contact force"), energy: new AnswerChart("Energy"),
         };
         const joints = element("select", {"aria-label": "joint whose orbit and force are shown"},
             ...this.contents.joints.map(name => element("option", {value: name}, name)));

@@ -87,30 +87,3 @@ function nice(x) {
     const power = 10 ** Math.floor(Math.log10(x));
     return power * [5, 2, 1].find(step => step * power <= x * 1.0001);
 }
-
-const PREFIXES = [[1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
-
-function prefixOf(size) {
-    return PREFIXES.find(([step]) => size >= 0.9995 * step) || PREFIXES[PREFIXES.length - 1];
-}
-
-// A number with its unit and so many digits.
-function inUnits(value, unit, digits = 3) {
-    if (value === null || value === undefined) return "\u2013";
-    if (value === 0) return `0 ${unit}`.trim();
-    if (!unit || unit === "%") return `${Number(value.toPrecision(digits))} ${unit}`.trim();
-    const [step, prefix] = prefixOf(Math.abs(value));
-    return `${Number((value / step).toPrecision(digits))} ${prefix}${unit}`;
-}
-
-// An element with attributes and children; text is always text.
-function element(tag, attributes = {}, ...children) {
-    const made = document.createElement(tag);
-    for (const [name, value] of Object.entries(attributes)) {
-        if (value === null || value === undefined || value === false) continue;
-        if (name.startsWith("on")) made[name] = value;
-        else made.setAttribute(name, value === true ? "" : value);
-    }
-    made.append(...children);
-    return made;
-}

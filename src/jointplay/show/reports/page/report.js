@@ -97,145 +97,137 @@
       low = Math.min(low, ys[i]); high = Math.max(high, ys[i]);
     }
     const near = end - first > 2 * SINGLE ? Math.max(right - left, high - low) / BINS : 0;
-    const x = [], y = [], text = [];
+    const x = [], y = [], texts = [];
     let last = -1;
     for (let i = first; i < end; i++) {
       if (last >= 0 && i < end - 1 && Math.hypot(xs[i] - xs[last], ys[i] - ys[last]) < near) continue;
-      x.push(xs[i]); y.push(ys[i]); text.push(`t = ${(steps[i] * trace.dt).toPrecision(7)} s`);
+      x.push(xs[i]); y.push(ys[i]); texts.push(`t = ${(steps[i] * trace.dt).toPrecision(7)} s`);
       last = i;
     }
-    return { x, y, text, count: end - first };
+    return { x, y, texts, count: end - first };
   }
 
   // Bars of a timeline in view; bars that would share a pixel are one.
-  function spans(trace) {
+  function bars(trace) {
     const from = series(trace.from), to = series(trace.to), dt = trace.dt;
     const [left, right] = window_();
     const pixel = (right - left) / BINS;
-    const x = [], y = [];
+    const x = [], y = [], spans = [];
     for (let i = search(to, left / dt); i < from.length && from[i] * dt <= right; i++) {
-      const a = from[i] * dt, b = to[i] * dt;
-      const n = x.length;
-      if (n && a - x[n - 2] < pixel) x[n - 2] = b;
-      else { x.push(a, Math.max(b, a), null); y.push(-trace.row, -trace.row, null); }
+      const a = from[i] * dt, b = to[i] * dt, last = spans.length - 1;
+      if (last >= 0 && a - spans[last] < pixel) spans[last] = b;
+      else { x.push(a); spans.push(Math.max(b, a)); y.push(trace.row); }
     }
-    return { x, y };
-  }
-
-  // Plotly takes text for HTML of its own kind; names are not.
-  const plain = (name) => String(name).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
-  const number = (i) => (i === 0 ? "" : String(i + 1));
-
-  // What a variable of report.css stands for now, in the dark or on paper.
-  const probe = document.body.appendChild(document.createElement("i"));
-  probe.hidden = true;
-  function colour(name) {
-    probe.style.color = `var(--${name})`;
-    return getComputedStyle(probe).color;
+    return { x, y, spans };
   }
 
   // A case's colour, lighter in the dark.
   function tone(given) {
-    if (given === "black") return colour("ink");
-    if (!isDark()) return given;
-    const mixed = [1, 3, 5].map((i) => Math.round(0.7 * parseInt(given.slice(i, i + 2), 16) + 76));
-    return `rgb(${mixed.join(",")})`;
+    return given === "black" ? "var(--ink)" : `light-dark(${given}, color-mix(in srgb, ${given} 70%, white))`;
   }
 
-  function build(chart, wide) {
-    const ink = colour("ink"), line = colour("axis"), paper = colour("paper");
-    const FONT = { family: "system-ui, sans-serif", size: 12, color: ink };
-    const AXIS = { gridcolor: colour("grid"), zerolinecolor: line, linecolor: line, ticks: "outside",
-      ticklen: 4, tickcolor: line, automargin: true };
-    const most = wide < 640 ? 1 : wide < 900 ? 2 : 3; // panels side by side
-    const seen = new Set();
-    const data = [], annotations = [], shapes = [];
-    const layout = { font: FONT, paper_bgcolor: paper, plot_bgcolor: paper, annotations, shapes,
-      modebar: { bgcolor: "rgba(0,0,0,0)", color: line, activecolor: ink },
-      margin: { l: wide < 640 ? 56 : 76, r: 16, t: 34, b: 44 }, hovermode: "closest", uirevision: "keep",
-      legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top" } };
-    const { time, stacked } = chart;
-    const count = chart.panels.length;
-    const columns = stacked ? 1 : Math.min(count, most);
-    const rows = Math.ceil(count / columns);
-    const rowHeight = chart.panels[0].y.rows ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, wide);
-    const titled = chart.panels.some((panel) => panel.title);
-    const gap = (titled ? 26 : 14) / (rows * rowHeight);
-    layout.height = rows * rowHeight + 90;
-    const across = columns > 1 ? 0.075 : 0;
-    const down = stacked ? gap : 74 / (rows * rowHeight);
-    chart.panels.forEach((panel, i) => {
-      const row = Math.floor(i / columns), column = i % columns;
-      const high = (1 - (rows - 1) * down) / rows, wide = (1 - (columns - 1) * across) / columns;
-      const top = 1 - row * (high + down), left = column * (wide + across);
-      const n = number(i), xn = stacked ? "" : n;
-      const titleOf = (axis) => ({ text: plain(axis.label), standoff: 6 });
-      const y = layout["yaxis" + n] = { ...AXIS, domain: [Math.max(0, top - high), top], anchor: "x" + xn,
-        title: titleOf(panel.y) };
-      const x = layout["xaxis" + xn] = layout["xaxis" + xn] || { ...AXIS, title: titleOf(panel.x),
-        ...(stacked ? { anchor: "y" + number(count - 1) } : { domain: [left, left + wide], anchor: "y" + n }) };
-      if (time) y.fixedrange = true;
-      if (panel.equal) { y.scaleanchor = "x" + n; y.constrain = x.constrain = "domain"; }
-      if (panel.x.log) Object.assign(x, { type: "log", dtick: 1, exponentformat: "power" });
-      if (panel.y.log) {
-        let low = Infinity, high = 0;
-        for (const trace of panel.traces) for (const value of series(trace.y)) {
-          if (value > 0) { low = Math.min(low, value); high = Math.max(high, value); }
-        }
-        const dtick = Math.max(1, Math.ceil(Math.log10(high / low) / 5)); // five labels or so
-        Object.assign(y, { type: "log", exponentformat: "power", dtick });
-      }
-      if (chart.same && i) y.matches = "y";
-      if (panel.y.rows) {
-        const words = panel.y.rows.map((one) => plain(one).replace("\n", "<br>"));
-        Object.assign(y, { tickvals: words.map((_, k) => -k), ticktext: words, showgrid: false, zeroline: false,
-          range: [0.5 - words.length, 0.5] });
-      }
-      if (panel.title) annotations.push({ text: plain(panel.title), xref: "paper", yref: "paper", x: left,
-        y: top, xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
-      for (const trace of panel.traces) {
-        const name = plain(trace.name || panel.title);
-        const base = { name, legendgroup: name, showlegend: Boolean(trace.name) && !seen.has(name),
-          hovertemplate: `%{y:.5~g} ${plain(panel.y.unit)} at %{x:.6~g} ${plain(panel.x.unit)}`,
-          xaxis: "x" + xn, yaxis: "y" + n, type: "scatter", ...(trace.frame ? { hoverinfo: "skip" } : {}) };
-        if (trace.name) seen.add(name);
-        const color = tone(trace.color);
-        // Plotly's own simplification would leave polygons of smooth curves.
-        const line = { color, width: 1.2, dash: trace.dash || "solid", simplify: false };
-        if (trace.from !== undefined) {
-          data.push({ ...base, ...spans(trace), mode: "lines", hovertemplate: "%{x:.6~g} s", line: { color, width: 16 } });
-        } else if (trace.t !== undefined) {
-          const { count: points, ...drawn } = trace.x === undefined ? reduce(trace) : curve(trace);
-          data.push({ ...base, ...drawn, line, mode: points <= SINGLE ? "lines+markers" : "lines",
-            marker: { size: 4, color } });
-        } else {
-          data.push({ ...base, x: Array.from(series(trace.x)), y: Array.from(series(trace.y)), line,
-            mode: trace.dash ? "lines" : "markers", marker: { size: 5, color, opacity: 0.7 } });
-        }
-      }
-    });
-    if (time) layout.xaxis.range = window_();
-    layout.showlegend = seen.size > 1;
-    return { data, layout };
-  }
-
-  const config = { responsive: true, displaylogo: false,
-    modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"],
-    toImageButtonOptions: { format: "svg" } };
-  const hosts = new Map(); // host element -> {chart, visible, stale}
-
-  async function draw(host) {
-    const entry = hosts.get(host);
-    entry.stale = false;
-    entry.wide = host.clientWidth;
-    const { data, layout } = build(entry.chart, entry.wide);
-    await Plotly.react(host, data, layout, config);
-    if (!entry.listens) {
-      entry.listens = true;
-      state.drawn += 1;
-      host.classList.add("drawn");
-      if (entry.chart.time) host.on("plotly_relayout", zoomed);
+  // A series as chart.js draws it.
+  function drawn(trace, panel) {
+    const look = { name: trace.name || panel.title, colour: tone(trace.color), dash: trace.dash, frame: trace.frame };
+    if (trace.from !== undefined) return { ...look, ...bars(trace) };
+    if (trace.t === undefined) {
+      return { ...look, x: series(trace.x), y: series(trace.y), ...(trace.line ? {} : { line: false }) };
     }
+    const { count, ...points } = trace.x === undefined ? reduce(trace) : curve(trace);
+    return { ...look, ...points, ...(count <= SINGLE || points.x.length < 3 ? { dots: 4 } : {}) };
+  }
+
+  // The panels of a chart in their boxes, and how high all are.
+  function build({ chart, zoom, hidden }, wide) {
+    const { time, stacked, same, panels } = chart, count = panels.length;
+    const columns = stacked ? 1 : Math.min(count, wide < 640 ? 1 : wide < 900 ? 2 : 3); // side by side
+    const across = wide / columns, named = panels[0].y.rows || [];
+    const rowHigh = named.length ? 100 : stacked ? (count > 4 ? 150 : 175) : Math.min(400, across);
+    const left = named.length ? 16 + 6.2 * Math.max(...named.join("\n").split("\n").map((one) => one.length)) : 66;
+    const above = panels.some((panel) => panel.title) ? 22 : 8;
+    const made = panels.map((panel, i) => {
+      const row = Math.floor(i / columns), edge = (i % columns) * across, last = !stacked || i === count - 1;
+      const top = row * (rowHigh + (stacked ? 0 : 36)) + above, own = zoom[same ? 0 : i] || {};
+      const box = { edge, left: edge + left, right: edge + across - 14, top, bottom: top + rowHigh - above };
+      const x = { ...panel.x, tight: !panel.equal && !panel.x.log, bare: !last,
+        range: time ? window_() : stacked ? zoom.x : own.x };
+      const every = panel.traces.map((trace) => drawn(trace, panel));
+      return { ...panel, box, x, y: { ...panel.y, range: own.y }, every,
+        series: every.filter((one) => !hidden.has(one.name)) };
+    });
+    const union = (key) => {
+      const all = made.map((panel) => rangeOf(panel[key], panel.series, key));
+      const log = made[0][key].log ? made.filter((panel) => panel.series.some((one) => one.x.length)) : made;
+      const used = all.filter((_, i) => log.includes(made[i]));
+      if (used.length) for (const panel of made) panel[key].range ||= [Math.min(...used.map((one) => one[0])), Math.max(...used.map((one) => one[1]))];
+    };
+    if (same) union("y");
+    if (stacked && !time) union("x");
+    return [made, Math.ceil(count / columns) * (rowHigh + (stacked ? 0 : 36)) + (stacked ? 38 : 4)];
+  }
+
+  const hosts = new Map(); // host element -> {chart, visible, stale, zoom, hidden, drawing}
+
+  function draw(host) {
+    const entry = hosts.get(host), wide = host.clientWidth;
+    Object.assign(entry, { stale: false, wide });
+    const [panels, high] = build(entry, wide);
+    entry.drawing.svg.style.height = `${high}px`;
+    entry.drawing.draw(panels, wide, high);
+    const toggle = (name) => {
+      if (!entry.hidden.delete(name)) entry.hidden.add(name);
+      draw(host);
+    };
+    const save = element("button", { type: "button", class: "save", onclick: () => entry.drawing.file(entry.chart.title) }, "save as SVG");
+    const named = entry.chart.panels.flatMap((panel, i) => panel.traces.map((trace, k) => trace.name ? panels[i].every[k] : { frame: true }));
+    entry.drawing.showKey(new Set(named.map((one) => one.name)).size > 1 ? named : [], toggle, entry.hidden, [save]);
+    host.plots = entry.drawing.plots;
+  }
+
+  // Drag to zoom, in time in all charts; with the shift key to move; double-click to go back.
+  function zooming(host) {
+    const entry = hosts.get(host), { svg } = entry.drawing, { time, stacked, same } = entry.chart;
+    let from = null, frame = null;
+    svg.style.touchAction = time ? "pan-y" : "auto";
+    svg.addEventListener("pointerdown", (event) => {
+      const at = entry.drawing.place(event);
+      if (!at || event.button || (event.pointerType === "touch" && !time)) return;
+      svg.setPointerCapture(event.pointerId);
+      event.preventDefault();
+      from = at;
+      frame = shape("rect", { class: "drag" });
+      at.plot.inner.append(frame);
+    });
+    const to = (event) => {
+      const seen = svg.getBoundingClientRect(), { plot } = from;
+      const within = (value, most) => Math.min(Math.max(value, 0), most);
+      return [within(event.clientX - seen.left - plot.box.left, plot.wide), within(event.clientY - seen.top - plot.box.top, plot.high)];
+    };
+    svg.addEventListener("pointermove", (event) => {
+      if (!from || event.shiftKey) return;
+      const [x, y] = to(event), flat = time || Math.abs(y - from.y) < 12;
+      const place = { x: Math.min(x, from.x), width: Math.abs(x - from.x), y: flat ? 0 : Math.min(y, from.y), height: flat ? from.plot.high : Math.abs(y - from.y) };
+      for (const [name, value] of Object.entries(place)) frame.setAttribute(name, value);
+    });
+    svg.addEventListener("pointerup", (event) => {
+      if (!from) return;
+      const { plot, x: x0, y: y0 } = from, [x1, y1] = to(event);
+      from = null;
+      frame.remove();
+      if (Math.hypot(x1 - x0, y1 - y0) < 5) return;
+      const range = (scale, a, b, whole) => event.shiftKey ? [scale.value(a - b), scale.value(a - b + whole)] :
+        Math.abs(a - b) < 12 ? scale.range : [scale.value(Math.min(a, b)), scale.value(Math.max(a, b))];
+      const x = range(plot.across, x0, x1, plot.wide), y = range(plot.up, y0, y1, plot.high);
+      if (time) { show(x); return; }
+      entry.zoom[same ? 0 : entry.drawing.plots.indexOf(plot)] = { x, y: event.shiftKey ? y : [Math.min(...y), Math.max(...y)] };
+      if (stacked) entry.zoom.x = x;
+      draw(host);
+    });
+    svg.addEventListener("dblclick", () => {
+      entry.zoom = {};
+      if (time) show(null);
+      else draw(host);
+    });
   }
 
   // Off the screen, charts are drawn one by one while nothing else is to do: they must be there to be
@@ -244,7 +236,8 @@
   function drawRest() {
     const next = [...hosts].find(([, entry]) => entry.stale);
     if (!next) { state.whole = true; return; }
-    draw(next[0]).then(() => later(drawRest));
+    draw(next[0]);
+    later(drawRest);
   }
   const later = window.requestIdleCallback || ((act) => setTimeout(act, 20));
 
@@ -254,18 +247,10 @@
     if (host) document.documentElement.style.setProperty("--fit", String(Math.min(1, PAPER / host.clientWidth)));
   }
 
-  // Paper is white: charts are drawn anew where the screen is dark.
-  let theme = "";
   function beforePrint() {
     // Tables, but not the text of the robot.
     for (const details of document.querySelectorAll("details:not(:has(pre))")) details.open = true;
-    theme = document.documentElement.dataset.theme || "";
-    const restyled = isDark();
-    document.documentElement.dataset.theme = "light";
-    for (const [host, entry] of hosts) if (entry.stale || restyled) draw(host);
-  }
-  function afterPrint() {
-    setTheme(theme);
+    for (const [host, entry] of hosts) if (entry.stale) draw(host);
   }
 
   const system = matchMedia("(prefers-color-scheme: dark)");
@@ -274,16 +259,6 @@
     if (name) document.documentElement.dataset.theme = name;
     else delete document.documentElement.dataset.theme;
     document.getElementById("theme").textContent = isDark() ? "light" : "dark";
-    for (const entry of hosts.values()) entry.stale = true;
-    refresh();
-    later(drawRest);
-  }
-
-  function zoomed(event) {
-    const range = event["xaxis.range"] || (event["xaxis.range[0]"] !== undefined &&
-      [event["xaxis.range[0]"], event["xaxis.range[1]"]]);
-    if (range) show(range.map(Number));
-    else if (event["xaxis.autorange"]) show(null);
   }
 
   const from = document.getElementById("from"), to = document.getElementById("to");
@@ -326,7 +301,10 @@
     }, { rootMargin: "400px" });
     for (const chart of page.charts) {
       const host = document.getElementById("chart-" + chart.id);
-      hosts.set(host, { chart, visible: false, stale: true });
+      const drawing = new Chart({ "aria-hidden": "true" });
+      host.append(drawing.key, drawing.svg, drawing.tip);
+      hosts.set(host, { chart, drawing, visible: false, stale: true, zoom: {}, hidden: new Set() });
+      zooming(host);
       watch.observe(host);
     }
     document.getElementById("zoom").addEventListener("submit", (event) => event.preventDefault());
@@ -356,7 +334,6 @@
       refresh();
     });
     window.addEventListener("beforeprint", beforePrint);
-    window.addEventListener("afterprint", afterPrint);
     later(drawRest);
     state.ready = true;
   }
