@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_a, requir
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import convert, handy
 from jointplay.simulation.analysis.uncertainty import (
+    IntervalEstimate,
     SobolIndices,
     convergence,
     enough,
@@ -34,24 +37,36 @@ SHOWN = (
 """Measures of the table, with the units and factors of their columns."""
 
 
+def points(dataset: xr.Dataset, rows: int, cell: Callable[[IntervalEstimate], Any]) -> Table:
+    """The first points of the grid, with means over repeats and samples as `cell` has them."""
+    dims, over = grid(dataset)
+    columns = columns_of(dataset)
+    head = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
+    values = [
+        factor * measured(dataset, name).transpose(*dims, *over).values
+        for name, _, factor in columns
+    ]
+    lines = []
+    for index in islice(np.ndindex(*(dataset.sizes[d] for d in dims)), rows):
+        where = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
+        lines.append([*where, *(cell(estimate(np.ravel(one[index]))) for one in values)])
+    return Table.of([(one, "") for one in head], lines)
+
+
+def grid(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
+    """Dimensions of the grid, and those that are averaged over."""
+    dims, repeated = list(dataset.attrs["sizes"]), (SAMPLE, REPEAT)
+    return [d for d in dims if d not in repeated], [d for d in dims if d in repeated]
+
+
 def table(dataset: xr.Dataset, rows: int = 20) -> str:
     """Means over repeats and samples at each point of the grid, and what failed, in lines."""
     state = dataset["state"].values
-    dims = [d for d in dataset.attrs["sizes"] if d not in (SAMPLE, REPEAT)]
-    over = [d for d in dataset.attrs["sizes"] if d in (SAMPLE, REPEAT)]
-    columns = columns_of(dataset)
-    header = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
-    values = [dataset[name].mean(over).values * factor for name, _, factor in columns]
-    lines = []
-    shape = tuple(dataset.sizes[d] for d in dims)
-    count = int(np.prod(shape)) if shape else 1
-    for index in list(np.ndindex(*shape))[:rows]:
-        where = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
-        lines.append([*where, *(_text(float(v[index])) for v in values)])
-    text = str(Table.of_texts([header, *lines]))
+    dims, over = grid(dataset)
+    count = math.prod(dataset.sizes[d] for d in dims)
+    text = str(points(dataset, rows, lambda one: _text(one.value)))
     if over and count:
-        runs = int(np.prod([dataset.sizes[d] for d in over]))
-        text += f"\nmeans over {runs} runs of each point"
+        text += f"\nmeans over {math.prod(dataset.sizes[d] for d in over)} runs of each point"
     if count > rows:
         text += f"\n{count - rows} more points in the store"
     failed = np.argwhere(state == FAILED)

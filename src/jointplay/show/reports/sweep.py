@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,11 +23,19 @@ from jointplay.show.plots.style import style
 from jointplay.show.reports import html
 from jointplay.show.reports.cases import Say
 from jointplay.show.reports.html import Cell, Html, by_case, joined, markup, paragraph, table
-from jointplay.simulation.analysis.uncertainty import estimate
+from jointplay.simulation.analysis.uncertainty import IntervalEstimate
 from jointplay.study import open_sweep
 from jointplay.study.journal import DONE, FAILED
-from jointplay.study.plan import REPEAT, SAMPLE
-from jointplay.study.table import columns_of, coordinate_text, label, measured, scale, uncertainty
+from jointplay.study.plan import SAMPLE
+from jointplay.study.table import (
+    columns_of,
+    coordinate_text,
+    grid,
+    label,
+    points,
+    scale,
+    uncertainty,
+)
 
 MOST_ROWS = 400  # points of the grid, and failed cases, that the tables show
 
@@ -95,36 +104,16 @@ def _glance(dataset: xr.Dataset) -> Html:
     return by_case("", [Html("")], [figures])
 
 
-def _over(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
-    """Dimensions of the grid, and those that are averaged over."""
-    dims, repeated = list(dataset.attrs["sizes"]), (SAMPLE, REPEAT)
-    return [d for d in dims if d not in repeated], [d for d in dims if d in repeated]
-
-
 def _cases(dataset: xr.Dataset) -> Html:
     """Means with half the width of their confidence intervals, at each point of the grid."""
-    dims, over = _over(dataset)
-    columns = columns_of(dataset)
-    head = [label(dataset, d) for d in dims]
-    head += [f"{name.replace('_', ' ')}{f' [{unit}]' if unit else ''}" for name, unit, _ in columns]
-    tables = {
-        name: factor * measured(dataset, name).transpose(*dims, *over).values
-        for name, _, factor in columns
-    }
-    shape = tuple(dataset.sizes[d] for d in dims)
-    rows: list[list[Cell]] = []
-    for index in list(np.ndindex(*shape))[:MOST_ROWS]:
-        row: list[Cell] = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
-        for name, _, _ in columns:
-            mean = estimate(np.atleast_1d(tables[name][index]).ravel())
-            row.append(_with_error(mean.value, mean.low, mean.high) if over else mean.value)
-        rows.append(row)
+    dims, over = grid(dataset)
+    made = points(dataset, MOST_ROWS, _with_error if over else lambda one: one.value)
     caption = ""
     if over:
-        runs = int(np.prod([dataset.sizes[d] for d in over]))
+        runs = math.prod(dataset.sizes[d] for d in over)
         caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
-    left = int(np.prod(shape)) - len(rows) if shape else 0
-    return _table(head, rows, len(dims), caption) + _more(left, "points ")
+    left = math.prod(dataset.sizes[d] for d in dims) - MOST_ROWS
+    return table(made, caption, left=len(dims)) + _more(left, "points ")
 
 
 def _table(
@@ -137,17 +126,16 @@ def _more(left: int, what: str = "") -> Html:
     return paragraph(f"{left} more {what}are in the store.") if left > 0 else Html("")
 
 
-def _with_error(value: float, low: float, high: float) -> Cell:
-    if not np.isfinite(value):
+def _with_error(one: IntervalEstimate) -> Cell:
+    if not math.isfinite(one.value):
         return None
-    if not (np.isfinite(low) and np.isfinite(high)):
-        return f"{value:.4g}"
-    return f"{value:.4g}\u00a0±\u00a0{0.5 * (high - low):.2g}"
+    half = 0.5 * (one.high - one.low)
+    return f"{one.value:.4g}\u00a0±\u00a0{half:.2g}" if math.isfinite(half) else f"{one.value:.4g}"
 
 
 def _varied(dataset: xr.Dataset) -> list[str]:
     """Dimensions of the grid with more than one value, the longest first."""
-    dims = [d for d in _over(dataset)[0] if dataset.sizes[d] > 1]
+    dims = [d for d in grid(dataset)[0] if dataset.sizes[d] > 1]
     return sorted(dims, key=lambda d: -dataset.sizes[d])
 
 
@@ -175,7 +163,7 @@ def _maps(dataset: xr.Dataset) -> Iterator[Drawn]:
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
-    if not _over(dataset)[1] or _varied(dataset):  # a grid besides: the convergence of which point?
+    if not grid(dataset)[1] or _varied(dataset):  # a grid besides: the convergence of which point?
         return
     for name, words in _known(dataset).items():
         for x in dataset.attrs["sampled"]:
