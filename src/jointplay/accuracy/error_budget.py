@@ -65,17 +65,13 @@ class Budget:
     """Joints of loops that stand; None: the first that determine the others."""
     relative_to: str | None
     """Body from which the tool is seen; None: the world."""
+    positions: np.ndarray
+    """Of the ideal tool, shape (n, 3)."""
     farthest: Farthest
 
     @property
     def tool(self) -> str:
         return self.mechanism.tool
-
-    @cached_property
-    def positions(self) -> np.ndarray:
-        """Of the ideal tool, shape (n, 3)."""
-        poses = (tool_place(self.mechanism, row, self.relative_to) for row in self.q)
-        return np.array([one.translation for one in poses])
 
     @property
     def worst(self) -> np.ndarray:
@@ -566,7 +562,8 @@ def budget(
             mechanism, q, push, named(causes), known, kind, remaining or {}, driven, relative_to
         )
         own = told_apart(model, kind)
-        return ErrorBudget(mechanism, q, model, push, driven, relative_to, model.farthest(), *own)
+        seen = driven, relative_to, _positions(mechanism, q, relative_to)
+        return ErrorBudget(mechanism, q, model, push, *seen, model.farthest(), *own)
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:
@@ -597,8 +594,13 @@ def budget(
         more = _second_order(model, relative_to is None or _carries(mechanism, relative_to))
     push = force_on_tool(force)
     rest = RestPositions(mechanism, q, model, push, driven, friction, drive, more, relative_to)
-    seen = driven, relative_to
+    seen = driven, relative_to, _positions(mechanism, q, relative_to)
     return PlayBudget(mechanism, q, model, push, *seen, found, rest, rms, rms_parts)
+
+
+def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:
+    """Of the tool at configurations (n, nq), (n, 3) [m]."""
+    return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:
