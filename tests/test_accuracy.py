@@ -1,58 +1,81 @@
-"""The accuracy benchmark: when it takes a case for calm, so that single runs have a true value."""
+"""The accuracy benchmark: cases it draws, what it takes for true, and what is silent."""
+
+import types
+from dataclasses import replace
 
 import numpy as np
-import pytest
 from truth import accuracy
+from truth import random_cases as cases
+
+from jointplay.physics.contact import FRICTION_LAWS, NORMAL_LAWS
+from jointplay.simulation.result.certificate import Certificate, CertifiedFigure
 
 
-@pytest.fixture
-def judged():
-    """Which figures are wild, of runs that all agree but for some changes by level or aside."""
-    case = accuracy.Case(accuracy.SCARA, 2e-4)
-
-    def make(changes):
-        runs = [*accuracy.levels(case), *accuracy.asides(case)]
-        names = [*accuracy.LEVELS, *(size for size, _ in accuracy.ASIDES)]
-        figures = {which: dict.fromkeys(accuracy.QUANTITIES, 100.0) for which in names}
-        for (which, name), value in changes.items():
-            figures[which][name] = value
-        arrays = [{n: np.array([v]) for n, v in one.items()} for one in figures.values()]
-        return accuracy.chaotic(case, dict(zip(runs, arrays, strict=True)))
-
-    return make
+def test_every_mechanism_and_law_is_drawn_about_as_often_as_any_other():
+    for which, choices in enumerate((cases.KINDS, tuple(NORMAL_LAWS), tuple(FRICTION_LAWS))):
+        drawn = [cases.in_turn(choices, 3, number, which) for number in range(200)]
+        counts = [drawn.count(name) for name in choices]
+        assert min(counts) >= 200 // len(choices)
+        assert max(counts) <= 200 // len(choices) + 1
 
 
-def test_runs_that_agree_are_calm(judged):
-    assert not any(judged({(1e-9, "peak_N"): 101.9, (-1, "loss_J"): 100.4}).values())
+def test_a_case_hangs_on_its_seed_and_number_alone():
+    several = [cases.drawn(5, number) for number in range(len(cases.KINDS))]
+    assert {case.kind for case in several} == set(cases.KINDS)
+    assert sum(bool(case.simulation.mechanism.clearance) for case in several) >= 10
+    for number in (9, 2):
+        again = cases.drawn(5, number)
+        assert again == replace(several[number], simulation=again.simulation)
+        assert again.simulation.describe() == several[number].simulation.describe()
+        other = cases.drawn(6, number).simulation.describe()
+        assert other != several[number].simulation.describe()
 
 
-@pytest.mark.parametrize("which", [-1, 0, 1, 1e-9, -1e-8, 1e-7])
-def test_any_step_and_any_start_that_disagrees_makes_a_figure_wild(judged, which):
-    wild = judged({(which, "peak_N"): 103.0})
-    assert wild == dict.fromkeys(wild, False) | {"peak_N": True}
-    assert judged({(which, "loss_J"): 99.0})["tool_rms_um"]  # of all the run, as the loss is
+def truth(draws, coarser, target=0.01):
+    return accuracy.Truth(tuple(draws), coarser, "N", target)
 
 
-def test_disagreements_that_are_each_small_add_up(judged):
-    assert judged({(-1, "peak_N"): 98.5, (1e-7, "peak_N"): 101.5})["peak_N"]
+def test_a_figure_is_calm_sensitive_or_not_converged():
+    assert truth((100.0, 100.1, 100.2, 100.0), 100.1).state == "calm"
+    assert truth((100.0, 103.0, 99.0, 100.0), 101.0).state == "sensitive"
+    assert truth((100.0, 100.1, 100.2, 100.0), 101.0).state == "open"
+    assert truth((100.0, 103.0, 99.0, 100.0), 120.0).state == "open"
 
 
-def test_stick_slip_that_a_nanometre_does_not_show_is_wild(judged):
-    """0.35 % by a start 1 nm aside, the two finest steps alike, 40 % at twice the step."""
-    assert judged({(1e-9, "peak_N"): 100.35, (-1, "peak_N"): 140.0})["peak_N"]
+def test_the_distance_from_the_truth_is_that_from_the_interval():
+    known = truth((100.0, 102.0, 101.0, 100.5), 99.0)
+    assert [known.away(value) for value in (98.5, 99.0, 101.5, 104.0)] == [0.5, 0.0, 0.0, 2.0]
 
 
-@pytest.mark.thorough
-def test_a_journal_that_sticks_and_slips_is_told_by_a_larger_start_and_a_longer_step():
-    """Brown-McPhee under load: 1 nm and half the step change nothing, 100 nm and twice it 2.7 %."""
-    case = accuracy.Case(accuracy.SCARA, 2e-4, "Brown-McPhee", True, duration=0.4)
-    coarse, fine, finest = accuracy.levels(case)
-    found = {trial: accuracy.measure(trial, None) for trial in (coarse, fine, finest)}
-    found |= {trial: accuracy.measure(trial, None) for trial in accuracy.asides(case)}
-    arrays = {trial: {k: np.array([v]) for k, v in one.items()} for trial, one in found.items()}
-    nanometre = next(trial for trial in arrays if trial.aside[0] == 1e-9)
-    limit = accuracy.TARGETS["loss_J"]
-    old_rule = [arrays[trial] for trial in (nanometre, finest, fine)]
-    assert accuracy.spread(old_rule, "loss_J") < limit
-    assert accuracy.chaotic(case, arrays)["loss_J"]
-    assert not accuracy.chaotic(case, arrays)["peak_N"]
+def test_only_what_no_error_and_no_warning_tells_of_is_silent():
+    known = truth((100.0, 100.1, 100.2, 100.0), 100.1)
+    assert known.verdict(101.0, np.nan, False) == ""
+    assert known.verdict(103.0, np.nan, False) == "silent"
+    assert known.verdict(103.0, 1.0, False) == "silent"
+    assert known.verdict(103.0, 3.0, False) == "outside"
+    assert known.verdict(103.0, np.nan, True) == "outside"
+    assert truth((100.0, 100.0, 100.0), 101.0).verdict(150.0, np.nan, False) == ""
+
+
+def test_what_a_run_states_is_that_of_its_certificate():
+    run = types.SimpleNamespace(certificate=None)
+    assert accuracy.stated_errors(run) == {}
+    run.certificate = Certificate((CertifiedFigure("impacts", 9.0, 2.0, ""),))
+    assert accuracy.stated_errors(run) == {"impacts": 2.0}
+
+
+def test_a_case_is_judged():
+    """The first 10 ms of a slider."""
+    number = next(k for k in range(99) if cases.in_turn(cases.KINDS, 1, k, 0) == "slider")
+    case = cases.drawn(1, number)
+    short = replace(case, simulation=replace(case.simulation, duration=0.01))
+    outcome = accuracy.judge(lambda: short)
+    assert not outcome.note
+    found = {row["figure"]: row for row in outcome.rows}
+    assert {accuracy.kind_of(name) for name in found} == set(accuracy.HEADLINE)
+    for row in found.values():
+        assert row["low"] <= row["finest"] <= row["high"]
+        assert row["away"] <= max(0.05 * abs(row["mean"]), 1.0)
+        assert {"certified_error", "covered", "agreed"} <= set(row)
+    lines = accuracy.table([outcome])
+    assert [entries[0] for entries in lines] == ["slider", *accuracy.HEADLINE, "all"]

@@ -10,7 +10,7 @@ import pytest
 from conftest import body, joint, tip
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from truth.arms import serial
+from robots import serial
 from truth.restitution import arm
 
 from jointplay import JointplayError, RevoluteClearance, identify, shipped

@@ -21,9 +21,9 @@ LOOSE = (0, 1, 2, 3, 4)
 CASES = (10, 100, 1000, 10_000, 100_000)
 
 
-def arm(joints, loose, folder):
+def arm(joints, loose):
     """An arm of so many links, drifting freely, the last `loose` joints with clearance."""
-    robot = arm_of(joints, range(joints - loose, joints), folder)
+    robot = arm_of(joints, range(joints - loose, joints))
     speeds = {name: (None, 0.5 / joints) for name in robot.joints}
     return jp.Simulation(robot, drive={}, state=speeds, duration=0.2, record_every=100)
 
@@ -50,8 +50,8 @@ def main():
     data = []
     with temporary("growth") as folder:
         steps = [cost(Case().simulation(duration=one)) for one in DURATIONS]
-        joints = [cost(arm(n, 1, folder)) / 20_000 for n in JOINTS]
-        loose = [cost(arm(5, n, folder)) / 20_000 for n in LOOSE]
+        joints = [cost(arm(n, 1)) / 20_000 for n in JOINTS]
+        loose = [cost(arm(5, n)) / 20_000 for n in LOOSE]
         (bare, case), outcome = pairs(SHORT_S, 40 if args.quick else 200)
         kept, _ = bookkeeping(outcome, 2000, Path(folder))
     driver = kept + messages(100)

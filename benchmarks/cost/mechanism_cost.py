@@ -18,15 +18,14 @@ go by the step of 2 µs that their stiff contacts need.
 import sys
 import time
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, new_figure
 from cost.step_cost import CHUNK, inertia, seconds_per_call
+from robots import body, joint, urdf
 
 import jointplay as jp
-from jointplay.base.files import temporary
 from jointplay.base.progress import ProgressBar
 from jointplay.model.survey import survey
 
@@ -43,28 +42,23 @@ def scara(*joints):
     return robot, jp.Motion.from_csv(jp.shipped("scara_motion.csv")), {}
 
 
-LINK = """<link name="l{i}"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>
-<inertia ixx="0.002" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-JOINT = """<joint name="j{i}" type="continuous"><parent link="{parent}"/><child link="l{i}"/>
-<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/></joint>"""
 JOINTS = 5
 
 
-def arm_of(number, loose, folder):
+def arm_of(number, loose):
     """An arm of so many links, these of its joints with clearance."""
-    parts = [
-        LINK.format(i=i) + JOINT.format(i=i, parent=f"l{i - 1}" if i else "base", x=0.2 if i else 0)
-        for i in range(number)
-    ]
-    path = Path(folder) / "arm.urdf"
-    path.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
+    parts = []
+    for i in range(number):
+        at = f"{0.2 if i else 0} 0 0"
+        parts.append(body(f"l{i}", 2.0, "0.1 0 0", (0.002, 0.01, 0.01)))
+        parts.append(joint(f"j{i}", f"l{i - 1}" if i else "base", f"l{i}", "continuous", at=at))
     clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in loose}
-    return jp.Mechanism(path, clearance, gravity=(0, 0, 0))
+    return jp.Mechanism(urdf(*parts), clearance, gravity=(0, 0, 0))
 
 
-def arm(worn, folder):
+def arm(worn):
     """An arm of `JOINTS` links swinging slowly, the first `worn` joints but one with clearance."""
-    robot = arm_of(JOINTS, range(1, worn + 1), folder)
+    robot = arm_of(JOINTS, range(1, worn + 1))
     still, swung = np.zeros(JOINTS), np.full(JOINTS, 0.3)
     motion = jp.Motion(robot.joints, [0, 0.5, 1.0], [still, swung, still])
     return robot, motion, {}
@@ -151,7 +145,7 @@ def talos():
     )
 
 
-def mechanisms(folder):
+def mechanisms():
     """Every mechanism by name."""
     planar = jp.RevoluteClearance.planar(radial_clearance=0.5e-3)
     spatial = jp.RevoluteClearance(radial_clearance=0.5e-3, axial_clearance=0.5e-3)
@@ -159,7 +153,7 @@ def mechanisms(folder):
         "SCARA, ideal": scara(),
         "SCARA, B": scara("joint_b"),
         "SCARA, A and B": scara("joint_a", "joint_b"),
-        **{f"arm, {worn} with clearance": arm(worn, folder) for worn in range(JOINTS)},
+        **{f"arm, {worn} with clearance": arm(worn) for worn in range(JOINTS)},
         **{
             f"slider-crank, {name}{text}": slider_crank(joint, step)
             for step, text in ((1e-5, ""), (SHIPPED_STEP, ", 1 µs"))
@@ -230,11 +224,10 @@ def main():
     args = benchmark.parse()
     pieces = 100 if args.quick else 600
     found = {}
-    with temporary("mechanism-cost") as folder:
-        setups = mechanisms(folder)
-        with ProgressBar(total=len(setups) * pieces, unit="piece") as bar:
-            for name, setup in setups.items():
-                measure(setup, pieces, found.setdefault(name, {}), bar)
+    setups = mechanisms()
+    with ProgressBar(total=len(setups) * pieces, unit="piece") as bar:
+        for name, setup in setups.items():
+            measure(setup, pieces, found.setdefault(name, {}), bar)
     middle = {
         name: {part: 1e6 * float(np.median(values)) for part, values in parts.items()}
         for name, parts in found.items()

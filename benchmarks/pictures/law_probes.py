@@ -5,15 +5,13 @@ law; films are evaluated directly, by the compiled function that the time loop c
 """
 
 import ctypes
-import functools
 import math
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from robots import body, joint, urdf
 
 import jointplay as jp
-from jointplay.base.files import temporary
 from jointplay.model.impact import impact_duration
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
 from jointplay.physics.contact.compiled import MAX_PARAMETERS, compiled_law
@@ -47,11 +45,6 @@ FILM = {
 }
 """Bearings with a slenderness that each film is made for."""
 
-_LINK = """<link name="{name}"><inertial><mass value="{mass}"/>
-<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-_JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
-<axis xyz="{axis}"/><limit lower="-9" upper="9" effort="1e6" velocity="1e3"/></joint>"""
-
 
 def build(family, name, mass=MASS, **parameters):
     """The law as its card has it; `mass` [kg] is that of Anagnostopoulos."""
@@ -59,18 +52,6 @@ def build(family, name, mass=MASS, **parameters):
     if name == "anagnostopoulos":
         fields = {"mass": float(f"{mass:.3g}")} | fields
     return REGISTRIES[family][name](**fields)
-
-
-def _robot(*elements):
-    # Deleted by the interpreter's end: the mechanism has read it by then.
-    path = Path(_folder().name) / f"{abs(hash(elements))}.urdf"
-    path.write_text(f'<robot name="probe"><link name="base"/>{"".join(elements)}</robot>')
-    return path
-
-
-@functools.cache
-def _folder():
-    return temporary("law-probes")
 
 
 class Impact(NamedTuple):
@@ -93,13 +74,10 @@ def impact(law, restitution, speed):
     contact = bearing.radial_contact
     whole = impact_duration(law, law.parameters(contact), MASS, speed)
     step = whole / STEPS_OF_AN_IMPACT
-    path = _robot(
-        _LINK.format(name="body", mass=MASS),
-        _JOINT.format(name="pin", kind="continuous", parent="base", child="body", axis="0 0 1"),
-    )
+    robot = urdf(body("body", MASS), joint("pin", "base", "body", "continuous"))
     run = jp.Run(
         jp.Simulation(
-            jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0)),
+            jp.Mechanism(robot, {"pin": bearing}, gravity=(0, 0, 0)),
             drive=jp.loads.Free(),
             joint_friction={},
             step=step,
@@ -125,21 +103,17 @@ def sliding(law, cycles=1.5):
     Returns:
         speed [m/s] and friction over normal force [-], shape (n,), of the last whole cycle.
     """
-    path = _robot(
-        _LINK.format(name="carriage", mass=1.0),
-        _JOINT.format(
-            name="along", kind="prismatic", parent="base", child="carriage", axis="0 0 1"
-        ),
-        _LINK.format(name="block", mass=BLOCK),
-        _JOINT.format(
-            name="press", kind="prismatic", parent="carriage", child="block", axis="1 0 0"
-        ),
+    robot = urdf(
+        body("carriage", 1.0),
+        joint("along", "base", "carriage", "prismatic"),
+        body("block", BLOCK),
+        joint("press", "carriage", "block", "prismatic", "1 0 0"),
     )
     guide = jp.PrismaticClearance(
         clearance=1e-5, planar=True, lock_tilt=True, restitution=0.5, friction=law
     )
     mechanism = jp.Mechanism(
-        path, {"guide": guide}, loops={"guide": jp.Loop("base", "block")}, gravity=(-9.81, 0, 0)
+        robot, {"guide": guide}, loops={"guide": jp.Loop("base", "block")}, gravity=(-9.81, 0, 0)
     )
     turn = 2 * np.pi * FREQUENCY
     times = np.linspace(0.0, cycles / FREQUENCY, round(80 * cycles) + 1)

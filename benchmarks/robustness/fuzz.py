@@ -12,34 +12,32 @@ import contextlib
 import faulthandler
 import importlib
 import json
+import multiprocessing
 import os
 import pkgutil
-import queue
 import resource
 import select
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from common import ROOT
 
+import jointplay as jp
 from jointplay.base.files import temporary
+from jointplay.base.processes import Pool, end_with_parent
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
 
 TESTS = ROOT / "tests"
 LIMIT_S = 120.0
 """A case that takes longer hangs."""
-START_S = 900.0
-"""Longest time for a worker to begin; with nothing compiled it takes a minute."""
 MEMORY = 6 << 30
 """What a case may have beyond what its process begins with [bytes]."""
 FILES = 2 << 30
@@ -47,19 +45,6 @@ FILES = 2 << 30
 QUICK = 20
 """Cases of a quick run, in which every kind comes."""
 FAILURES = ("traceback", "hang", "crash", "silent")
-
-
-def work() -> None:
-    """Judge the seeds that standard input names, one a line; answer with a line of JSON."""
-    sys.path[:0] = [str(TESTS / "fuzz"), str(TESTS)]
-    say = os.fdopen(os.dup(1), "w", buffering=1)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    with temporary("fuzz") as made:
-        warm(Path(made) / "materials")
-        say.write("ready\n")
-        for line in sys.stdin:
-            seed, _, kept = line.rstrip("\n").partition("\t")
-            say.write(json.dumps(judge(int(seed), kept, Path(made))) + "\n")
 
 
 def warm(folder: Path) -> None:
@@ -72,7 +57,6 @@ def warm(folder: Path) -> None:
     import matplotlib as mpl
     import twins
 
-    import jointplay
     from jointplay.base import units
 
     mpl.use("Agg")
@@ -82,7 +66,7 @@ def warm(folder: Path) -> None:
     if os.waitpid(pid, 0)[1]:
         sys.exit("fuzz: cannot make what cases are made of")
     materials.use(folder)
-    for module in pkgutil.walk_packages(jointplay.__path__, "jointplay."):
+    for module in pkgutil.walk_packages(jp.__path__, "jointplay."):
         importlib.import_module(module.name)  # with what each needs: no case waits for it again
     for name in ("dask.array", "distributed", "h5netcdf"):
         importlib.import_module(name)
@@ -155,7 +139,14 @@ def judge(seed: int, kept: str, place: Path | None = None) -> dict[str, Any]:
 def _judge_here(seed: int, folder: Path, said: int, errors: int) -> None:
     """In the copy: judge, say it, end."""
     os.setsid()
-    os.dup2(errors, 2)
+    end_with_parent(signal.SIGKILL)
+    multiprocessing.current_process().daemon = False  # the case may have processes of its own
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for stream, target in ((nothing, 0), (nothing, 1), (errors, 2)):
+        os.dup2(stream, target)
     faulthandler.enable()
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     for limit, most in (
@@ -215,101 +206,9 @@ def _copy(folder: Path, to: Path) -> None:
     shutil.copytree(folder, to, symlinks=True, ignore=odd)
 
 
-class Worker:
-    """A process whose copies judge cases, and what it says."""
-
-    def __init__(self) -> None:
-        threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")}
-        self.process = subprocess.Popen(
-            [sys.executable, ROOT / "benchmarks", "fuzz", "--work"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            env={**os.environ, **threads}, start_new_session=True,
-        )  # fmt: skip
-        self.lines: queue.Queue[str] = queue.Queue()
-        threading.Thread(target=self._read, daemon=True).start()
-        if self.answer(START_S) != "ready":
-            self.end()
-            raise SystemExit("fuzz: a worker does not begin")
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.put(line.rstrip("\n"))
-        self.lines.put("")
-
-    def answer(self, limit: float) -> str:
-        """The next line; empty if the process has ended, or there is none in time."""
-        try:
-            return self.lines.get(timeout=limit)
-        except queue.Empty:
-            return ""
-
-    def ask(self, seed: int, kept: Path) -> dict[str, Any]:
-        """What became of the case."""
-        assert self.process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
-            self.process.stdin.write(f"{seed}\t{kept}\n")
-            self.process.stdin.flush()
-        said = self.answer(3.0 * LIMIT_S)
-        if said:
-            return dict(json.loads(said))
-        return {"kind": "lost", "arguments": [], "seconds": 0.0, "outcome": "crash: of the worker"}
-
-    def end(self) -> None:
-        """End the process."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
-
-
-class Tally:
-    """What has been found so far, and what is said of it."""
-
-    def __init__(self, seeds: Sequence[int], kept: Path) -> None:
-        self.cases, self.kept = len(seeds), kept
-        self.failed: Counter[str] = Counter()
-        self.kinds: dict[str, list[float]] = {}
-        self.open = set(seeds)
-        self.lock = threading.Lock()
-        self.bar = ProgressBar(total=len(seeds), unit="cases")
-
-    def add(self, seed: int, found: dict[str, Any]) -> None:
-        """Count a case; say if it failed."""
-        with self.lock:
-            self.open.discard(seed)
-            row = self.kinds.setdefault(found["kind"], [0, 0, 0, 0.0])
-            row[0] += 1
-            row[1] += bool(found.get("refused"))
-            row[3] += found["seconds"]
-            if found["outcome"]:
-                failure = found["outcome"].split(maxsplit=1)[0].rstrip(":")
-                self.failed[failure] += 1
-                row[2] += 1
-                again = f"python benchmarks fuzz --first {seed} --cases 1"
-                self.bar.clear()
-                print(f"{seed} ({found['kind']}) {found['outcome']}")
-                print(f"    {again}   # {found['arguments']}", flush=True)
-            self.bar.postfix = f"{sum(self.failed.values())} failed"
-            self.bar.update()
-
-    def end(self) -> int:
-        """Say what was found; returns the exit status."""
-        self.bar.close()
-        done = self.cases - len(self.open)
-        rows = [
-            (kind, str(cases), str(refused), str(failed), f"{seconds / cases:.2f}")
-            for kind, (cases, refused, failed, seconds) in sorted(self.kinds.items())
-        ]
-        print(Table.of_texts([("kind", "cases", "refused", "failed", "s/case"), *rows]))
-        if self.failed:
-            print(f"files of what failed: {self.kept}")
-        if self.open:
-            begin = min(self.open)
-            left = max(self.open) + 1 - begin
-            print(f"interrupted; go on with --first {begin} --cases {left}")
-        counts = " ".join(f"{name} {self.failed[name]}" for name in FAILURES)
-        print(f"cases {done} {counts}")
-        return int(bool(self.failed) or bool(self.open))
+def lost(seed: int) -> dict[str, Any]:
+    """Of a case with which its worker ended."""
+    return {"kind": "lost", "arguments": [], "seconds": 0.0, "outcome": f"crash: worker of {seed}"}
 
 
 def main() -> int:
@@ -324,51 +223,50 @@ def main() -> int:
         help="where the files of cases that fail are kept (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="one case of each kind, and some more")
-    parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.work:
-        work()
-        return 0
     for number in (signal.SIGINT, signal.SIGTERM):  # also where the shell had them ignored
         signal.signal(number, signal.default_int_handler)
     if options.quick:
         options.cases, options.first = QUICK, 0
-    chosen: Sequence[int] = range(options.first, options.first + options.cases)
-    if options.kind:
-        sys.path[:0] = [str(TESTS / "fuzz"), str(TESTS)]
-        from generators import ORDER
+    sys.path[:0] = [str(TESTS / "fuzz"), str(TESTS)]
+    from generators import ORDER
 
-        chosen = [seed for seed in chosen if ORDER[seed % len(ORDER)] in options.kind]
-    seeds: queue.Queue[int] = queue.Queue()
-    for seed in chosen:
-        seeds.put(seed)
+    chosen = range(options.first, options.first + options.cases)
+    cases = {k: k for k in chosen if not options.kind or ORDER[k % len(ORDER)] in options.kind}
+    failed: Counter[str] = Counter()
+    kinds: dict[str, list[float]] = {}
     kept = options.kept.resolve()
-    tally, stop = Tally(chosen, kept), threading.Event()
-
-    def judge_some() -> None:
-        worker = Worker()
-        while not stop.is_set():
-            try:
-                seed = seeds.get_nowait()
-            except queue.Empty:
-                break
-            found = worker.ask(seed, kept)
-            if stop.is_set():
-                break
-            tally.add(seed, found)
-            if found["kind"] == "lost":
-                worker.end()
-                worker = Worker()
-        worker.end()
-
-    threads = [threading.Thread(target=judge_some) for _ in range(options.jobs)]
-    for thread in threads:
-        thread.start()
-    try:
-        for thread in threads:
-            thread.join()
-    except KeyboardInterrupt:
-        stop.set()
-        for thread in threads:
-            thread.join()
-    return tally.end()
+    with contextlib.ExitStack() as stack:
+        place = Path(stack.enter_context(temporary("fuzz")))
+        warm(place / "materials")
+        judged = partial(judge, kept=str(kept), place=place)
+        pool = stack.enter_context(contextlib.closing(Pool(judged, options.jobs, lost=lost)))
+        bar = stack.enter_context(ProgressBar(total=len(cases), unit="cases"))
+        stack.enter_context(contextlib.suppress(KeyboardInterrupt))
+        for seed, found in jp.Study(dict(cases), judged).outcomes(progress=bar, workers=pool):
+            del cases[seed]
+            row = kinds.setdefault(found["kind"], [0, 0, 0, 0.0])
+            row[0] += 1
+            row[1] += bool(found.get("refused"))
+            row[2] += bool(found["outcome"])
+            row[3] += found["seconds"]
+            if found["outcome"]:
+                failed[found["outcome"].split(maxsplit=1)[0].rstrip(":")] += 1
+                bar.clear()
+                print(f"{seed} ({found['kind']}) {found['outcome']}")
+                again = f"python benchmarks fuzz --first {seed} --cases 1"
+                print(f"    {again}   # {found['arguments']}", flush=True)
+            bar.postfix = f"{failed.total()} failed"
+    rows = [
+        (kind, str(number), str(refused), str(wrong), f"{seconds / number:.2f}")
+        for kind, (number, refused, wrong, seconds) in sorted(kinds.items())
+    ]
+    print(Table.of_texts([("kind", "cases", "refused", "failed", "s/case"), *rows]))
+    if failed:
+        print(f"files of what failed: {kept}")
+    if cases:
+        begin = min(cases)
+        print(f"interrupted; go on with --first {begin} --cases {max(cases) + 1 - begin}")
+    counts = " ".join(f"{name} {failed[name]}" for name in FAILURES)
+    print(f"cases {sum(row[0] for row in kinds.values())} {counts}")
+    return int(bool(failed) or bool(cases))

@@ -1,56 +1,75 @@
-"""How far a run at default settings is from a converged one.
+"""How far a run at default settings is from a converged one, and which errors no run tells of.
 
-SCARA, balanced and loaded, four friction laws; slider-crank and four-bar of the shipped scenarios,
-with the steps that these state; UR5 with a loose elbow. Peak joint force in the first half and
-over the run, peak and RMS tool error, dissipated energy.
+Without options: the SCARA's first motions with four friction laws, balanced and loaded; slider-
+crank and four-bar of the shipped scenarios; a UR5 with a loose elbow. `--random N` draws cases
+afresh instead (`random_cases.py`); the same seed draws the same ones, however many. `--only NUMBER`
+shows one case with all its figures.
 
-Converged are runs with far smaller micro and macro steps. A reference of the same method alone
-proves nothing: beginnings of some motions are compared with rk4 as well. A quantity counts as calm
-if runs at three step sizes and from three starts 1, 10 and 100 nm aside, each in another direction,
-all agree within its target. One small displacement proves nothing either: stick-slip hangs on
-switches that a nanometre need not reach. Where they do not agree, means over runs with displaced
-journals are compared, run by run, with the 95 % confidence of the mean difference.
+Each runs as a user would run it, or with `--tolerance`, and is compared with converged runs: small
+steps, from the same start and from starts 1, 10 and 100 nm aside, and one with twice that step. The
+truth of a figure is the interval of these. Steps are halved until the step moves no figure by more
+than a quarter of its target, or by no more than the starts do; a figure for which that does not
+succeed is not judged. `--rk4` takes another method for them, whose first step is as long: a
+reference of the same method alone proves little. `--methods` has the runs themselves by all
+integrators in turn (semi-implicit Euler, with a tolerance, rk4).
 
-The last line counts the errors of single runs in full, and those mean differences that exceed their
-confidence; one in twenty of these does so by chance.
+A figure is outside if it is further from the interval than its target: 2 % of peak forces, 0.5 % of
+all else. It is silent if the run said nothing: no error that covers it, and no warning of the audit
+that the run was integrated badly. The number of impacts is judged in certificates only. A
+certificate is judged if the runs of different step agree to a tenth of a per cent or to the stated
+error, and covers a figure that is no further from the interval than that.
+
+The last line counts cases, silent figures, and the share of figures that certificates cover; the
+one before has the largest errors.
 """
 
-import functools
 import time
 import warnings
-from dataclasses import dataclass, field, fields, replace
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 
 import numpy as np
-from common import JOINT, Benchmark, ensembles, motion
-from scipy.stats import t as student
+from common import JOINT, Benchmark, motion
+from truth.random_cases import KINDS, Among, Case, Vector, drawn
 
 import jointplay as jp
-from jointplay.model.robots import robot_urdf
+from jointplay import analysis
+from jointplay.base.processes import cores
+from jointplay.physics.contact import FRICTION_LAWS
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.simulation.analysis.certification import certify, figures
+from jointplay.simulation.result.audit import Audit
+from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 
-QUANTITIES = {
-    "half_N": "peak joint force, first half [N]",
-    "peak_N": "peak joint force [N]",
-    "tool_peak_um": "tool error, peak [µm]",
-    "tool_rms_um": "tool error, RMS [µm]",
-    "loss_J": "dissipated [J]",
-}
-TARGETS = {name: 0.02 if name.endswith("_N") else 0.005 for name in QUANTITIES}
-ASIDES = ((1e-9, 0), (-1e-8, 1), (1e-7, 2))
-"""Displacements of a journal by which chaos is told [m], and their directions."""
+TARGETS = {name: 0.02 if name == "peak joint force" else 0.005 for name in HEADLINE}
+"""Largest error that a run may have without saying so, relative."""
+FLOORS = {"N": 1e-3, "m": 1e-8, "rad": 1e-8, "J": 1e-7, "": 0.0}
+"""Errors that nobody asks about, by unit."""
+CALM = 0.25
+"""A figure is calm if converged draws agree within this part of its target."""
+OPEN = 1.5
+"""If the step moves a figure by more than so many times what starts aside do, it is too long."""
+AGREE = 1e-3
+"""Relative difference up to which draws of different step agree, for certificates."""
 
-SCARA, CRANK, BAR, UR5 = "SCARA", "slider-crank", "four-bar", "UR5, elbow"
-SCENARIOS = {CRANK: "slider_crank", BAR: "four_bar"}
-ROCKER = 0.12
-"""Length of the four-bar's rocker, whose end is its tool [m]."""
-INTERVAL = {SCARA: 1e-4, CRANK: 1e-5, BAR: 1e-4, UR5: 1e-4}
-"""Interval of records [s]."""
-FRICTION = {
-    "Ambrosio": jp.contact.Ambrosio,
-    "Coulomb": jp.contact.Coulomb,
-    "Brown-McPhee": jp.contact.BrownMcPhee,
-    "LuGre": jp.contact.LuGre,
-}
-UR5_BEARING = {"bearing_radius": 30e-3, "bearing_length": 60e-3}
+STEP = 1e-6
+"""Step of the first converged runs [s]; at most a quarter of the run's own."""
+MACRO = 20
+"""Steps in a macro step of converged runs."""
+HALVINGS = 3
+"""How often the step is halved at most."""
+ASIDES = ((0.8e-9, 0.5e-9, -0.3e-9), (-5e-9, 8e-9, 3e-9), (3e-8, -8e-8, 5e-8))
+"""Journals at the start of the other converged runs [m]; 1, 10 and 100 nm aside."""
+METHODS = ({}, {"integrator": "semi-implicit-euler"}, {"tolerance": 1e-3}, {"integrator": "rk4"})
+
+SCARA_S = 0.4
+"""How much of the SCARA's cycle is run."""
+FRICTION = ("ambrosio", "coulomb", "brown-mcphee", "lugre")
+LINKAGES = {"slider-crank": ("0.1 mm", "0.2 mm", "0.5 mm"), "four-bar": ("0.05 mm", "0.2 mm")}
+"""Cases of the shipped scenarios, with the steps that these state."""
 UR5_WAYPOINTS = (
     (0.0, -1.4, 1.2, -0.6, -1.57, 0.0),
     (0.8, -0.7, 0.6, -1.2, -1.0, 0.5),
@@ -59,344 +78,435 @@ UR5_WAYPOINTS = (
 """At rest at 0, 1 and 2 s; the elbow turns back at the second [rad]."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How to integrate; what is None is left as it is."""
-
-    step: float | None = None
-    macro_step: float | None = None
-    tolerance: float | None = None
-    integrator: str | None = None
-
-    def apply(self, simulation: jp.Simulation, interval: float) -> jp.Simulation:
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        simulation = replace(simulation, **{k: v for k, v in given.items() if v is not None})
-        return replace(simulation, record_every=round(interval / simulation.step))
-
-
-SHIPPED = Settings()
-DEFAULT = Settings(step=jp.Simulation.step, integrator=jp.Simulation.integrator)
-FINE = {SCARA: (1e-6, 2e-5), CRANK: (5e-7, 1e-5), BAR: (1e-6, 2e-5), UR5: (1e-6, 2e-5)}
-"""Micro and macro step of level 0 [s]; -1 doubles both, 1, the finest, halves them."""
-LEVELS = (-1, 0, 1)
-RK4_STEP = {SCARA: 5e-7, CRANK: 2.5e-7, BAR: 1e-6, UR5: 1e-6}
-"""Step of rk4 [s]: with 1e-6, Brown and McPhee's steep rise still throws it off by 4 %."""
-RK4_DURATION = {SCARA: 0.4, CRANK: 2.4e-3, BAR: 0.1, UR5: 0.1}
-"""How long rk4 is compared [s]: until some contacts, before chaos."""
-
-
-CROSSED = (
-    (2e-4, "Ambrosio", False),
-    (2e-4, "LuGre", False),
-    (5e-4, "Brown-McPhee", False),
-    (2e-4, "Coulomb", True),
-)
-"""SCARAs that rk4 is asked about: clearance, friction, loaded."""
-
-
-@dataclass(frozen=True)
-class Case:
-    """One mechanism; clearance in m."""
-
-    mechanism: str
-    clearance: float
-    friction: str = "Ambrosio"
-    loaded: bool = False
-    settings: Settings = DEFAULT
-    crossed: bool = False
-    """Whether it is compared with rk4."""
-    duration: float | None = None
-
-    @property
-    def label(self) -> str:
-        words = [self.mechanism, f"{1e3 * self.clearance:g} mm"]
-        if self.mechanism == SCARA:
-            words += [self.friction, "loaded" if self.loaded else "balanced"]
-        elif self.mechanism in SCENARIOS and self.settings.step is None:
-            words.append("as shipped")
-        return ", ".join(words)
-
-    def level(self, number: int) -> Settings:
-        micro, macro = (length / 2.0**number for length in FINE[self.mechanism])
-        return Settings(micro, macro, None, jp.Simulation.integrator)
-
-    def simulation(self, settings: Settings, ideal: bool = False) -> jp.Simulation:
-        play = {"radial_clearance": self.clearance, "axial_clearance": self.clearance}
-        if self.mechanism in SCENARIOS:
-            scenario = jp.Scenario.load(f"jointplay:{SCENARIOS[self.mechanism]}.toml")
-            simulation = scenario.simulation(f"{1e3 * self.clearance:g} mm")
-        elif self.mechanism == UR5:
-            elbow = jp.RevoluteClearance(**play, **UR5_BEARING)
-            arm = jp.Mechanism(robot_urdf("ur5"), {"elbow_joint": elbow}, tool="tool0")
-            way = jp.Motion(list(arm.joints), [0.0, 1.0, 2.0], UR5_WAYPOINTS)
-            simulation = jp.Simulation(arm, way)
-        else:
-            bearing = jp.RevoluteClearance(**play, friction=FRICTION[self.friction]())
-            gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
-            arm = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
-            simulation = jp.Simulation(arm, motion())
-        if ideal:
-            simulation = replace(simulation, mechanism=simulation.mechanism.ideal())
-        duration = simulation.duration if self.duration is None else self.duration
-        simulation = replace(simulation, duration=duration, start="centred")
-        return settings.apply(simulation, INTERVAL[self.mechanism])
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A case with certain settings, once or with several seeds."""
-
-    case: Case
-    settings: Settings
-    aside: tuple[float, int] = (0.0, 0)
-    """Of a journal at the start [m], and along which of its axes."""
-    ideal: bool = field(default=True)
-    """Once only: `ensembles` gives it no seeds."""
-
-
-def tool(case: Case, result: jp.Result) -> np.ndarray:
-    """Where the tool is at each record [m]."""
-    if case.mechanism != BAR:
-        return result["tool_position"].values
-    angle = result["q"].sel(coordinate="rocker_pin").values
-    return ROCKER * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-@functools.cache
-def ideal_tool(case: Case, settings: Settings) -> np.ndarray:
-    return tool(case, case.simulation(settings, ideal=True).run())
-
-
-def measure(trial: Trial, seed: int | None) -> dict[str, float]:
-    case = trial.case
-    # The reference does not depend on what only the joint with clearance has.
-    ideal = replace(case, friction="Ambrosio", clearance=2e-4, settings=DEFAULT, crossed=False)
-    run = jp.Run(replace(case.simulation(trial.settings), seed=seed))
-    names = run.mechanism.coordinates
-    ends = (".x", ".y", ".z")
-    across = [i for i, name in enumerate(names) if name.endswith(ends)] or [len(names) - 1]
-    distance, direction = trial.aside
-    run.workspace.q[across[direction % len(across)]] += distance
-    started = time.process_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
-        result = run.finish()
-    spent = time.process_time() - started
-    # Ideal loops by rk4, as `analysis.twin`: its tool is within 3e-4 µm of that with 2 µs.
-    same_way = Settings(1e-5, integrator="rk4") if case.mechanism in SCENARIOS else trial.settings
-    away = 1e6 * np.linalg.norm(tool(case, result) - ideal_tool(ideal, same_way), axis=1)
-    force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
-    half = result.time <= 0.5 * result.time[-1] + 1e-9
-    loss = result["normal_dissipation"] + result["friction_dissipation"]
-    return {
-        "half_N": float(force[half].max()),
-        "peak_N": float(force.max()),
-        "tool_peak_um": float(away.max()),
-        "tool_rms_um": float(np.sqrt(np.mean(away**2))),
-        "loss_J": float(loss[-1]),
-        "energy_residual_J": result.audit.energy_residual,
-        "cpu_s": spent,
-    }
-
-
-def all_cases(quick: bool) -> list[Case]:
-    scara = [
-        Case(SCARA, clearance, friction, loaded, crossed=(clearance, friction, loaded) in CROSSED)
-        for loaded in (False, True)
-        for clearance in (2e-4, 5e-4)
-        for friction in FRICTION
+def shipped() -> list[Callable[[], Case]]:
+    """What makes each of the cases that are not drawn."""
+    made = [
+        partial(scara, play, friction, loaded)
+        for loaded, play, friction in product((False, True), (2e-4, 5e-4), FRICTION)
     ]
-    linkages = [
-        Case(mechanism, clearance, settings=SHIPPED, crossed=True)
-        for mechanism, clearances in ((CRANK, (1e-4, 2e-4, 5e-4)), (BAR, (5e-5, 2e-4)))
-        for clearance in clearances
-    ]
-    arms = [Case(UR5, clearance, crossed=clearance == 1e-4) for clearance in (1e-4, 3e-4)]
-    if quick:
-        scara = [replace(case, duration=0.4) for case in scara[:: len(scara) // 2]]
-        linkages = [case for case in linkages if (case.mechanism, case.clearance) == (BAR, 2e-4)]
-        arms = []
-    return [*scara, *linkages, *arms]
+    made += [partial(linkage, kind, case) for kind, cases in LINKAGES.items() for case in cases]
+    return made + [partial(ur5, play) for play in (1e-4, 3e-4)]
 
 
-def relative(found: float, truth: float) -> float:
-    return (found - truth) / truth if truth else 0.0
+def of(kind: str, simulation: jp.Simulation) -> Case:
+    (joint,) = simulation.mechanism.clearance.values()
+    return Case(0, 0, kind, kind, joint.normal.name, joint.friction.name, simulation)
 
 
-@dataclass(frozen=True)
-class Error:
-    """Of one quantity of one case, relative."""
-
-    truth: float
-    error: float
-    confidence: float = 0.0
-    """95 % confidence of the error; 0 where single runs are compared."""
-    runs: int = 1
-
-    @property
-    def counted(self) -> float:
-        return abs(self.error) if abs(self.error) >= self.confidence else 0.0
-
-    def __str__(self) -> str:
-        text = f"{self.truth:.4g}, {100 * self.error:+.2g} %"
-        return text if self.runs == 1 else f"{text} ± {100 * self.confidence:.1g} % ({self.runs})"
+def scara(play: float, friction: str, loaded: bool) -> Case:
+    law = FRICTION_LAWS[friction]()
+    bearing = jp.RevoluteClearance(radial_clearance=play, axial_clearance=play, friction=law)
+    gravity = (0.0, 0.0, -9.81 if loaded else 0.0)
+    arm = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
+    return of("SCARA", jp.Simulation(arm, motion(), duration=SCARA_S))
 
 
-def compare(single, many, name: str) -> Error:
-    """Error of quantity `name`: of single runs, or of means over `many` runs."""
-    if many is None:
-        truth, found = single
-        return Error(truth[name][0], relative(found[name][0], truth[name][0]))
-    truth, found = many
-    apart = found[name] - truth[name]
-    mean, n = truth[name].mean(), len(apart)
-    half = student.ppf(0.975, n - 1) * apart.std(ddof=1) / np.sqrt(n)
-    return Error(mean, apart.mean() / mean, half / mean, n)
+def linkage(kind: str, case: str) -> Case:
+    scenario = jp.Scenario.load(f"jointplay:{kind.replace('-', '_')}.toml")
+    return of(kind, scenario.simulation(case))
 
 
-def worst(pairs, names=tuple(QUANTITIES)) -> float:
-    """Largest relative difference of two runs' figures."""
-    truth, found = pairs
-    return max(abs(relative(found[name][0], truth[name][0])) for name in names)
+def ur5(play: float) -> Case:
+    size = {"bearing_radius": 30e-3, "bearing_length": 60e-3}
+    elbow = jp.RevoluteClearance(radial_clearance=play, axial_clearance=play, **size)
+    arm = jp.Mechanism("ur5", {"elbow_joint": elbow}, tool="tool0")
+    return of("UR5", jp.Simulation(arm, jp.Motion(list(arm.joints), [0, 1, 2], UR5_WAYPOINTS)))
 
 
-def spread(runs, name: str) -> float:
-    """How far apart the runs' figures are, relative to the last one's."""
-    values = [float(run[name][0]) for run in runs]
-    return abs(relative(values[-1] + max(values) - min(values), values[-1]))
+# ---- The truth ----------------------------------------------------------------------------------
 
 
-def run_all(cases: list[Case], args) -> dict[Trial, dict[str, np.ndarray]]:
-    """All single runs, then the ensembles of the chaotic cases."""
-    trials = []
-    for case in cases:
-        trials += [trial(case, case.settings), *levels(case), *asides(case)]
-        trials += crossing(case) if case.crossed else []
-    trials = list(dict.fromkeys(trials))
-    found = dict(zip(trials, ensembles(trials, 1, args.jobs, measure), strict=True))
-    wild = [case for case in cases if any(chaotic(case, found).values())]
-    many = list(dict.fromkeys(trial for case in wild for trial in many_of(case)))
-    if many:
-        found |= dict(zip(many, ensembles(many, args.runs, args.jobs, measure), strict=True))
-    return found
+class NoTruthError(Exception):
+    """A converged run did not complete."""
 
 
-def trial(case: Case, settings: Settings, **options) -> Trial:
-    """Of the case itself, whatever it is compared with: runs are shared."""
-    return Trial(replace(case, settings=DEFAULT, crossed=False), settings, **options)
-
-
-def levels(case: Case) -> list[Trial]:
-    """Converged runs, the finest last."""
-    return [trial(case, case.level(number)) for number in LEVELS]
-
-
-def asides(case: Case) -> list[Trial]:
-    """Runs of level 0 from starts aside."""
-    return [trial(case, case.level(0), aside=aside) for aside in ASIDES]
-
-
-def crossing(case: Case) -> list[Trial]:
-    """The beginning, converged and by rk4."""
-    duration = min(RK4_DURATION[case.mechanism], case.duration or np.inf)
-    rk4 = Settings(RK4_STEP[case.mechanism], integrator="rk4")
-    beginning = replace(case, duration=duration)
-    return [trial(beginning, settings) for settings in (case.level(1), rk4)]
-
-
-def many_of(case: Case) -> list[Trial]:
-    return [trial(case, s, ideal=False) for s in (case.level(1), case.settings)]
-
-
-def chaotic(case: Case, found) -> dict[str, bool]:
-    """Which quantities of converged runs differ by more than their target."""
-    runs = [found[trial] for trial in (*asides(case), *levels(case))]
-    wild = {name: spread(runs, name) > target for name, target in TARGETS.items()}
-    # Early peaks of force may be certain where what comes after is not; the rest is of all the run.
-    late = any(wild[name] for name in wild if not name.endswith("_N"))
-    return {name: value or (late and not name.endswith("_N")) for name, value in wild.items()}
-
-
-def judge(case: Case, found) -> tuple[dict[str, Error], dict[str, float]]:
-    """Errors of a case, and what its reference is worth."""
-    single = tuple(found[trial(case, one)] for one in (case.level(1), case.settings))
-    wild = chaotic(case, found)
-    many = tuple(found[one] for one in many_of(case)) if any(wild.values()) else None
-    errors = {name: compare(single, many if wild[name] else None, name) for name in QUANTITIES}
-    fine = found[trial(case, case.level(0))]
-    calm = [name for name in QUANTITIES if not wild[name]]
-    worth = {
-        "levels": worst((single[0], fine), calm) if calm else np.nan,
-        "aside": max(worst((fine, found[trial])) for trial in asides(case)),
-        "rk4": worst([found[trial] for trial in crossing(case)]) if case.crossed else np.nan,
-    }
-    return errors, worth
-
-
-def report(benchmark, cases, found):
-    def percent(value):
-        return "" if np.isnan(value) else f"{100 * value:.1g}"
-
-    judged = [judge(case, found) for case in cases]
-    rows, data = [], []
-    for case, (errors, worth) in zip(cases, judged, strict=True):
-        rows.append([case.label, *map(str, errors.values()), *map(percent, worth.values())])
-        own = found[trial(case, case.settings)]
-        for name, error in errors.items():
-            data.append(
-                {
-                    "case": case.label,
-                    "quantity": name,
-                    "converged": error.truth,
-                    "error": error.error,
-                    "confidence": error.confidence,
-                    "runs": error.runs,
-                    **worth,
-                    "energy_residual_J": own["energy_residual_J"][0],
-                    "cpu_s": own["cpu_s"][0],
-                }
-            )
-    benchmark.finish(
-        [
-            "case",
-            *QUANTITIES.values(),
-            "converged levels differ [%]",
-            "starts 1, 10, 100 nm aside [%]",
-            "from rk4 [%]",
-        ],
-        rows,
-        data,
+def finer(simulation: jp.Simulation, times: int, integrator: str = DEFAULT) -> jp.Simulation:
+    """The same with a step so many times smaller, and records at the same times."""
+    step = simulation.step / times
+    return replace(
+        simulation,
+        integrator=integrator,
+        step=step,
+        macro_step=MACRO * step if integrator == DEFAULT else None,
+        tolerance=None,
+        record_every=simulation.record_every * times,
     )
-    means = [e for errors, _ in judged for e in errors.values() if e.runs > 1]
-    if means:
-        beyond = sum(error.counted > 0.0 for error in means)
-        widest = 100 * max(error.confidence for error in means)
-        print(
-            f"ensemble means: {len(means)}, of which {beyond} differ by more than their "
-            f"confidence, of up to {widest:.2g} %"
-        )
+
+
+def converged(simulation: jp.Simulation, aside: Vector | None = None) -> jp.Result:
+    """Run with the journals, or the motors of gears, so far aside.
+
+    Raises:
+        NoTruthError: the run did not complete, or was refused.
+    """
+    try:
+        run = jp.Run(simulation)
+    except jp.JointplayError as error:
+        raise NoTruthError(str(error)) from None
+    mechanism = simulation.mechanism
+    if aside is not None and mechanism.clearance:
+        run.displace(aside)
+    elif aside is not None:
+        for name in mechanism.gears:
+            run.workspace.q[mechanism.motor(name)] += aside[0]
+    result = run.finish(check_step=False)
+    if result.status != jp.Status.COMPLETED:
+        raise NoTruthError(result.message)
+    return result
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One figure of converged runs."""
+
+    draws: tuple[float, ...]
+    """From starts ever further aside; the first from the start itself."""
+    coarser: float
+    """From the start itself, with twice the step."""
+    unit: str
+    target: float
+    """Relative."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        every = (*self.draws, self.coarser)
+        return min(every), max(every)
+
+    @property
+    def mean(self) -> float:
+        return float(np.mean((*self.draws, self.coarser)))
+
+    @property
+    def allowed(self) -> float:
+        """Error that is within the target, in the figure's unit."""
+        return max(self.target * abs(self.mean), FLOORS[self.unit])
+
+    @property
+    def moved(self) -> float:
+        """What halving the step changed."""
+        return abs(self.draws[0] - self.coarser)
+
+    @property
+    def state(self) -> str:
+        """Whether the motion is calm or sensitive, or the step still too long."""
+        low, high = self.interval
+        if high - low <= CALM * self.allowed:
+            return "calm"
+        by_starts = OPEN * float(np.ptp(self.draws))
+        return "sensitive" if self.moved <= max(CALM * self.allowed, by_starts) else "open"
+
+    def away(self, value: float) -> float:
+        """Distance of a value from the interval."""
+        low, high = self.interval
+        return max(low - value, value - high, 0.0)
+
+    def verdict(self, value: float, stated: float, warned: bool) -> str:
+        """``outside`` the target, and ``silent`` if no stated error or warning told of it, or none.
+
+        `stated` is the error as the run states it; not a number if it states none.
+        """
+        away = self.away(value)
+        if self.state == "open" or away <= self.allowed:
+            return ""
+        return "outside" if warned or away <= stated else "silent"
+
+
+def headline(found: dict[str, tuple[float, str]]) -> dict[str, tuple[float, str]]:
+    return {name: of for name, of in found.items() if name.startswith(HEADLINE)}
+
+
+def kind_of(figure: str) -> str:
+    """The figure without its joint."""
+    return figure.split(",")[0]
+
+
+def truth(simulation: jp.Simulation, by: str = DEFAULT) -> tuple[dict[str, Truth], float]:
+    """What converged runs by a method say of each headline figure, and their step [s].
+
+    Raises:
+        NoTruthError: one of them did not complete.
+    """
+    times = max(round(simulation.step / STEP), 4)
+    ideal = converged(analysis.ideal_simulation(finer(simulation, times // 2)))
+
+    def found(times: int, aside: Vector | None = None) -> dict[str, tuple[float, str]]:
+        return headline(figures(converged(finer(simulation, times, by), aside), ideal))
+
+    coarser = found(times // 2)
+    for halving in range(HALVINGS + 1):
+        own = found(times)
+        draws = [own, *(found(times, aside) for aside in ASIDES)]
+        known = {
+            name: Truth(
+                tuple(draw[name][0] for draw in draws),
+                coarser[name][0],
+                unit,
+                TARGETS[kind_of(name)],
+            )
+            for name, (_, unit) in own.items()
+        }
+        judged = [one for name, one in known.items() if kind_of(name) not in COUNTS]
+        if all(one.state != "open" for one in judged):
+            break
+        if halving < HALVINGS:
+            coarser, times = own, 2 * times
+    return known, simulation.step / times
+
+
+# ---- The judgement ------------------------------------------------------------------------------
+
+
+def stated_errors(result: jp.Result) -> dict[str, float]:
+    """Error of each figure as the run itself states it, by name."""
+    if result.certificate is None:
+        return {}
+    return {figure.name: figure.error for figure in result.certificate.figures}
+
+
+def warnings_of_the_step(audit: Audit) -> list[str]:
+    """What the audit says of how well the run was integrated, and not of laws, loads and limits."""
+    model = {"law_warnings": (), "limit_warnings": ()}
+    return replace(audit, **model, penetration_over_clearance=0.0, friction_fed=0.0).warnings
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a case: a row for every figure."""
+
+    case: dict[str, object]
+    rows: list[dict[str, object]]
+    note: str = ""
+    """Why there are none."""
+    cpu: float = 0.0
+    """[s]."""
+
+
+def judge(
+    make: Callable[[], Case],
+    number: int = 0,
+    certified: bool = True,
+    methods: bool = False,
+    tolerance: float | None = None,
+    by: str = DEFAULT,
+) -> Outcome:
+    """Run a case, find the truth, compare.
+
+    Args:
+        make: makes it.
+        number: of the case among others.
+        certified: whether certificates are judged too.
+        methods: whether the case runs by the integrators in turn.
+        tolerance: of the run, in place of its fixed step.
+        by: method of the converged runs.
+    """
+    warnings.simplefilter("ignore", RuntimeWarning)
+    started = time.process_time()
+    case = make()
+    own_method = METHODS[number % len(METHODS)] if methods else {}
+    if tolerance is not None:
+        own_method = {"tolerance": tolerance}
+    simulation = replace(case.simulation, **own_method)
+    about: dict[str, object] = {
+        name: getattr(case, name) for name in ("seed", "kind", "robot", "normal", "friction")
+    }
+    about |= {"number": number, "case": case.label}
+    about |= {"integrator": simulation.integrator, "step": simulation.step}
+
+    def outcome(rows: list[dict[str, object]], note: str = "") -> Outcome:
+        return Outcome(about, rows, note, time.process_time() - started)
+
+    once = time.process_time()
+    try:
+        result = simulation.run()
+    except jp.JointplayError as error:
+        return outcome([], f"refused: {error}")
+    once = time.process_time() - once
+    if result.status != jp.Status.COMPLETED:
+        return outcome([], f"the run {result.message}")
+    own = headline(figures(result, converged(analysis.ideal_simulation(result))))
+    try:
+        known, step = truth(case.simulation, by)
+    except NoTruthError as error:
+        return outcome([], f"no truth: {error}")
+    said, warned = stated_errors(result), warnings_of_the_step(result.audit)
+    errors: dict[str, float] = {}
+    if certified:
+        cost = time.process_time()
+        certificate = certify(result, simulation=simulation)
+        about["cost_in_runs"] = (time.process_time() - cost) / once
+        errors = {figure.name: figure.error for figure in certificate.headline}
+    rows = []
+    for name, (value, unit) in own.items():
+        if name not in known:
+            continue
+        true = known[name]
+        away = true.away(value)
+        stated = said.get(name, np.nan)
+        verdict = "" if kind_of(name) in COUNTS else true.verdict(value, stated, bool(warned))
+        row: dict[str, object] = about | {
+            "figure": name, "unit": unit, "value": value, "low": true.interval[0],
+            "high": true.interval[1], "mean": true.mean, "finest": true.draws[0],
+            "coarser": true.coarser, "finest_step": step, "state": true.state, "away": away,
+            "stated_error": stated, "warned": "; ".join(warned), "verdict": verdict,
+        }  # fmt: skip
+        if name in errors:
+            row |= {
+                "certified_error": errors[name],
+                "agreed": true.moved <= max(AGREE * abs(true.draws[0]), errors[name]),
+                "covered": away <= errors[name],
+            }
+        rows.append(row)
+    return outcome(rows)
+
+
+def named(row: dict) -> str:
+    """A figure of a case, its value and the truth, in a line."""
+    low, high = row["low"], row["high"]
+    true = f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
+    error = "none" if np.isnan(row["stated_error"]) else f"{row['stated_error']:.2g}"
+    line = (
+        f"{row['figure']}: {row['value']:.6g}, truth {true} {row['unit']} ({row['state']}, "
+        f"{100 * row['away'] / (abs(row['mean']) or 1.0):+.2g} %), stated error {error}"
+    )
+    if "certified_error" in row:
+        line += f", certified {row['certified_error']:.2g}"
+    return line
+
+
+def tell(outcome: Outcome) -> None:
+    """Say what was missed in silence, or why nothing is known."""
+    number, label = outcome.case["number"], outcome.case["case"]
+    if outcome.note:
+        print(f"case {number}: {outcome.note} ({label})")
+    for row in outcome.rows:
+        uncovered = row.get("agreed") and not row["covered"]
+        verdict = "not covered" if uncovered else row["verdict"]
+        if verdict in ("silent", "not covered"):
+            print(f"{verdict}: case {number}: {named(row)} ({label}, {row['integrator']})")
+
+
+HEADER = (
+    "", "cases", "stopped", "figures", "calm", "sensitive", "not converged", "outside target",
+    "stated", "silent", "certified", "true error, median [%]", "certified, median [%]",
+    "largest error: peak force [%]", "all else [%]",
+)  # fmt: skip
+
+
+def line(name: str, outcomes: Sequence[Outcome], figure: str = "") -> list[str]:
+    """One row of the table: of all figures of these cases, or of one of them."""
+    rows = [
+        row
+        for outcome in outcomes
+        for row in outcome.rows
+        if kind_of(row["figure"]).startswith(figure)
+    ]
+    judged = [row for row in rows if kind_of(row["figure"]) not in COUNTS]
+    states = Counter(row["state"] for row in judged)
+    verdicts = Counter(row["verdict"] for row in rows)
+    agreed = [row for row in rows if row.get("agreed")]
+    covered = f"{sum(row['covered'] for row in agreed)} of {len(agreed)}" if agreed else "-"
+    counts = (
+        len(outcomes), sum(not outcome.rows for outcome in outcomes), len(judged), states["calm"],
+        states["sensitive"], states["open"], verdicts["outside"] + verdicts["silent"],
+        verdicts["outside"], verdicts["silent"],
+    )  # fmt: skip
+    sizes = [
+        100.0
+        * float(np.median([row[key] / abs(row["mean"]) for row in agreed if row["mean"]] or [0]))
+        for key in ("away", "certified_error")
+    ]
+    return [name, *map(str, counts), covered, *(f"{size:.2g}" for size in (*sizes, *worst(judged)))]
+
+
+def worst(rows: Sequence[dict]) -> tuple[float, float]:
+    """Largest errors of peak forces and of all other figures, as far as they are known [%]."""
+    known = [row for row in rows if row["state"] != "open" and row["mean"]]
     forces, others = (
-        max(errors[n].counted for errors, _ in judged for n in QUANTITIES if n.endswith("_N") == f)
+        [
+            100.0 * row["away"] / abs(row["mean"])
+            for row in known
+            if row["unit"].startswith("N") == f
+        ]
         for f in (True, False)
     )
-    print(f"worst peak force {100 * forces:.1f} %, worst other {100 * others:.1f} %")
+    return max(forces, default=0.0), max(others, default=0.0)
 
 
-def main():
-    benchmark = Benchmark("accuracy", __doc__)
-    benchmark.parser.add_argument(
-        "--tolerance", type=float, help="of the runs judged, in place of their fixed step"
-    )
-    benchmark.parser.add_argument(
-        "--only",
-        choices=(SCARA, CRANK, BAR, UR5),
-        nargs="+",
-        default=(SCARA, CRANK, BAR, UR5),
-        help="mechanisms (default: all)",
-    )
-    args = benchmark.parse()
-    cases = [case for case in all_cases(args.quick) if case.mechanism in args.only]
-    if args.tolerance is not None:
-        tried = {s: replace(s, tolerance=args.tolerance) for s in (DEFAULT, SHIPPED)}
-        cases = [replace(case, settings=tried[case.settings]) for case in cases]
-    report(benchmark, cases, run_all(cases, args))
+def table(outcomes: Sequence[Outcome], by: str = "kind") -> list[list[str]]:
+    """By mechanism (or case) and by figure."""
+    names = dict.fromkeys(outcome.case[by] for outcome in outcomes)
+    lines = [line(name, [one for one in outcomes if one.case[by] == name]) for name in names]
+    lines += [line(figure, outcomes, figure) for figure in HEADLINE]
+    return [*lines, line("all", outcomes)]
+
+
+def main() -> None:
+    made = Benchmark("accuracy", __doc__, runs=0)
+    add = made.parser.add_argument
+    add("--random", type=int, default=0, metavar="N", help="so many cases drawn at random")
+    add("--seed", type=int, metavar="N", help="of the draw (default: drawn, and printed)")
+    add("--jobs", type=int, default=cores(), metavar="N", help="processes")
+    add("--only", type=int, metavar="NUMBER", help="this case alone, with all its figures")
+    add("--no-certify", action="store_true", help="judge no certificates")
+    add("--methods", action="store_true", help="run cases by all integrators in turn")
+    add("--tolerance", type=float, help="of the runs judged, in place of their fixed step")
+    add("--rk4", action="store_true", help="converged runs by rk4, throughout")
+    for name, choices in (("kind", KINDS), ("friction", tuple(FRICTION_LAWS))):
+        add(f"--{name}", action="append", choices=choices, help="draw these only (repeatable)")
+    args = made.parse()
+    if args.random < 0 or args.jobs < 1:
+        made.parser.error("--random must not be negative, and --jobs at least 1")
+    options = {"certified": not args.no_certify, "methods": args.methods}
+    options |= {"tolerance": args.tolerance, "by": "rk4" if args.rk4 else DEFAULT}
+    if args.random:
+        seed = time.time_ns() // 1_000_000 % 1_000_000_000 if args.seed is None else args.seed
+        print(f"seed {seed}", flush=True)
+        among = Among(tuple(args.kind or KINDS), tuple(args.friction or FRICTION_LAWS))
+        count = max(min(args.random, 3) if args.quick else args.random, (args.only or 0) + 1)
+        cases = [partial(drawn, seed, number, among) for number in range(count)]
+    else:
+        cases = shipped()[::8] if args.quick else shipped()
+    if args.only is not None:
+        outcomes = [judge(cases[args.only], args.only, **options)]
+        for name, value in outcomes[0].case.items():
+            print(f"  {name}: {value}")
+        print(f"  {outcomes[0].note}")
+        rows = outcomes[0].rows
+        for row in rows:
+            print(f"{row['verdict']:8s}{named(row)}")
+    else:
+        study = jp.Study(list(enumerate(cases)), partial(_judge, options))
+        for _, outcome in study.outcomes(args.jobs, progress=True, unit="case"):
+            tell(outcome)
+        outcomes = [study.store[number] for number in range(len(cases))]
+        rows = [row | {"cpu_s": one.cpu} for one in outcomes for row in one.rows]
+        names = dict.fromkeys(name for row in rows for name in row)
+        rows = [dict.fromkeys(names, "") | row for row in rows]
+        made.finish(HEADER, table(outcomes, "kind" if args.random else "case"), rows)
+        footnotes(outcomes)
+    agreed = [row for row in rows if row.get("agreed")]
+    share = f"{100 * np.mean([row['covered'] for row in agreed]):.1f} %" if agreed else "-"
+    silent = sum(row["verdict"] == "silent" for row in rows)
+    judged = [row for row in rows if kind_of(row["figure"]) not in COUNTS]
+    known = [row for row in judged if row["state"] != "open"]
+    within = sum(row["away"] <= row["stated_error"] for row in known)
+    print(f"within the error that the run stated: {within} of {len(known)} figures")
+    print("worst peak force {:.1f} %, worst other {:.1f} %".format(*worst(judged)))
+    print(f"cases {len(outcomes)} silent {silent} certified {share}")
+
+
+def _judge(options: dict, case: tuple[int, Callable[[], Case]]) -> Outcome:
+    number, make = case
+    return judge(make, number, **options)
+
+
+def footnotes(outcomes: Sequence[Outcome]) -> None:
+    """Cases without figures, cost."""
+    without = Counter(one.note.split(":")[0].split(" at ")[0] for one in outcomes if one.note)
+    print(f"cases without figures: {sum(without.values())}"
+          + "".join(f"; {count} x {text}" for text, count in without.items()))  # fmt: skip
+    times = [one.cpu for one in outcomes]
+    print(f"CPU time of a case {np.mean(times):.1f} s in the mean, {max(times):.0f} s at most")
+    costs = [one.case["cost_in_runs"] for one in outcomes if "cost_in_runs" in one.case]
+    if costs:
+        print(f"certificates cost {np.median(costs):.0f} times the run, in the middle")

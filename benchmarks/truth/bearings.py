@@ -10,14 +10,13 @@ ball. The cost of a step is measured beside that of a plain journal in the same 
 import argparse
 import math
 import time
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from robots import body, joint, urdf
 from scipy.optimize import linprog, root
 
 import jointplay as jp
-from jointplay.base.files import temporary
 from jointplay.base.tables import Table
 from jointplay.physics.contact import elastic, resultant
 from jointplay.simulation.run import Run
@@ -258,17 +257,14 @@ def varying_compliance(cases):
         cases.add(words, found, expected, 0.05 if clearance else 0.2, SKETCH)
 
 
-ROTOR = """<robot name="rotor"><link name="housing"/><link name="rotor"><inertial>
-<origin xyz="0.002 0 0.01"/><mass value="2.0"/>
-<inertia ixx="0.004" iyy="0.004" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="shaft" type="continuous"><parent link="housing"/><child link="rotor"/>
-<axis xyz="0 1 0"/></joint></robot>"""
+ROTOR = urdf(
+    body("rotor", 2.0, "0.002 0 0.01", (0.004, 0.004, 0.002)),
+    joint("shaft", "base", "rotor", "continuous", "0 1 0"),
+)
 
 
-def moving_cage(cases, folder, seconds):
+def moving_cage(cases, seconds):
     """Energy of a rotor that rolls in its bearing without loss, its cage going around."""
-    path = folder / "rotor.urdf"
-    path.write_text(ROTOR)
     for bearing in (
         jp.BallBearing(
             designation="6010/C3", drag_torque=0.0, rolling_friction=0.0, damping_time=0.0
@@ -277,7 +273,7 @@ def moving_cage(cases, folder, seconds):
             designation="RB5013 C0", drag_torque=0.0, rolling_friction=0.0, damping_time=0.0
         ),
     ):
-        rotor = jp.Mechanism(path, {"shaft": bearing})
+        rotor = jp.Mechanism(ROTOR, {"shaft": bearing})
         result = jp.simulate(
             rotor,
             None,
@@ -311,8 +307,8 @@ def costs(seconds):
         ),
     }  # fmt: skip
     runs = {}
-    for name, joint in joints.items():
-        robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint}, gravity=(0, 0, 0))
+    for name, own in joints.items():
+        robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": own}, gravity=(0, 0, 0))
         runs[name] = Run(jp.Simulation(robot, motion, record_every=10, start="centred"))
         runs[name].begin()
     spent = {name: [] for name in runs}
@@ -338,8 +334,7 @@ def main():
     free_sets(cases)
     energies(cases)
     varying_compliance(cases)
-    with temporary("bearings") as folder:
-        moving_cage(cases, Path(folder), 1.0 if quick else 10.0)
+    moving_cage(cases, 1.0 if quick else 10.0)
     print(cases)
     found = costs(0.6 if quick else 2.5)
     own = found["journal"]

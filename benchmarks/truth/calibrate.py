@@ -16,8 +16,8 @@ from time import perf_counter
 import numpy as np
 import pinocchio as pin
 from common import COLOURS, Benchmark, new_figure
+from robots import serial
 from scipy.spatial.transform import Rotation
-from truth.arms import serial
 
 import jointplay as jp
 from jointplay.estimate import StaticPoses

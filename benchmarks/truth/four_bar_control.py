@@ -31,10 +31,11 @@ from pathlib import Path
 
 import numpy as np
 from common import folder_of
+from robots import body, joint, urdf
 
 import jointplay as jp
-from jointplay.base.files import temporary
 from jointplay.base.tables import Table
+from jointplay.model.urdf import Description
 from jointplay.physics.contact import Ambrosio, Flores
 
 LENGTHS = {"ground": 3.0, "crank": 1.0, "coupler": 4.0, "rocker": 2.5}
@@ -61,28 +62,19 @@ REFERENCE = (
 )
 
 
-def rod(name: str, length: float) -> str:
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{length / 2} 0 0"/><mass value="1"/>'
-        f'<inertia ixx="1e-4" iyy="{length**2 / 12}" izz="{length**2 / 12}" ixy="0" ixz="0" '
-        'iyz="0"/></inertial></link>'
-    )
-
-
-def pin(name: str, parent: str, child: str, x: float) -> str:
-    return (
-        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/></joint>'
-    )
-
-
-def urdf() -> str:
-    parts = ['<robot name="four_bar"><link name="ground"/>']
-    parts += [rod(name, LENGTHS[name]) for name in ("crank", "coupler", "rocker")]
-    parts.append(pin("crank_pin", "ground", "crank", 0.0))
-    parts.append(pin("coupler_pin", "crank", "coupler", LENGTHS["crank"]))
-    parts.append(pin("rocker_pin", "ground", "rocker", LENGTHS["ground"]))
-    return "\n".join([*parts, "</robot>"])
+def robot() -> Description:
+    parts = [
+        body(name, 1.0, f"{length / 2} 0 0", (1e-4, length**2 / 12, length**2 / 12))
+        for name, length in LENGTHS.items()
+        if name != "ground"
+    ]
+    for name, parent, child, x in (
+        ("crank_pin", "ground", "crank", 0.0),
+        ("coupler_pin", "crank", "coupler", LENGTHS["crank"]),
+        ("rocker_pin", "ground", "rocker", LENGTHS["ground"]),
+    ):
+        parts.append(joint(name, parent, child, "continuous", at=f"{x} 0 0"))
+    return urdf(*parts, base="ground")
 
 
 def controller(time, q, v, p, out):
@@ -116,10 +108,9 @@ def controller(time, q, v, p, out):
     out[0] = inertia * wanted + half * speed * (aim - p[1] * e) + weight - p[0] * (de + p[1] * e)
 
 
-def machine(path: Path, corrected: bool, clearance: float = CLEARANCE_M) -> jp.Simulation:
+def machine(corrected: bool, clearance: float = CLEARANCE_M) -> jp.Simulation:
     """The four-bar, all journals centred, at rest."""
-    path.write_text(urdf())
-    joint = jp.RevoluteClearance.planar(
+    bearing = jp.RevoluteClearance.planar(
         bearing_radius=JOURNAL_M + clearance,
         radial_clearance=clearance,
         bearing_length=0.02,
@@ -129,8 +120,8 @@ def machine(path: Path, corrected: bool, clearance: float = CLEARANCE_M) -> jp.S
     )
     loop = jp.Loop("coupler", "rocker", (LENGTHS["coupler"], 0, 0), journal_xyz=(2.5, 0, 0))
     mechanism = jp.Mechanism(
-        path,
-        {"coupler_pin": joint, "rocker_pin": joint, "rocker_end": joint},
+        robot(),
+        dict.fromkeys(("coupler_pin", "rocker_pin", "rocker_end"), bearing),
         loops={"rocker_end": loop},
         gravity=(0.0, -9.81, 0.0),
     )
@@ -189,14 +180,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     out = folder_of(options, "four_bar_control", DOCS)
     laws = {"controller as in the example": False, "controller as it should be": True}
-    with temporary("four_bar") as folder:
-        path = Path(folder) / "four_bar.urdf"
-        results = {
-            words: replace(made, duration=QUICK_S if options.quick else made.duration)
-            .run(progress=True, estimate=False)
-            .completed()
-            for words, made in ((w, machine(path, corrected)) for w, corrected in laws.items())
-        }
+    results = {
+        words: replace(made, duration=QUICK_S if options.quick else made.duration)
+        .run(progress=True, estimate=False)
+        .completed()
+        for words, made in ((w, machine(corrected)) for w, corrected in laws.items())
+    }
     differences = [
         np.column_stack(crank(result)) - np.array(REFERENCE)[:, 1:] for result in results.values()
     ]

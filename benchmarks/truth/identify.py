@@ -26,8 +26,8 @@ from time import perf_counter
 
 import numpy as np
 from common import COLOURS, Benchmark, new_figure
+from robots import serial
 from truth import elastic
-from truth.arms import serial
 
 import jointplay as jp
 from jointplay.estimate import Measurement

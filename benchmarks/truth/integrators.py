@@ -1,4 +1,4 @@
-"""Error per CPU second of every integrator, and its observed order. See docs/integrators.md.
+"""Error per CPU second of every integrator. See docs/integrators.md.
 
 Impacts magnify small differences, so errors are measured where they mean something: in the first
 0.1 s, before trajectories part, against a reference of a far smaller step; over the whole cycle
@@ -8,13 +8,12 @@ from one by the multi-rate method is said, for no method should judge alone.
 
 import time
 from dataclasses import asdict, replace
-from functools import cache, partial
+from functools import partial
 from itertools import product
 
 import numpy as np
 from common import (
     COLOURS,
-    JOINT,
     MARKERS,
     QUANTITIES,
     Benchmark,
@@ -47,24 +46,8 @@ CYCLE = (
 CYCLE_EVALUATIONS = 3e6
 """Evaluations of the acceleration that a run of the whole cycle may cost."""
 
-FREE, IMPACT, LASTING = "free flight", "one impact", "lasting contact"
-ORDER_STEPS = {
-    FREE: (2e-4, 1e-4, 5e-5, 2.5e-5),
-    IMPACT: (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6),
-    LASTING: (1e-5, 5e-6, 2.5e-6, 1.25e-6),
-}
-
-
 MACRO = 10
-"""Steps of a macro step where the multi-rate method judges, or its order is measured."""
-DURATION = {FREE: 0.02, IMPACT: 0.002, LASTING: 0.004}
-"""Until when the order is measured [s]."""
-ROOMY = {
-    JOINT: jp.RevoluteClearance(
-        radial_clearance=2e-3, axial_clearance=2e-3, stiffness=1e3, bearing_length=60e-3
-    )
-}
-"""For free flight: room, and contacts so soft that a coarse step is accepted."""
+"""Steps of a macro step where the multi-rate method judges."""
 
 
 def positions(case, **options):
@@ -102,64 +85,9 @@ def accuracy(cases, references, repeats):
     return found
 
 
-def held(case, duration, bearing=None):
-    """Simulate with a reference that stands still: smooth but for what contact does."""
-    base = case.simulation()
-    stand = base.motion.positions[:1]
-    still = jp.Motion(base.motion.joints, (0.0, 1.0), np.vstack([stand, stand]))
-    mechanism = base.mechanism if bearing is None else base.mechanism.with_clearance(bearing)
-    return replace(base, mechanism=mechanism, motion=still, duration=duration)
-
-
-def order_run(situation, method, step):
-    """Journal's position [m] at the end of a short motion, and the contacts begun in it."""
-    case = Case(integrator=method, step=step, loaded=situation == LASTING)
-    simulation = held(case, DURATION[situation], ROOMY if situation == FREE else None)
-    if not INTEGRATORS[method].single_rate:
-        simulation = replace(simulation, macro_step=MACRO * step)
-    run = jp.Run(simulation)
-    q, v = run.workspace.q, run.workspace.v
-    first = run.mechanism.virtual_link(JOINT)
-    if situation == IMPACT:  # tilted, so that one end strikes
-        q[first + 4] = 5e-3
-        v[first : first + 2] = 0.1, 0.03
-    else:
-        v[run.mechanism.coordinate("joint_a")] = 0.2
-    if situation == LASTING:
-        q[:], run.workspace.contacts[:] = wedged()
-    before = onsets(run)
-    run.run_to_end()
-    return q[first : first + 3].copy(), onsets(run) - before
-
-
-def onsets(run):
-    return int(run.workspace.contact_statistics()["onsets"].sum())
-
-
-@cache
-def wedged():
-    """Configuration and memory of contacts of the loaded robot, its journal at rest, tilted."""
-    run = jp.Run(held(Case(loaded=True), 0.5))
-    run.run_to_end()
-    return run.workspace.q.copy(), run.workspace.contacts.copy()
-
-
-def orders(methods, count=None):
-    """Steps, errors [m], observed order and contacts begun, by situation and method."""
-    found = {}
-    for situation, method in product(ORDER_STEPS, methods):
-        steps = ORDER_STEPS[situation][:count]
-        truth, begun = order_run(situation, REFERENCE[0], steps[-1] / 16)
-        apart = np.linalg.norm(order_run(situation, DEFAULT, steps[-1] / 16)[0] - truth)
-        ends = [order_run(situation, method, step)[0] for step in steps]
-        errors = np.array([np.linalg.norm(end - truth) for end in ends])
-        slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-        found[situation, method] = steps, errors, slope, begun, apart
-    return found
-
-
-def draw(cases, window_found, cycles, ensemble, order):
+def draw(cases, window_found, cycles, ensemble):
     figure, axes = new_figure(2, 3, 12.0, 7.2)
+    axes[0, 2].set_visible(False)
     methods = list(INTEGRATORS)
     cpu = {case: figures["cpu_s_per_s"] for case, figures in zip(cases, window_found, strict=True)}
     for index, (method, radial) in enumerate(product(methods, CLEARANCES)):
@@ -193,32 +121,18 @@ def draw(cases, window_found, cycles, ensemble, order):
                 **style,
             )
             panel.set_xscale("log")
-    for index, ((situation, method), (steps, errors, slope, *_)) in enumerate(order.items()):
-        axes[0, 2].loglog(
-            [1e6 * step for step in steps],
-            1e6 * errors,
-            color=COLOURS[methods.index(method)],
-            marker=MARKERS[index // len(methods)],
-            ls=("-", "--", ":")[index // len(methods)],
-            lw=1.2,
-            ms=5,
-            label=f"{situation}, {method}: order {slope:.1f}",
-        )
     axes[1, 0].set_yscale("log")
     per_second, step = "CPU time per simulated second [s]", "step [µs]"
     labels = (
         (per_second, "largest journal error in 0.1 s [µm]"),
         (per_second, "largest tool error in 0.1 s [µm]"),
-        (step, "journal error at the end [µm]"),
         ("CPU time of the 3 s cycle [s]", "largest energy residual [J]"),
         (step, CYCLE["peak_force_N"]),
         (step, CYCLE["impacts"]),
     )
-    for panel, (x, y) in zip(axes.flat, labels, strict=True):
+    for panel, (x, y) in zip((*axes[0, :2], *axes[1]), labels, strict=True):
         panel.set(xlabel=x, ylabel=y)
     axes[1, 0].xaxis.set_minor_formatter(NullFormatter())
-    axes[0, 2].set_ylim(bottom=1e-17)  # room for the legend
-    axes[0, 2].legend(fontsize=7, frameon=False, loc="lower left")
     for panel in axes[1, 1:]:
         panel.set_ylim(bottom=0)
         panel.set_xticks([1e6 * step for step in STEPS], [f"{1e6 * step:g}" for step in STEPS])
@@ -228,7 +142,7 @@ def draw(cases, window_found, cycles, ensemble, order):
     return figure
 
 
-def report(benchmark, cases, found, cycles, ensemble, order):
+def report(benchmark, cases, found, cycles, ensemble):
     errors = dict(zip(cases, found, strict=True))
     runs = dict(zip(cycles, ensemble, strict=True))
     rows = [
@@ -260,13 +174,8 @@ def report(benchmark, cases, found, cycles, ensemble, order):
         ],
         rows,
         data,
-        draw(cases, found, cycles, ensemble, order),
+        draw(cases, found, cycles, ensemble),
     )
-    for (situation, method), (_, errors, slope, begun, apart) in order.items():
-        print(
-            f"observed order in {situation} ({begun} contacts begun): {method} {slope:.2f}; "
-            f"smallest error {errors.min():.1e} m, references apart by {apart:.1e} m"
-        )
 
 
 def main():
@@ -282,7 +191,6 @@ def main():
         radial: Case(radial, radial, integrator=REFERENCE[0], step=REFERENCE[1]) for radial in radii
     }
     found = accuracy(cases, references, 1 if args.quick else REPEATS)
-    order = orders(methods, 3 if args.quick else None)
     cycles = [
         case
         for case in cases
@@ -291,4 +199,4 @@ def main():
     # The whole cycle, with the fall that all integrators must follow.
     whole = partial(measure, judge_from=0.0)
     runs = ensembles(cycles, args.runs, args.jobs, whole)
-    report(benchmark, cases, found, cycles, runs, order)
+    report(benchmark, cases, found, cycles, runs)

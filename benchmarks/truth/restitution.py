@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from common import COLOURS, ROOT, Benchmark, new_figure
-from truth.arms import serial
+from robots import serial
 
 import jointplay as jp
 from jointplay.base.progress import ProgressBar

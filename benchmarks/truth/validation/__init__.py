@@ -7,10 +7,12 @@ in the case, from the literature or an independent integration, never taken from
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
+
+import jointplay as jp
 
 SECTIONS = (
     "theory", "impacts", "oil", "numerics", "literature", "outside", "reproducibility"
@@ -43,6 +45,32 @@ class Outcome:
         return self.error <= self.limit  # false for NaN
 
 
+class Rows:
+    """Rows of a table, and the errors by which its case is judged.
+
+    Heads say how numbers are shown, behind a bar: ``"period [ms]|.4f"``; with none they are text.
+    """
+
+    def __init__(self, *heads: str) -> None:
+        parts = [head.partition("|") for head in heads]
+        self.table, self.forms = [[name for name, _, _ in parts]], [form for _, _, form in parts]
+        self.errors: list[float] = []
+
+    def add(self, *cells: float | str, errors: Iterable[float] = ()) -> None:
+        pairs = zip(cells, self.forms, strict=True)
+        self.table.append([one if isinstance(one, str) else format(one, f) for one, f in pairs])
+        self.errors += errors
+
+    def outcome(self, limit: float, figure: Figure | None = None, *notes: str) -> Outcome:
+        """Judged by the largest error."""
+        return Outcome(float(max(self.errors)), limit, self.table, figure, notes)
+
+
+def off(found: float, theory: float) -> float:
+    """Relative error."""
+    return abs(found / theory - 1.0)
+
+
 @dataclass(frozen=True)
 class Case:
     """A comparison."""
@@ -63,6 +91,9 @@ class Case:
 
 
 CASES: dict[str, Case] = {}
+
+FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
+"""Options of what moves by itself."""
 
 
 def case(

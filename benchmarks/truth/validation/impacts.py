@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from truth.validation import Outcome, case
-from truth.validation.mechanisms import FREE, body, joint, urdf
+from robots import body, joint, urdf
+from truth.validation import FREE, Outcome, Rows, case, off
 
 import jointplay as jp
 
@@ -45,7 +45,7 @@ def disc(
 def bouncing(quick: bool = False, wrong: bool = False) -> Outcome:
     fall, g = 2e-3, 9.81
     flights = 2 if quick else 5
-    rows, errors = [["c_e", "flight", "duration [ms]", "theory [ms]"]], []
+    rows = Rows("c_e|g", "flight|d", "duration [ms]|.3f", "theory [ms]|.3f")
     for c_e in (0.8,) if quick else (0.9, 0.7, 0.5):
         bearing = jp.RevoluteClearance.planar(
             bearing_radius=0.05, radial_clearance=fall, stiffness=1e13, restitution=c_e,
@@ -67,10 +67,10 @@ def bouncing(quick: bool = False, wrong: bool = False) -> Outcome:
         for n in range(1, flights + 1):
             lasts = lands[n] - leaves[n - 1]
             theory = 2 * arrives / g * (c_e ** (2 * n) if wrong else c_e**n)
-            errors.append(abs(lasts - theory) / (2 * arrives / g * c_e))
-            rows.append([f"{c_e:g}", f"{n}", f"{1e3 * lasts:.3f}", f"{1e3 * theory:.3f}"])
+            error = abs(lasts - theory) / (2 * arrives / g * c_e)
+            rows.add(c_e, n, 1e3 * lasts, 1e3 * theory, errors=(error,))
     note = "The weight also acts during an impact, so the remaining difference grows with n."
-    return Outcome(max(errors), 1e-2, rows, notes=(note,))
+    return rows.outcome(1e-2, None, note)
 
 
 @case(
@@ -86,8 +86,8 @@ def bouncing(quick: bool = False, wrong: bool = False) -> Outcome:
 def spinning_impact(quick: bool = False, wrong: bool = False) -> Outcome:
     e, spin, fall, g = 0.6, 50.0, 2e-3, 9.81
     speed = math.sqrt(2 * g * fall)
-    rows = [["mu", "sideways speed [mm/s]", "theory", "lost spin [rad/s]", "theory"]]
-    errors = []
+    rows = Rows("mu|g", "sideways speed [mm/s]|.4f", "theory|.4f", "lost spin [rad/s]|.5f",
+                "theory|.5f")  # fmt: skip
     for mu in (0.1,) if quick else (0.05, 0.1, 0.2):
         bearing = jp.RevoluteClearance.planar(
             bearing_radius=0.05, radial_clearance=fall, stiffness=1e13, restitution=e,
@@ -100,9 +100,7 @@ def spinning_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         _, sideways, turning = result["v"].values[-1]
         impulse = (1.0 if wrong else 1.0 + e) * speed
         lost = mu * impulse * MASS * bearing.rj / INERTIA
-        errors += [abs(abs(sideways) / (mu * impulse) - 1), abs((spin - turning) / lost - 1)]
-        rows.append(
-            [f"{mu:g}", f"{1e3 * abs(sideways):.4f}", f"{1e3 * mu * impulse:.4f}",
-             f"{spin - turning:.5f}", f"{lost:.5f}"]
-        )  # fmt: skip
-    return Outcome(max(errors), 2e-3, rows)
+        away, gone = mu * impulse, spin - turning
+        errors = off(abs(sideways), away), off(gone, lost)
+        rows.add(mu, 1e3 * abs(sideways), 1e3 * away, gone, lost, errors=errors)
+    return rows.outcome(2e-3)

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from common import COLOURS, MARKERS, draw_ensembles, new_figure, spread
+from common import COLOURS, new_figure, spread
+from robots import body, joint, urdf
 from scipy.optimize import brentq
-from truth.validation import Outcome, case
-from truth.validation.mechanisms import FREE, body, joint, urdf
+from truth.validation import FREE, Outcome, Rows, case
 
 import jointplay as jp
 
@@ -359,19 +359,19 @@ def ideal_slider_crank(quick: bool = False, wrong: bool = False) -> Outcome:
         "crank moment [N m]": (1.0, result["drive"].values[:, 0], exact.moment),
     }  # fmt: skip
     figure, axes = new_figure(2, 2, 8.0, 4.8, sharex=True)
-    rows, errors = [["curve", "peak", "largest error / peak"]], []
+    rows = Rows("curve", "peak|.4g", "largest error / peak|.1e")
     angle = np.degrees(SPEED * result.time)
     for panel, (name, (scale, found, by_hand)) in zip(axes.flat, curves.items(), strict=True):
         peak = np.abs(by_hand).max()
-        errors.append(float(np.abs(found - by_hand).max() / peak))
-        rows.append([name, f"{scale * peak:.4g}", f"{errors[-1]:.1e}"])
+        error = np.abs(found - by_hand).max() / peak
+        rows.add(name, scale * peak, error, errors=(error,))
         panel.plot(angle, scale * found, color=COLOURS[5], lw=4, label="jointplay")
         panel.plot(angle, scale * by_hand, "k--", lw=1, label="closed form")
         panel.set(ylabel=name, xticks=range(0, 361, 90), xlim=(0, 360))
     for panel in axes[-1]:
         panel.set_xlabel("crank angle [°]")
     axes[0, 0].legend()
-    return Outcome(max(errors), 2e-5, rows, figure)
+    return rows.outcome(2e-5, figure)
 
 
 @case(
@@ -392,11 +392,16 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
     scales = [
         np.abs(curve).max() for curve in (peaks.velocity, peaks.acceleration, peaks.moment)
     ]  # fmt: skip
-    errors, rows = [], [[
-        "radial clearance", "difference to hand", "velocity off, RMS/peak [%]",
-        "acceleration off, RMS/peak [%]", "peak acceleration / ideal", "peak moment / ideal",
-        "peak pin force [kN]", "impacts a turn", "in contact [%]",
-    ]]  # fmt: skip
+    shown = {
+        "velocity off, RMS/peak [%]": ("velocity_off", 100),
+        "acceleration off, RMS/peak [%]": ("acceleration_off", 100),
+        "peak acceleration / ideal": ("acceleration_peak", 1),
+        "peak moment / ideal": ("moment_peak", 1),
+        "peak pin force [kN]": ("force_kN", 1),
+        "impacts a turn": ("impacts", 1),
+        "in contact [%]": ("contact", 1),
+    }
+    rows = Rows("radial clearance", "difference to hand|.1e", *shown)
     for clearance in CLEARANCES:
         result = _prepare(
             part, _bearing(clearance), integrator="rk4", step=step, record_every=1
@@ -411,30 +416,11 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
         by_hand = _by_hand(clearance / 2 if wrong else clearance, part * TURN, step)
         count = min(len(found), len(by_hand))
         apart = np.sqrt(np.mean((found[:count] - by_hand[:count]) ** 2, axis=0)) / scales
-        errors.append(float(apart.max()))
-        if quick:
-            continue
-        group = _ensemble(quick, clearance)
-        rows.append(
-            [
-                _size(clearance),
-                f"{errors[-1]:.1e}",
-                *(
-                    spread(group[name] * scale)
-                    for name, scale in (
-                        ("velocity_off", 100),
-                        ("acceleration_off", 100),
-                        ("acceleration_peak", 1),
-                        ("moment_peak", 1),
-                        ("force_kN", 1),
-                        ("impacts", 1),
-                        ("contact", 1),
-                    )
-                ),
-            ]
-        )
+        group = {} if quick else _ensemble(quick, clearance)
+        cells = ("" if quick else spread(scale * group[name]) for name, scale in shown.values())
+        rows.add(_size(clearance), apart.max(), *cells, errors=(apart.max(),))
     if quick:
-        return Outcome(max(errors), 1e-5)
+        return rows.outcome(1e-5)
     notes = (
         f"Mean ± standard deviation over 8 runs of 20 turns after {TRANSIENT}, the journal "
         "displaced at the start by up to half its clearance; friction 0.01, restitution 0.9, step "
@@ -442,7 +428,7 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
         "The book's own curves could not be compared number by number: no table of them, nor of "
         "any other slider-crank with clearance in a revolute joint, was found in an open source.",
     )
-    return Outcome(max(errors), 1e-5, rows, _draw_curves(), notes)
+    return rows.outcome(1e-5, _draw_curves(), *notes)
 
 
 def _draw_curves():
@@ -485,11 +471,10 @@ def _draw_curves():
     wrong="half the clearance for the circle",
 )
 def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
-    errors, maps = [], []
-    rows = [[
-        "radial clearance", "largest violation", "Poincaré map: spread of the velocity [m/s]",
+    maps, rows = [], Rows(
+        "radial clearance", "largest violation|.1e", "Poincaré map: spread of the velocity [m/s]",
         "of the acceleration [m/s²]", "neighbours after 100 turns / clearance",
-    ]]  # fmt: skip
+    )  # fmt: skip
     for clearance in CLEARANCES:
         run = _prepare(2, _bearing(clearance), step=2e-6, record_every=1)
         result = run.finish()
@@ -501,8 +486,9 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
         rod = np.exp(1j * (angle + rod))
         loop = (slider - CRANK * np.exp(1j * angle) - ROD * rod) * rod.conj()
         miss = np.abs(loop - journal @ [1, 1j]).max() / clearance
-        errors.append(max(float(circle), float(miss), 0.0))
+        error = max(circle, miss, 0.0)
         if quick:
+            rows.add(_size(clearance), error, "", "", "", errors=(error,))
             continue
         long = _long_runs(clearance)  # at 90 degrees, once a turn
         once = [slice(one.per_turn // 4, None, one.per_turn) for one in long]
@@ -512,19 +498,18 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
                 for name in ("acceleration", "velocity")
             ]
         )
-        rows.append(
-            [_size(clearance), f"{errors[-1]:.1e}", f"{maps[-1][1].std():.2g}",
-             f"{maps[-1][0].std():.2g}", f"{_separation(clearance):.1e}"]
-        )  # fmt: skip
+        acceleration, velocity = (f"{points.std():.2g}" for points in maps[-1])
+        apart = f"{_separation(clearance):.1e}"
+        rows.add(_size(clearance), error, velocity, acceleration, apart, errors=(error,))
     if quick:
-        return Outcome(max(errors), 1e-9)
+        return rows.outcome(1e-9)
     notes = (
         "Paths: 20 turns of one run after the transient; Poincaré maps: crank at 90°, 60 turns "
         "after 40 of each of two runs, which are distinguished by colour; the scales of the maps "
         "differ. Neighbours: RMS distance over the last turn of the journals of two runs that "
         "began 1 nm apart. At 0.05 mm one run repeats every few turns, the other fills a curve.",
     )
-    return Outcome(max(errors), 1e-9, rows, _draw_orbits(maps), notes)
+    return rows.outcome(1e-9, _draw_orbits(maps), *notes)
 
 
 def _draw_orbits(maps):
@@ -659,14 +644,11 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
              float((parted[1:] / parted[:-1]).min()), ">", 1.0),
             ("and chaotic at last", ASME_2003, f"{what}, at 0.5 mm", parted[-1], ">", 0.1),
         ]  # fmt: skip
-    rows, failed = [["finding", "source", "number", "value", "threshold", ""]], 0
+    rows = Rows("finding", "source", "number", "value|.3g", "threshold", "")
     for finding, source, what, value, sign, threshold in findings:
-        holds = value < threshold if sign == "<" else value > threshold
-        failed += not holds
-        rows.append(
-            [finding, source, what, f"{value:.3g}", f"{sign} {threshold:g}",
-             "holds" if holds else "**fails**"]
-        )  # fmt: skip
+        fails = not (value < threshold if sign == "<" else value > threshold)
+        word = "**fails**" if fails else "holds"
+        rows.add(finding, source, what, value, f"{sign} {threshold:g}", word, errors=(fails,))
     thinner = means(thin, "thinnest_um")
     notes = (
         "**What does not hold over the whole range:** with oil the film is thickest at an "
@@ -688,49 +670,11 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
             "Therefore only the trend is judged; the original criterion, regular motion (below 1 "
             "%) at 0.05 mm, fails.",
         )
-    return Outcome(float(failed), 0.0, rows, _draw_findings(dry), notes)
+    return Outcome(float(sum(rows.errors)), 0.0, rows.table, notes=notes)
 
 
 def _list(values) -> str:
     return ", ".join(f"{value:.3g}" for value in values)
-
-
-def _draw_findings(dry):
-    figure, axes = new_figure(1, 3, 10.0, 3.4)
-    sizes = [1e3 * clearance for clearance in CLEARANCES]
-    panels = (
-        ("peak over ideal peak", (("acceleration_peak", 1, "slider acceleration"),
-                                  ("moment_peak", 1, "crank moment"),
-                                  ("velocity_peak", 1, "slider velocity"))),
-        ("RMS difference from ideal / peak [%]", (("acceleration_off", 100, "slider acceleration"),
-                                                  ("moment_off", 100, "crank moment"),
-                                                  ("velocity_off", 100, "slider velocity"))),
-        ("", (("impacts", 1, "impacts a turn"),)),
-    )  # fmt: skip
-    for panel, (label, curves) in zip(axes[0], panels, strict=True):
-        for k, (name, scale, text) in enumerate(curves):
-            draw_ensembles(
-                panel, sizes, [scale * group[name] for group in dry], color=COLOURS[k],
-                marker=MARKERS[k], label=text,
-            )  # fmt: skip
-        panel.set(xscale="log", xlabel="radial clearance [mm]", ylabel=label)
-        panel.set_xticks(sizes, [f"{size:g}" for size in sizes], minor=False)
-        panel.minorticks_off()
-    axes[0, 0].set_yscale("log")
-    axes[0, 0].set_yticks((1, 2, 5, 10), ("1", "2", "5", "10"), minor=False)
-    axes[0, 0].minorticks_off()
-    axes[0, 1].set_yscale("log")
-    axes[0, 1].set_yticks((0.5, 1, 5, 10, 50), ("0.5", "1", "5", "10", "50"), minor=False)
-    axes[0, 1].minorticks_off()
-    share = axes[0, 2].twinx()
-    share.spines["top"].set_visible(False)
-    draw_ensembles(
-        share, sizes, [group["contact"] for group in dry], color=COLOURS[1], marker=MARKERS[1]
-    )
-    axes[0, 2].set_ylabel("impacts a turn", color=COLOURS[0])
-    share.set_ylabel("time in contact [%]", color=COLOURS[1])
-    axes[0, 0].legend(fontsize=8)
-    return figure
 
 
 @case(
@@ -745,28 +689,23 @@ def _draw_findings(dry):
     wrong="oil a thousand times thinner",
 )
 def lubricated_pin(quick: bool = False, wrong: bool = False) -> Outcome:
-    rows = [[
-        "radial clearance", "acceleration off, dry, RMS/peak [%]", "oiled", "oiled/dry",
+    rows = Rows(
+        "radial clearance", "acceleration off, dry, RMS/peak [%]", "oiled", "oiled/dry|.2g",
         "velocity off, dry [%]", "oiled", "peak pin force, dry [kN]", "oiled",
         "thinnest film [µm]",
-    ]]  # fmt: skip
-    ratios = []
+    )  # fmt: skip
     for clearance in CLEARANCES:
         dry = _ensemble(quick, clearance)
         oily = _ensemble(quick, clearance, viscosity=OIL / 1000 if wrong else OIL)
-        ratios.append(float(oily["acceleration_off"].mean() / dry["acceleration_off"].mean()))
-        rows.append(
-            [
-                _size(clearance),
-                spread(100 * dry["acceleration_off"]), spread(100 * oily["acceleration_off"]),
-                f"{ratios[-1]:.2g}",
-                spread(100 * dry["velocity_off"]), spread(100 * oily["velocity_off"]),
-                spread(dry["force_kN"]), spread(oily["force_kN"]), spread(oily["thinnest_um"]),
-            ]
+        ratio = oily["acceleration_off"].mean() / dry["acceleration_off"].mean()
+        rows.add(
+            _size(clearance),
+            spread(100 * dry["acceleration_off"]), spread(100 * oily["acceleration_off"]), ratio,
+            spread(100 * dry["velocity_off"]), spread(100 * oily["velocity_off"]),
+            spread(dry["force_kN"]), spread(oily["force_kN"]), spread(oily["thinnest_um"]),
+            errors=(ratio,),
         )  # fmt: skip
-    if quick:
-        return Outcome(max(ratios), 0.25, rows)
-    return Outcome(max(ratios), 0.25, rows, _draw_oil())
+    return rows.outcome(0.25, None if quick else _draw_oil())
 
 
 def _draw_oil():
@@ -820,61 +759,10 @@ START = 150.0, -75.0
 """Angular velocities of crank and rod, both stretched along the guide [rad/s]."""
 
 
-def _nonsmooth(duration: float, step: float, clearance: float) -> np.ndarray:
-    """The slider-crank between two rigid walls, by Moreau's time stepping: time, turns, speed, y.
-
-    Crank and rod as double pendulum with the slider as a point mass at its end (both corners of a
-    side hit the wall at once, so that it does not turn); Newton's impact, Coulomb's friction.
-    """
-    (a, b), (ja, jb), g = BARS, BAR_INERTIA, 9.81
-    inner = ja + (BAR_MASS / 4 + BAR_MASS + BLOCK_MASS) * a**2
-    outer = jb + (BAR_MASS / 4 + BLOCK_MASS) * b**2
-    both = (BAR_MASS / 2 + BLOCK_MASS) * a * b
-    weights = (1.5 * BAR_MASS + BLOCK_MASS) * a * g, (BAR_MASS / 2 + BLOCK_MASS) * b * g
-    p, q, v, w = 0.0, 0.0, *START
-    kept = [(0.0, 0.0, v, 0.0)]
-    for n in range(1, round(duration / step) + 1):
-        p, q = p + step / 2 * v, q + step / 2 * w
-        cross, lean = both * math.cos(p - q), both * math.sin(p - q)
-        det = inner * outer - cross**2
-
-        def solve(x, y, cross=cross, det=det):
-            return (outer * x - cross * y) / det, (inner * y - cross * x) / det
-
-        before = v, w
-        # The gyroscopic term is quadratic in the speeds: once more with those in mid-step.
-        mid = before
-        for _ in range(3):
-            dv, dw = solve(
-                -lean * mid[1] ** 2 - weights[0] * math.cos(p),
-                lean * mid[0] ** 2 - weights[1] * math.cos(q),
-            )
-            mid = before[0] + step / 2 * dv, before[1] + step / 2 * dw
-        v, w = v + step * dv, w + step * dw
-        y = a * math.sin(p) + b * math.sin(q)
-        if abs(y) >= clearance:
-            side = math.copysign(1.0, y)
-            up = a * math.cos(p), b * math.cos(q)
-            along = -a * math.sin(p), -b * math.sin(q)
-            grip = GUIDE_FRICTION * math.copysign(1.0, along[0] * v + along[1] * w)
-            push = solve(*(-side * u - grip * s for u, s in zip(up, along, strict=True)))
-            arrives = side * (up[0] * before[0] + up[1] * before[1])
-            wanted = min(-IMPACT * arrives, 0.0) if arrives > 0 else 0.0
-            excess = side * (up[0] * v + up[1] * w) - wanted
-            gain = -side * (up[0] * push[0] + up[1] * push[1])
-            if excess > 0.0:
-                v, w = v + push[0] * excess / gain, w + push[1] * excess / gain
-        p, q = p + step / 2 * v, q + step / 2 * w
-        kept.append(
-            (n * step, p / (2 * np.pi), v, (a * math.sin(p) + b * math.sin(q)) / GUIDE_CLEARANCE)
-        )  # fmt: skip
-    return np.array(kept)
-
-
 def guided(
     duration: float, clearance: float = GUIDE_CLEARANCE, stiffness: float = 1e9, step: float = 5e-7
 ) -> jp.Result:
-    """The same with the package: corners on walls, nearly rigid."""
+    """The slider-crank thrown in its guide: corners on walls, nearly rigid."""
     path = urdf(
         body("crank", BAR_MASS, f"{BARS[0] / 2} 0 0", BAR_INERTIA[0]),
         body("rod", BAR_MASS, f"{BARS[1] / 2} 0 0", BAR_INERTIA[1]),
@@ -905,48 +793,3 @@ def guided(
         state={"main": (0.0, first), "big_end": (0.0, second), "small_end": (0.0, -START[1])},
         **FREE,
     )  # fmt: skip
-
-
-@case(
-    origin="integrator",
-    title="Slider-crank with clearance in the guide",
-    compared="The slider-crank of P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23 "
-    "(2010) 165-190 (slider with 1 mm of clearance in its guide, crank thrown at 150 rad/s, "
-    "restitution 0.4, friction 0.01) with a non-smooth integration written out in the case "
-    "(Moreau's time stepping, steps of 2 µs), in time, over 50 ms.",
-    measures="largest of three differences over its allowance, RMS over the run: crank angle "
-    "0.01 rad, crank speed 2 rad/s, place across the guide 20 % of the clearance",
-    wrong="half the clearance in the integration by hand",
-)
-def clearance_in_the_guide(quick: bool = False, wrong: bool = False) -> Outcome:
-    end = 0.025 if quick else 0.05
-    result = guided(end)
-    hand = _nonsmooth(end, 2e-6, GUIDE_CLEARANCE / 2 if wrong else GUIDE_CLEARANCE)
-    errors, rows = [], [["", "RMS difference", "allowed"]]
-    figure, axes = new_figure(3, 1, 8.0, 6.0, sharex=True)
-    for panel, (name, mine, column, allowed) in zip(
-        axes[:, 0],
-        (
-            ("crank angle [rad]", result["q"].values[:, 0], 2 * np.pi * hand[:, 1], 0.01),
-            ("crank speed [rad/s]", result["v"].values[:, 0], hand[:, 2], 2.0),
-            ("slider across guide / clearance",
-             result["tool_position"].values[:, 1] / GUIDE_CLEARANCE, hand[:, 3], 0.2),
-        ),
-        strict=True,
-    ):  # fmt: skip
-        theirs = np.interp(result.time, hand[:, 0], column)
-        apart = float(np.sqrt(np.mean((mine - theirs) ** 2)))
-        errors.append(apart / allowed)
-        rows.append([name, f"{apart:.2g}", f"{allowed:g}"])
-        panel.plot(1e3 * result.time, mine, color=COLOURS[0], lw=1.3, label="jointplay")
-        panel.plot(1e3 * result.time, theirs, "k--", lw=0.9, label="non-smooth, by hand")
-        panel.set_ylabel(name)
-    axes[2, 0].set_xlabel("time [ms]")
-    axes[0, 0].legend(fontsize=9)
-    notes = (
-        "Here the walls deform by 6 % of the clearance (1 GN/m^1.5), and the corners of the "
-        "light slider bounce one after the other; in the reference the walls are rigid and the "
-        "slider does not turn. Small bounces therefore differ, but the motion of the mechanism "
-        "hardly does.",
-    )
-    return Outcome(max(errors), 1.0, rows, figure, notes)

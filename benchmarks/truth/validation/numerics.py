@@ -11,10 +11,10 @@ from itertools import pairwise, product
 
 import numpy as np
 from common import COLOURS, MARKERS, Case, new_figure
+from robots import body, joint, urdf
 from scipy import stats
 from scipy.optimize import brentq
-from truth.validation import Outcome, case
-from truth.validation.mechanisms import FREE, body, joint, urdf
+from truth.validation import FREE, Outcome, Rows, case, off
 from truth.validation.pendulum import ARM, GRAVITY, INERTIA, MASS, Pendulum, resting
 
 import jointplay as jp
@@ -88,8 +88,8 @@ SITUATIONS = {
 )
 def order(quick: bool = False, wrong: bool = False) -> Outcome:
     number = 2 if quick else 8
-    rows = [["situation", "integrator", "order expected", "observed", "error at finest step [µm]"]]
-    shortfalls = []
+    rows = Rows("situation", "integrator", "order expected|g", "observed|.2f",
+                "error at finest step [um]|.2g")  # fmt: skip
     figure, axes = new_figure(1, 4, 11.0, 3.4)
     for panel, (title, situation) in zip(axes.flat, SITUATIONS.items(), strict=True):
         pendulum = situation.pendulum
@@ -114,9 +114,8 @@ def order(quick: bool = False, wrong: bool = False) -> Outcome:
                     squares.append(np.sum((run.workspace.q[:2] - end[:2]) ** 2))
                 errors.append(math.sqrt(np.mean(squares)))
             observed = np.polyfit(np.log(situation.steps), np.log(errors), 1)[0]
-            shortfalls.append(expected - observed)
-            figures = f"{expected:g}", f"{observed:.2f}", f"{1e6 * errors[-1]:.2g}"
-            rows.append([title, method, *figures])
+            short = (expected - observed,)
+            rows.add(title, method, expected, observed, 1e6 * errors[-1], errors=short)
             panel.loglog(
                 1e6 * np.array(situation.steps), 1e6 * np.array(errors), marker + "-", ms=4, lw=1,
                 color=colour, label=f"{method}: {observed:.2f}",
@@ -125,8 +124,8 @@ def order(quick: bool = False, wrong: bool = False) -> Outcome:
         plain_ticks(panel, 1e6 * np.array(situation.steps))
         panel.title.set_fontsize(9)
         panel.legend(fontsize=7)
-    axes[0, 0].set_ylabel("error of the journal's place [µm]")
-    return Outcome(max(shortfalls), 0.3, rows, figure)
+    axes[0, 0].set_ylabel("error of the journal's place [um]")
+    return rows.outcome(0.3, figure)
 
 
 # --- error per work -----------------------------------------------------------------------
@@ -194,7 +193,7 @@ def compare_costs(points: dict[str, list]) -> str:
     found = []
     for error in EQUAL_UM:
         own = [cost_at(1e-6 * error, points[row]) for row in ROWS if row.startswith("multi-rate")]
-        other = cost_at(1e-6 * error, points["DOP853"])
+        other = cost_at(1e-6 * error, points["scipy DOP853"])
         known = [cost for cost in own if cost is not None]
         if known and other is not None:
             found.append(f"{other / min(known):.1f} times at {error:g} µm")
@@ -217,50 +216,38 @@ def work_precision(quick: bool = False, wrong: bool = False) -> Outcome:
     starts = bounces(1 if quick else 8)
     truth = replace(pendulum, gravity=WRONG_GRAVITY) if wrong else pendulum
     ends = [truth.solve(start, duration, "DOP853", 1e-12).states[0] for start in starts]
-    rows = [["method", "step or rtol", "error [µm]", "evaluations", "CPU [s] per simulated s"]]
-    judged, points = [], {}
+    rows = Rows("method", "step or rtol", "error [um]|.2g", "evaluations|d",
+                "CPU [s] per simulated s|.2g")  # fmt: skip
+    points: dict[str, list[tuple[float, int, float]]] = {}
+
+    def add(row: str, setting: str, ends_there: list, calls: int, cpu: float) -> tuple[float]:
+        error = distances(ends_there, ends)
+        points.setdefault(row, []).append((error, calls, cpu / duration))
+        rows.add(row, setting, 1e6 * error, calls, cpu / duration)
+        return (error / pendulum.play,)
+
     for row, (method, _, steps) in ROWS.items():
         for step in (1e-5, 1e-6) if quick else steps:
-            found, calls, cpu = stepped(pendulum, starts, duration, step, row)
-            error = distances(found, ends)
-            points.setdefault(row, []).append((error, calls, cpu / duration))
-            rows.append([row, f"{1e6 * step:g} µs", f"{1e6 * error:.2g}", f"{calls}"])
-            rows[-1].append(f"{cpu / duration:.2g}")
+            found = stepped(pendulum, starts, duration, step, row)
+            error = add(row, f"{1e6 * step:g} us", *found)
         if method == "rk4":
-            judged.append(error / pendulum.play)
+            rows.errors += error
     for method, tolerances in SCIPY.items():
         for tolerance in tolerances[-1:] if quick else tolerances:
             solved = [pendulum.solve(start, duration, method, tolerance) for start in starts]
-            error = distances([one.states[0] for one in solved], ends)
+            found = [one.states[0] for one in solved]
             calls = round(np.mean([one.calls for one in solved]))
             cpu = min(one.cpu for one in solved)
-            points.setdefault(method, []).append((error, calls, cpu / duration))
-            rows.append([f"scipy {method}", f"{tolerance:g}", f"{1e6 * error:.2g}"])
-            rows[-1] += [f"{calls}", f"{cpu / duration:.2g}"]
+            error = add(f"scipy {method}", f"{tolerance:g}", found, calls, cpu)
         if method == "Radau":
-            judged.append(error / pendulum.play)
+            rows.errors += error
     notes = (compare_costs(points),) if not quick else ()
     note = (
         "CPU times of scipy are those of a right-hand side in Python, of the program those of "
         "its compiled loop with Pinocchio called from Python; evaluations compare the methods, "
         "times compare the programs."
     )
-    return Outcome(max(judged), 1e-5, rows, draw_work(points), (*notes, note))
-
-
-def draw_work(points: dict[str, list]):
-    """Error over CPU time and over evaluations."""
-    figure, axes = new_figure(1, 2, 9.0, 3.6, sharey=True)
-    for (method, values), colour, marker in zip(points.items(), COLOURS, MARKERS, strict=False):
-        error, calls, cpu = np.array(values).T
-        for panel, across in ((axes[0, 0], cpu), (axes[0, 1], calls)):
-            panel.loglog(across, 1e6 * error, marker + "-", color=colour, ms=4, lw=1, label=method)
-    axes[0, 0].set(
-        xlabel="CPU time per simulated second [s]", ylabel="error of the journal's place [µm]"
-    )
-    axes[0, 1].set(xlabel="evaluations of the acceleration in 30 ms")
-    axes[0, 0].legend(fontsize=7)
-    return figure
+    return rows.outcome(1e-5, None, *notes, note)
 
 
 # --- step size ----------------------------------------------------------------------------
@@ -310,16 +297,13 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
     impacts = IMPACTS[:2] if quick else IMPACTS
     phases = (np.arange(4 if quick else 10) + 0.5) / (4 if quick else 10)
     asked = (0.9,) if quick else (0.9, 0.5)
-    rows = [["steps per impact", *(f"{m}, c_e = {c:g}" for c in asked for m in METHODS)]]
-    figure, axes = new_figure(1, len(METHODS), 12.0, 3.8, sharey=True)
-    worst, apart = {}, []
-    for c_e, (method, panel) in product(asked, zip(METHODS, axes.flat, strict=True)):
+    heads = [f"{m}, c_e = {c:g}|.2g" for c in asked for m in METHODS]
+    rows, worst, apart = Rows("steps per impact|d", *heads), {}, []
+    for c_e, method in product(asked, METHODS):
         a = 0.75 * (1.0 - c_e**2)
         theory = brentq(lambda e, a=a: a * (1 + e) - math.log((1 + a) / (1 - a * e)), 0.1, 1.0)
         lines = []
-        for (mass, stiffness, speed), colour, marker in zip(
-            impacts, COLOURS, MARKERS, strict=False
-        ):
+        for mass, stiffness, speed in impacts:
             lasts = impact_time(mass, stiffness, 0.1 if wrong else speed)
             errors = [
                 max(
@@ -329,20 +313,14 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
                 for n in counts
             ]
             lines.append(errors)
-            if c_e == asked[0]:
-                label = f"{mass:g} kg, {stiffness:.0e} N/m$^{{1.5}}$, {speed:g} m/s"
-                panel.loglog(counts, errors, marker, color=colour, ms=4, mfc="none", label=label)
         for n, errors in zip(counts, np.transpose(lines), strict=True):
             apart.append(errors.max() / errors.min() - 1.0)
             worst[method, c_e, n] = errors.max()
-        plain_ticks(panel, counts)
-        panel.set(xlabel="steps per impact N [-]", title=f"{method}, c_e = {asked[0]:g}")
-        panel.title.set_fontsize(10)
-    rows += [[f"{n}", *(f"{worst[m, c, n]:.2g}" for c in asked for m in METHODS)] for n in counts]
-    axes[0, 0].set_ylabel("largest error of the restitution [-]")
-    axes[0, 0].legend(fontsize=7)
+    for n in counts:
+        rows.add(n, *(worst[m, c, n] for c in asked for m in METHODS))
+    rows.errors = apart
     note = "Largest error of the restitution over ten places of the touch within its step."
-    return Outcome(max(apart), 0.02, rows, figure, (note,))
+    return rows.outcome(0.02, None, note)
 
 
 @case(
@@ -357,8 +335,8 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
 def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
     mass = MASS if wrong else 1.0 / (1.0 / MASS + ARM**2 / INERTIA)
     path = urdf(body("arm", MASS, f"{ARM} 0 0", INERTIA), joint("pin", "base", "arm"))
-    rows = [["law", "stiffness", "largest step accepted [µs]", "formula [µs]", "relative error"]]
-    errors = []
+    rows = Rows("law", "stiffness", "largest step accepted [us]|.3f", "formula [us]|.3f",
+                "relative error|.1e")  # fmt: skip
     for law, stiffness in [
         *((jp.contact.Hertz(), k) for k in (1e8, 1e10, 1e12)),
         *((jp.contact.LinearSpring(k), k) for k in (1e6, 1e8)),
@@ -382,20 +360,24 @@ def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
         for _ in range(8 if quick else 14):
             middle = math.sqrt(low * high)
             low, high = (middle, high) if accepts(middle) else (low, middle)
-        errors.append(abs(low / theory - 1.0))
-        unit = "N/m^1.5" if hertz else "N/m"
-        rows.append(
-            [f"`{law.name}`", f"{stiffness:.0e} {unit}", f"{1e6 * low:.3f}", f"{1e6 * theory:.3f}",
-             f"{errors[-1]:.1e}"]
-        )  # fmt: skip
+        error, size = off(low, theory), f"{stiffness:.0e} {'N/m^1.5' if hertz else 'N/m'}"
+        rows.add(f"`{law.name}`", size, 1e6 * low, 1e6 * theory, error, errors=(error,))
     note = (
         "The program uses 3 depth/speed for every law; the exact factor is 2.943 for Hertz and "
         "pi for a linear spring."
     )
-    return Outcome(max(errors), 0.06, rows, None, (note,))
+    return rows.outcome(0.06, None, note)
 
 
 # --- energy -------------------------------------------------------------------------------
+
+
+def repeated(motion: jp.Motion, cycles: int) -> jp.Motion:
+    """A cycle that ends where it begins, so many times."""
+    starts = np.arange(cycles)[:, None] * motion.duration
+    times = np.append((starts + motion.times[:-1]).ravel(), cycles * motion.duration)
+    places = np.vstack([np.tile(motion.positions[:-1], (cycles, 1)), motion.positions[:1]])
+    return jp.Motion(motion.joints, times, places, motion.interpolation)
 
 
 def swing(job: tuple[str, float, bool]) -> tuple[str, np.ndarray, np.ndarray, float]:
@@ -406,15 +388,8 @@ def swing(job: tuple[str, float, bool]) -> tuple[str, np.ndarray, np.ndarray, fl
     name, duration, wrong = job
     if name.startswith("SCARA"):
         base = Case().simulation()
-        motion = base.motion
-        cycles = round(duration / motion.duration)
-        times = np.concatenate(
-            [motion.times[:-1] + k * motion.duration for k in range(cycles)]
-            + [[cycles * motion.duration]]
-        )
-        places = np.vstack([np.tile(motion.positions[:-1], (cycles, 1)), motion.positions[:1]])
-        repeated = jp.Motion(motion.joints, times, places, motion.interpolation)
-        result = replace(base, motion=repeated, record_every=1000).run()
+        cycles = round(duration / base.motion.duration)
+        result = replace(base, motion=repeated(base.motion, cycles), record_every=1000).run()
         top = float(result["kinetic_energy"].max())
         return name, result.time, result["energy_residual"].values, top
     elastic = "elastic" in name
@@ -452,18 +427,15 @@ def energy(quick: bool = False, wrong: bool = False) -> Outcome:
     if not quick:
         jobs.insert(0, ("SCARA, 0.2 mm", duration, wrong))
     runs = jp.Study(jobs, swing).run(jobs=1 if quick else None)
-    rows = [["mechanism", "duration [s]", "largest error [J]", "largest kinetic energy [J]"]]
-    rows[0] += ["relative", "drift [J/s]"]
-    errors = []
+    rows = Rows("mechanism", "duration [s]|g", "largest error [J]|.2g",
+                "largest kinetic energy [J]|.3g", "relative|.1e", "drift [J/s]|.1e")  # fmt: skip
     figure, axes = new_figure(len(runs), 1, 7.0, 1.9 * len(runs))
     for panel, (name, times, balance, exchanged), colour in zip(
         axes.flat, runs, COLOURS, strict=False
     ):
         worst = float(np.abs(balance).max())
-        errors.append(worst / exchanged)
-        drift = np.polyfit(times, balance, 1)[0]
-        rows.append([name, f"{times[-1]:g}", f"{worst:.2g}", f"{exchanged:.3g}",
-                     f"{errors[-1]:.1e}", f"{drift:.1e}"])  # fmt: skip
+        drift, error = np.polyfit(times, balance, 1)[0], worst / exchanged
+        rows.add(name, times[-1], worst, exchanged, error, drift, errors=(error,))
         panel.plot(times, 1e3 * balance, color=colour, lw=0.7)
         panel.set(ylabel="error [mJ]", title=f"{name}: kinetic energy up to {exchanged:.3g} J")
         panel.title.set_fontsize(9)
@@ -473,7 +445,7 @@ def energy(quick: bool = False, wrong: bool = False) -> Outcome:
         "journal, which the step does not resolve (docs/integrators.md). The pendulum's rises "
         "and falls with its speed and does not grow."
     )
-    return Outcome(max(errors), 2e-3 if quick else 2e-2, rows, figure, () if quick else (note,))
+    return rows.outcome(2e-3 if quick else 2e-2, figure, *(() if quick else (note,)))
 
 
 # --- chaos --------------------------------------------------------------------------------
@@ -492,14 +464,8 @@ def scara_stretching(job: tuple[float, int]) -> np.ndarray:
     """Growth in every cycle of 3 s [1/s], shape (cycles,)."""
     play, cycles = job
     base = replace(Case(radial=play, axial=play).simulation(), record_every=10**9)
-    motion = base.motion
-    times = np.concatenate(
-        [motion.times[:-1] + k * motion.duration for k in range(cycles)]
-        + [[cycles * motion.duration]]
-    )
-    places = np.vstack([np.tile(motion.positions[:-1], (cycles, 1)), motion.positions[:1]])
-    repeated = jp.Motion(motion.joints, times, places, motion.interpolation)
-    simulation = replace(base, motion=repeated, duration=cycles * motion.duration)
+    duration = cycles * base.motion.duration
+    simulation = replace(base, motion=repeated(base.motion, cycles), duration=duration)
     growth = stretching(simulation, 0.01)
     return growth.reshape(cycles, -1)
 
@@ -519,8 +485,8 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
     theory = square if wrong else math.sqrt(square)
     growth = stretching(toppling(1.0), 0.01)
     found = growth[len(growth) // 4 :].mean() / 0.01
-    rows = [["mechanism", "largest exponent [1/s]", "95 % interval", "theory"]]
-    rows.append(["upright pendulum", f"{found:.5f}", "", f"{theory:.5f}"])
+    rows = Rows("mechanism", "largest exponent [1/s]|.5f", "95 % interval", "theory|.5f")
+    rows.add("upright pendulum", found, "", theory, errors=(off(found, theory),))
     figure, notes = None, []
     if not quick:
         cycles = 7
@@ -536,9 +502,8 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
             half = found_here.high - found_here.value
             label = f"{1e3 * play:g} mm"
             mean = found_here.value
-            rows.append(
-                [f"SCARA, {label}", f"{mean:.1f}", f"{mean - half:.1f} to {mean + half:.1f}", ""]
-            )
+            interval = f"{mean - half:.1f} to {mean + half:.1f}"
+            rows.add(f"SCARA, {label}", f"{mean:.1f}", interval, "")
             grown = np.cumsum(growths[1:].ravel()) / (0.01 * np.arange(1, growths[1:].size + 1))
             at = 0.01 * np.arange(1, grown.size + 1)
             axes[0, 0].plot(at, grown, color=colour, lw=1, label=label)
@@ -563,7 +528,7 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
             "Intervals are Student's, from the six cycles after the first, assumed independent. "
             "Locally the growth is very uneven, as the right-hand figure shows."
         )
-    return Outcome(abs(found / theory - 1.0), 1e-3, rows, figure, notes)
+    return rows.outcome(1e-3, figure, *notes)
 
 
 # --- ensembles ----------------------------------------------------------------------------
@@ -606,18 +571,16 @@ def mean_and_interval(values: np.ndarray) -> tuple[float, float]:
 def ensembles(quick: bool = False, wrong: bool = False) -> Outcome:
     runs, duration = (4, 0.2) if quick else (8, 3.0)
     plays = (0.5e-3,) if quick else (0.2e-3, 0.5e-3)
-    rows = [["clearance [mm]", "figure", "set 1", "set 2", "t"]]
+    rows = Rows("clearance [mm]|g", "figure", "set 1", "set 2", "t|.1f")
     jobs: list[tuple[int, float, float]] = []
     for play in plays:
         other = (0.2e-3 if play > 0.3e-3 else 0.5e-3) if wrong else play
         jobs += [(seed, play if seed < runs else other, duration) for seed in range(2 * runs)]
     found = np.array(jp.Study(jobs, figures_of).run(jobs=1 if quick else None))
-    worst = []
     for play, pair in zip(plays, found.reshape(len(plays), 2, runs, -1), strict=True):
         for k, name in enumerate(FIGURES):
             t = abs(stats.ttest_ind(*pair[:, :, k], equal_var=False).statistic)
-            worst.append(t)
             texts = ["{:.4g} ± {:.2g}".format(*mean_and_interval(group)) for group in pair[:, :, k]]
-            rows.append([f"{1e3 * play:g}", name, *texts, f"{t:.1f}"])
+            rows.add(1e3 * play, name, *texts, t, errors=(t,))
     note = "Means with Student's 95 % interval of the mean."
-    return Outcome(max(worst), 5.0 if quick else 4.1, rows, None, (note,))
+    return rows.outcome(5.0 if quick else 4.1, None, note)

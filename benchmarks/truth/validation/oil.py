@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 from scipy.optimize import brentq
-from truth.validation import Outcome, case
+from truth.validation import Outcome, Rows, case, off
 from truth.validation.impacts import disc
 
 import jointplay as jp
@@ -39,9 +39,8 @@ def _spin(speed: float, duration: float) -> jp.Motion:
     wrong="the load is that of a film that does not cavitate",
 )
 def short_bearing(quick: bool = False, wrong: bool = False) -> Outcome:
-    rows = [["weight [N]", "turns a minute", "eccentricity", "theory", "attitude [°]", "theory",
-             "thinnest [µm]"]]  # fmt: skip
-    errors = []
+    rows = Rows("weight [N]|g", "turns a minute|g", "eccentricity|.6f", "theory|.6f",
+                "attitude [°]|.4f", "theory|.4f", "thinnest [µm]|.3f")  # fmt: skip
     for weight, rpm in ((1000.0, 3000.0),) if quick else ((300.0, 3000.0), (1000.0, 3000.0),
                                                         (1000.0, 1500.0)):  # fmt: skip
         speed, lasts, g = rpm * 2 * math.pi / 60, 0.4, 9.81
@@ -51,7 +50,7 @@ def short_bearing(quick: bool = False, wrong: bool = False) -> Outcome:
         )  # fmt: skip
         x, y = result["journal_centre"].values[-1, 0, :2]
         found = math.hypot(x, y) / CLEARANCE
-        attitude = math.atan2(x, -y)
+        attitude = abs(math.atan2(x, -y))
         unit = VISCOSITY * speed * RADIUS * LENGTH**3 / CLEARANCE**2
 
         def load(e, weight, unit=unit):
@@ -60,13 +59,10 @@ def short_bearing(quick: bool = False, wrong: bool = False) -> Outcome:
 
         e = brentq(load, 1e-3, 0.99, args=(weight,))
         angle = math.atan2(math.pi * math.sqrt(1 - e**2), 4 * e)
-        errors += [abs(found - e), abs(abs(attitude) - angle)]
-        rows.append(
-            [f"{weight:g}", f"{rpm:g}", f"{found:.6f}", f"{e:.6f}",
-             f"{math.degrees(abs(attitude)):.4f}", f"{math.degrees(angle):.4f}",
-             f"{1e6 * CLEARANCE * (1 - found):.3f}"]
-        )  # fmt: skip
-    return Outcome(max(errors), 1e-3, rows)
+        turned, thinnest = map(math.degrees, (attitude, angle)), 1e6 * CLEARANCE * (1 - found)
+        errors = abs(found - e), abs(attitude - angle)
+        rows.add(weight, rpm, found, e, *turned, thinnest, errors=errors)
+    return rows.outcome(1e-3)
 
 
 @case(
@@ -80,10 +76,8 @@ def short_bearing(quick: bool = False, wrong: bool = False) -> Outcome:
     wrong="the cross coupling is C omega, as if the oil turned with the journal",
 )
 def oil_whirl(quick: bool = False, wrong: bool = False) -> Outcome:
-    rows = [
-        ["turns a minute", "growth [1/s]", "theory", "whirl [rad/s]", "theory", "whirl / turning"]
-    ]
-    errors = []
+    rows = Rows("turns a minute|g", "growth [1/s]|.4f", "theory|.4f", "whirl [rad/s]|.3f",
+                "theory|.3f", "whirl / turning|.4f")  # fmt: skip
     mass = 20.0
     for rpm in (6000.0,) if quick else (3000.0, 6000.0, 12000.0):
         speed = rpm * 2 * math.pi / 60
@@ -104,12 +98,9 @@ def oil_whirl(quick: bool = False, wrong: bool = False) -> Outcome:
         late = result.time > lasts / 2  # the other root has died away
         rate = np.polyfit(result.time[late], np.log(np.abs(z[late])), 1)[0]
         whirl = np.polyfit(result.time[late], np.unwrap(np.angle(z[late])), 1)[0]
-        errors += [abs(rate - root.real) / root.imag, abs(whirl - root.imag) / root.imag]
-        rows.append(
-            [f"{rpm:g}", f"{rate:.4f}", f"{root.real:.4f}", f"{whirl:.3f}", f"{root.imag:.3f}",
-             f"{whirl / speed:.4f}"]
-        )  # fmt: skip
-    return Outcome(max(errors), 2e-3, rows)
+        errors = abs(rate - root.real) / root.imag, abs(whirl - root.imag) / root.imag
+        rows.add(rpm, rate, root.real, whirl, root.imag, whirl / speed, errors=errors)
+    return rows.outcome(2e-3)
 
 
 @case(
@@ -138,8 +129,8 @@ def archard(quick: bool = False, wrong: bool = False) -> Outcome:
     fallen = float(np.trapezoid(result["normal_force"].values[:, 0, 0], result.time))
     way = (bearing.ri if wrong else bearing.rj) * speed
     theory = rate * weight * way * lasts
-    rows = [
-        ["worn volume [mm^3]", "theory", "impulse of the contact force [N s]", "weight x time"],
-        [f"{1e9 * volume:.6f}", f"{1e9 * theory:.6f}", f"{fallen:.4f}", f"{weight * lasts:.4f}"],
-    ]
-    return Outcome(abs(volume / theory - 1), 1e-2, rows)
+    rows = Rows("worn volume [mm^3]|.6f", "theory|.6f", "impulse of the contact force [N s]|.4f",
+                "weight x time|.4f")  # fmt: skip
+    error = off(volume, theory)
+    rows.add(1e9 * volume, 1e9 * theory, fallen, weight * lasts, errors=(error,))
+    return rows.outcome(1e-2)

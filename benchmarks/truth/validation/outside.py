@@ -8,10 +8,11 @@ import math
 
 import numpy as np
 from common import COLOURS, new_figure
-from truth.validation import Outcome, case
+from robots import body, joint, urdf
+from truth.validation import FREE, Outcome, Rows, case, off
 from truth.validation.data import read
 from truth.validation.literature import CRANK, GUIDE_CLEARANCE, ROD, SLIDER_MASS, guided
-from truth.validation.mechanisms import FREE, body, joint, urdf
+from truth.validation.theory import FACTORS
 
 import jointplay as jp
 
@@ -85,12 +86,10 @@ def recurdyn_ideal(quick: bool = False, wrong: bool = False) -> Outcome:
     angle = _angle(theirs["ideal_y"][at], theirs["ideal_z"][at])
     ours = np.interp(theirs["time"][at], result.time, result["q"].values[:, 0])
     error = float(np.abs(ours - angle).max())
-    rows = [["time [s]", "RecurDyn [rad]", "jointplay [rad]"]]
-    rows += [
-        [f"{t:.3f}", f"{a:.6f}", f"{b:.6f}"]
-        for t, a, b in zip(theirs["time"][at][::60], angle[::60], ours[::60], strict=True)
-    ]
-    return Outcome(error, 1e-4, rows)
+    rows = Rows("time [s]|.3f", "RecurDyn [rad]|.6f", "jointplay [rad]|.6f")
+    for row in zip(theirs["time"][at][::60], angle[::60], ours[::60], strict=True):
+        rows.add(*row)
+    return Outcome(error, 1e-4, rows.table)
 
 
 @case(
@@ -304,17 +303,12 @@ def guide_siconos(quick: bool = False, wrong: bool = False) -> Outcome:
 
 # DyS: the laws once more
 
-DYS_FACTORS = {
-    "lankarani-nikravesh": lambda c: 3 / 4 * (1 - c**2),
-    "hunt-crossley-1975": lambda c: 3 / 2 * (1 - c),
-    "herbert-mcwhannell": lambda c: 6 * (1 - c) / ((2 * c - 1) ** 2 + 3),
-    "lee-wang": lambda c: 3 / 4 * (1 - c),
-    "flores": lambda c: 8 * (1 - c) / (5 * c),
-    "qin-lu": lambda c: 3 / 4 * (1 - c**2) * math.exp(2 * (1 - c)),
-    "gonthier": lambda c: (1 - c**2) / c,
-    "hu-guo": lambda c: 3 / 2 * (1 - c) / (2 * c),
-}
-"""Hysteresis factors, read off MBD_system/contact_model/contact_model.py of DyS."""
+DYS_FACTORS = (
+    "lankarani-nikravesh", "hunt-crossley-1975", "herbert-mcwhannell", "lee-wang", "flores",
+    "qin-lu", "gonthier", "hu-guo",
+)  # fmt: skip
+"""Laws whose hysteresis factors stand in MBD_system/contact_model/contact_model.py of DyS: as in
+`FACTORS`, but for what `DYS_EXPLAINED` says."""
 
 DYS_EXPLAINED = {
     "hu-guo": (0.5, "half of what their balance of energies gives (`HuGuo`)"),
@@ -349,15 +343,18 @@ def _dys_depth(law: str, f: float, contact: jp.contact.ContactProperties) -> flo
 )
 def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
     laws = jp.contact.NORMAL_LAWS
-    rows = [["law", "DyS over jointplay", "why"]]
-    errors = []
-    for name, theirs in DYS_FACTORS.items():
-        ratios = np.array([theirs(c) / laws[name].factor(c) for c in (0.3, 0.5, 0.7, 0.9)])
+    rows = Rows("law", "DyS over jointplay|.6g", "why")
+
+    def agree(what: str, ratios: np.ndarray, expected: float = 1.0, why: str = "") -> None:
+        rows.add(what, np.mean(ratios), why, errors=(off(one, expected) for one in ratios))
+
+    for name in DYS_FACTORS:
+        expected, why = DYS_EXPLAINED.get(name, (1.0, ""))
+        asked = np.array((0.3, 0.5, 0.7, 0.9))
+        ratios = np.array([expected * FACTORS[name](c) / laws[name].factor(c) for c in asked])
         if wrong and name == "flores":
             ratios *= 15 / 16
-        expected, why = DYS_EXPLAINED.get(name, (1.0, ""))
-        errors.append(float(np.abs(ratios / expected - 1).max()))
-        rows.append([f"`{name}`, factor", f"{ratios.mean():.6g}", why])
+        agree(f"`{name}`, factor", ratios, expected, why)
     joint = jp.RevoluteClearance.planar(
         bearing_radius=10e-3, bearing_length=1.0, radial_clearance=2e-4,
         bearing_material=jp.Material(207e9, 0.3), journal_material=jp.Material(207e9, 0.3),
@@ -372,43 +369,40 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
         factor = np.polyfit(np.log(loads), theirs / loads, 1)[0]
         factor /= np.polyfit(np.log(loads), ours / loads, 1)[0]
         expected, why = DYS_EXPLAINED.get(name, (1.0, ""))
-        errors.append(abs(factor / expected - 1))
-        rows.append([f"`{name}`, depth before the logarithm", f"{factor:.6g}", why])
-        rows.append([f"`{name}`, depth at 10 kN/m", f"{theirs[1] / ours[1]:.4g}", why])
+        agree(f"`{name}`, depth before the logarithm", [factor], expected, why)
+        rows.add(f"`{name}`, depth at 10 kN/m", f"{theirs[1] / ours[1]:.4g}", why)
     depths = np.array([1e-6, 1e-5, 1e-4])
     law = laws["liu"]()
     ours = [law.function(d, 0.0, 1.0, *law.parameters(contact)) for d in depths]
     theirs = (
         np.pi / 2 * depths * contact.modulus * np.sqrt(depths / (2 * (contact.clearance + depths)))
     )
-    errors.append(float(np.abs(theirs / ours - 1).max()))
-    rows.append(["`liu`, force", f"{(theirs / ours).mean():.6g}", ""])
+    agree("`liu`, force", theirs / ours)
     asked = np.array([0.4, 0.6, 0.9])
     manual = 3 / 2 * (1 - asked) * (11 - asked) / (1 + 9 * asked)
     ratios = manual / [laws["carvalho-martins"].factor(c) for c in asked]
-    errors.append(float(np.abs(ratios - 1).max()))
-    rows.append(["`carvalho-martins`, factor, Exudyn's manual", f"{ratios.mean():.6g}", ""])
+    agree("`carvalho-martins`, factor, Exudyn's manual", ratios)
     slow, fast = 1e-3, 1e-2  # DyS: its v0 and v1
     speeds = np.array([0.5e-3, 4e-3, 2e-2])
     ramp = np.clip((speeds - slow) / (fast - slow), 0.0, 1.0)
     law = jp.contact.Ambrosio(0.3, slow, fast)
     ours = np.array([law.function(v, *law.parameters()) for v in speeds])
-    errors.append(float(np.abs(ours - 0.3 * ramp).max()))
+    rows.errors.append(np.abs(ours - 0.3 * ramp).max())
     grip = 0.3 * np.where(speeds <= fast, 1 - np.exp(-3 * speeds / fast), 0.95)
     law = jp.contact.Threlfall(0.3, fast)
     ours = np.array([law.function(v, *law.parameters()) for v in speeds])
     # Above its v0 DyS takes 0.95, which is 1 - e^-3 in two digits.
-    errors.append(float(np.abs((ours - grip)[speeds <= fast]).max()))
-    rows.append(["`ambrosio`, `threlfall`, coefficients: largest difference",
-                 f"{np.abs(ours - grip).max():.1g}", "0.95 for 1 - e^-3 there"])  # fmt: skip
-    return Outcome(max(errors), 1e-6, rows)
+    rows.errors.append(np.abs((ours - grip)[speeds <= fast]).max())
+    rows.add("`ambrosio`, `threlfall`, coefficients: largest difference",
+             f"{np.abs(ours - grip).max():.1g}", "0.95 for 1 - e^-3 there")  # fmt: skip
+    return rows.outcome(1e-6)
 
 
 # MuJoCo and Exudyn: the first impacts of the slider-crank
 
 
-def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, list[list[str]]]:
-    """Largest distance of our journal from theirs over the clearance, and by time."""
+def _first_impacts(theirs: str, quick: bool, limit: float, **joint: object) -> Outcome:
+    """Judged by the largest distance of our journal from theirs over the clearance."""
     data, _ = read("engines_slider_crank.csv")
     clearance = 0.2e-3
     shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation(
@@ -435,13 +429,11 @@ def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, li
     other = (data[f"{theirs}_x"] + 1j * data[f"{theirs}_y"])[at]
     mine = np.interp(time, result.time, ours.real) + 1j * np.interp(time, result.time, ours.imag)
     apart = np.abs(mine / clearance - other)
-    rows = [["until [ms]", "largest distance of the journals over the clearance"]]
-    rows += [
-        [f"{1e3 * until:g}", f"{apart[time <= until].max():.1e}"]
-        for until in (2e-4, 4e-4, 6e-4, 8e-4, 1e-3)
-        if until <= time[-1] + 1e-5
-    ]
-    return float(apart.max()), rows
+    rows = Rows("until [ms]|g", "largest distance of the journals over the clearance|.1e")
+    for until in (2e-4, 4e-4, 6e-4, 8e-4, 1e-3):
+        if until <= time[-1] + 1e-5:
+            rows.add(1e3 * until, apart[time <= until].max())
+    return Outcome(float(apart.max()), limit, rows.table)
 
 
 @case(
@@ -455,10 +447,8 @@ def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, li
     wrong="restitution 0.99",
 )
 def exudyn_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
-    error, rows = _first_impacts(
-        "exudyn", quick, restitution=0.99 if wrong else 1.0, friction=jp.contact.Coulomb(0.0, 0.01)
-    )
-    return Outcome(error, 1e-5, rows)
+    joint = {"restitution": 0.99 if wrong else 1.0, "friction": jp.contact.Coulomb(0.0, 0.01)}
+    return _first_impacts("exudyn", quick, 1e-5, **joint)
 
 
 @case(
@@ -473,8 +463,7 @@ def exudyn_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
 )
 def mujoco_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
     friction = jp.contact.Coulomb(0.02 if wrong else 0.01, 0.01)
-    error, rows = _first_impacts("mujoco", quick, restitution=0.9, friction=friction)
-    return Outcome(error, 1e-4, rows)
+    return _first_impacts("mujoco", quick, 1e-4, restitution=0.9, friction=friction)
 
 
 # Experiments
