@@ -161,6 +161,30 @@ def require(quick: bool, **packages: str) -> None:
             sys.exit(0)
 
 
+def command(
+    doc: str, quick: str = "a rough answer, in a fraction of the time", out: str = "", **options
+) -> argparse.ArgumentParser:
+    """A command line with `--quick`, `--out` where something is written, and options.
+
+    Args:
+        doc: the script's docstring.
+        quick: what the quick form does.
+        out: folder that is written to, if none is given.
+        options: default and help of each; what is False is a flag, others are of their default's
+            type.
+    """
+    plain = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=doc, formatter_class=plain)
+    parser.add_argument("--quick", action="store_true", help=quick)
+    if out:
+        parser.add_argument("--out", type=Path, help=f"folder for what it writes (default: {out})")
+    for name, (default, text) in options.items():
+        how = {"action": "store_true"} if default is False else {"type": type(default)}
+        words = text if default is False else f"{text} (default: %(default)s)"
+        parser.add_argument(f"--{name.replace('_', '-')}", default=default, help=words, **how)
+    return parser
+
+
 def folder_of(options: argparse.Namespace, name: str, docs: Path | None = None) -> Path:
     """Folder for what a script writes, made: `--out`, or else that of the documentation.
 
@@ -175,23 +199,17 @@ def folder_of(options: argparse.Namespace, name: str, docs: Path | None = None) 
 class Benchmark:
     """A benchmark's command line and files: `<name>.csv`, `<name>.md` and `<name>.png`."""
 
-    def __init__(self, name: str, doc: str, runs: int = 8, docs: Path | None = None) -> None:
+    def __init__(
+        self, name: str, doc: str, runs: int = 8, docs: Path | None = None, **options
+    ) -> None:
         self.name, self.docs, self.ensembles = name, docs, runs > 0
-        self.parser = argparse.ArgumentParser(
-            description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
-        add = self.parser.add_argument
         plain = f"results/benchmarks/{name}"
-        where = f"{docs}; --quick: {plain}" if docs else plain
-        add("--out", type=Path, help=f"folder for table, figure and data (default: {where})")
-        add("--force", action="store_true", help="overwrite files of an earlier run")
-        add("--quick", action="store_true", help="a rough answer, in a fraction of the time")
         if runs:
-            aside = (
-                f"journals displaced at the start by up to {100 * PERTURBATION:g} %% of their play"
-            )
-            add("--runs", type=int, default=runs, metavar="N", help=f"of each case, {aside}")
-            add("--jobs", type=int, default=cores(), metavar="N", help="processes (default: cores)")
+            aside = f"with journals displaced by up to {100 * PERTURBATION:g} %% of their play"
+            options |= {"runs": (runs, f"of each case, {aside}"), "jobs": (cores(), "processes")}
+        options["force"] = (False, "overwrite files of an earlier run")
+        where = f"{docs}; --quick: {plain}" if docs else plain
+        self.parser = command(doc, out=where, **options)
 
     def parse(self) -> argparse.Namespace:
         """Parse the command line; stop if a file would be overwritten."""

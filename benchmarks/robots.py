@@ -20,6 +20,14 @@ Link = tuple[str, str, Sequence[float], float, Sequence[float]]
 """A joint's name, its axis, its place in the link before, and mass and mass centre of its link."""
 
 
+UR5_WAYPOINTS = (
+    (0.0, -1.4, 1.2, -0.6, -1.57, 0.0),
+    (0.8, -0.7, 0.6, -1.2, -1.0, 0.5),
+    (0.2, -1.9, 1.9, 0.3, -1.57, 1.0),
+)
+"""At rest at 0, 1 and 2 s; the elbow turns back at the second [rad]."""
+
+
 def body(name: str, mass: float = 2.0, com: str = "0 0 0", inertia=1e-2) -> str:
     """A link; `inertia` is one moment or three principal ones about its centre [kg m^2]."""
     ixx, iyy, izz = (inertia,) * 3 if isinstance(inertia, float) else inertia
@@ -63,3 +71,12 @@ def serial(
 
 def _text(vector: Sequence[float]) -> str:
     return " ".join(f"{x:.17g}" for x in vector)
+
+
+def loosened(
+    name: str, joints: Sequence[str], allowed: Sequence[str] = (), play: float = 1e-4, **options
+) -> jp.Mechanism:
+    """A robot of example-robot-data, gravity on, some of its joints loose."""
+    size = {"radial_clearance": play, "axial_clearance": play}
+    bearing = jp.RevoluteClearance(**size, bearing_radius=30e-3, bearing_length=60e-3)
+    return jp.Mechanism(name, dict.fromkeys(joints, bearing), allow_unphysical=allowed, **options)

@@ -42,10 +42,8 @@ def cost(simulation):
 
 
 def main():
-    benchmark = Benchmark("growth", __doc__, runs=0)
-    benchmark.parser.add_argument(
-        "--no-cores", action="store_true", help="leave out the wall times, on a busy machine"
-    )
+    words = "leave out the wall times, on a busy machine"
+    benchmark = Benchmark("growth", __doc__, runs=0, no_cores=(False, words))
     args = benchmark.parse()
     data = []
     with temporary("growth") as folder:

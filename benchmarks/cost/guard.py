@@ -5,7 +5,6 @@ numbers of another machine can be compared: no seconds. What is worse than the b
 its scatter is named, and the exit status is 1. `--update` makes what was measured the baseline.
 """
 
-import argparse
 import json
 import os
 import re
@@ -16,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from common import Case
+from common import Case, command
 from cost import scale
 
 from jointplay.base.files import temporary
@@ -122,15 +121,10 @@ def worse(found, baseline):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    quick = "accuracy and start-up alone; the status is always 0"
+    parser = command(__doc__, quick, update=(False, f"write the ratios to {BASELINE.name}"))
     parser.add_argument("--only", choices=PARTS, nargs="+", default=list(PARTS))
     parser.add_argument("--out", type=Path, metavar="JSON", help="write the ratios")
-    parser.add_argument("--update", action="store_true", help=f"write them to {BASELINE.name}")
-    parser.add_argument(
-        "--quick", action="store_true", help="accuracy and start-up alone; the status is always 0"
-    )
     args = parser.parse_args()
     if args.quick:
         args.only = ["accuracy", "start"]

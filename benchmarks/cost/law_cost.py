@@ -117,14 +117,9 @@ def draw(names, ratios, limits):
 
 
 def main():
-    benchmark = Benchmark("law_cost", __doc__, runs=0)
-    add = benchmark.parser.add_argument
-    add(
-        "--check",
-        action="store_true",
-        help=f"exit with status 1 if a ratio is above {EXPLICIT} ({IMPLICIT} where the law is "
-        "solved for its force)",
-    )
+    above = f"{EXPLICIT} ({IMPLICIT} where the law is solved for its force)"
+    words = f"exit with status 1 if a ratio is above {above}"
+    benchmark = Benchmark("law_cost", __doc__, runs=0, check=(False, words))
     args = benchmark.parse()
     made = bearings()
     names, limits = list(made), [limit for _, limit in made.values()]

@@ -9,14 +9,13 @@ a graphics card, which takes its part of both.
 Usage: python benchmarks live [--moves 30] [--all] [--quick]
 """
 
-import argparse
 import shutil
 import signal
 import statistics
 import subprocess
 import sys
 
-from common import require
+from common import command, require
 
 from jointplay.base.progress import ProgressBar
 
@@ -66,11 +65,8 @@ def wait(page):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--moves", type=int, default=30)
-    parser.add_argument("--all", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="the SCARA alone, two moves")
-    options = parser.parse_args()
+    own = {"moves": (30, "of sliders"), "all": (False, "further robots")}
+    options = command(__doc__, "the SCARA alone, two moves", **own).parse_args()
     require(options.quick, playwright="pip install 'jointplay[movie]'")
     browser_path = shutil.which("chromium")
     if browser_path is None:

@@ -9,7 +9,6 @@ core is wall time, of the same cases with one and two workers in turn, workers w
 machine that does nothing else.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -21,6 +20,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from common import command
 
 import jointplay as jp
 from jointplay.base.files import temporary
@@ -152,12 +152,8 @@ def measure(quick=False):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="a rough answer")
+    parser = command(__doc__, check=(False, "exit with status 1 beyond a limit"))
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers there as well")
-    parser.add_argument("--check", action="store_true", help="exit with status 1 beyond a limit")
     args = parser.parse_args()
     found = measure(args.quick)
     million, busy = (found[name] / 3600 for name in ("million_s", "million_driver_s"))

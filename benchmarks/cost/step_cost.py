@@ -163,10 +163,13 @@ def draw(costs, fastest, ratio):
 
 
 def main():
-    benchmark = Benchmark("step_cost", __doc__, runs=0)
-    add = benchmark.parser.add_argument
-    add("--repeats", type=int, default=5, metavar="N", help="cycles (default: %(default)s)")
-    add("--check", type=float, metavar="LIMIT", help="exit with status 1 if the ratio is above")
+    benchmark = Benchmark(
+        "step_cost",
+        __doc__,
+        runs=0,
+        repeats=(5, "cycles"),
+        check=(np.inf, "exit with status 1 if the ratio is above"),
+    )
     args = benchmark.parse()
     duration, repeats = (1.0, 2) if args.quick else (3.0, args.repeats)
     pieces = round(duration / Case().step) // CHUNK
@@ -196,5 +199,5 @@ def main():
     )
     print(f"cycle {costs[ADAPTIVE][1] / costs[fastest][1]:.2f}")
     print(f"ratio {ratio:.2f}")
-    if args.check is not None and ratio > args.check:
+    if ratio > args.check:
         sys.exit(1)

@@ -39,10 +39,8 @@ def draw(cases, every):
 
 
 def main():
-    benchmark = Benchmark("clearance", __doc__)
-    benchmark.parser.add_argument(
-        "--loaded", action="store_true", help="with gravity (default: weight balanced)"
-    )
+    words = "with gravity (default: weight balanced)"
+    benchmark = Benchmark("clearance", __doc__, loaded=(False, words))
     args = benchmark.parse()
     clearances = (0.0, 0.2e-3, 0.5e-3) if args.quick else CLEARANCES
     cases = [Case(radial=c, axial=c, loaded=args.loaded) for c in clearances]

@@ -37,10 +37,7 @@ def draw(cases, found):
 
 
 def main():
-    benchmark = Benchmark("friction_restitution", __doc__)
-    benchmark.parser.add_argument(
-        "--clearance", type=float, default=0.2, metavar="MM", help="C_r = C_a [mm] (0.2)"
-    )
+    benchmark = Benchmark("friction_restitution", __doc__, clearance=(0.2, "C_r = C_a [mm]"))
     args = benchmark.parse()
     every = 2 if args.quick else 1
     clearance = 1e-3 * args.clearance

@@ -107,8 +107,7 @@ def rms(values: np.ndarray) -> float:
 
 
 def main() -> None:
-    benchmark = Benchmark("peak_times", __doc__, runs=0)
-    benchmark.parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes")
+    benchmark = Benchmark("peak_times", __doc__, runs=0, jobs=(2, "processes"))
     args = benchmark.parse()
     drawn, generations, parents = (4, 1, 2) if args.quick else (200, 6, 10)
     children, finalists = (2, 2) if args.quick else (24, 4)

@@ -5,14 +5,13 @@ Pictures and `numbers.csv` go to docs/gallery; the tables of its page are writte
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import re
 import warnings
 
 import numpy as np
-from common import DOCS
+from common import DOCS, command
 
 import jointplay as jp
 from jointplay import analysis
@@ -118,11 +117,9 @@ def put(mark: str, table: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    own = {"pictures": (False, "draw only"), "jobs": (2, "processes")}
+    parser = command(__doc__, "one mechanism; nothing is written", **own)
     parser.add_argument("--only", nargs="*", help="mechanisms")
-    parser.add_argument("--pictures", action="store_true", help="draw only")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--quick", action="store_true", help="one mechanism; nothing is written")
     options = parser.parse_args()
     if options.quick:
         print(table(numbers(QUICK)))

@@ -11,13 +11,11 @@ Writes jansen.txt and jansen.png.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from common import DOCS, folder_of, require
+from common import DOCS, command, folder_of, require
 
 import jointplay as jp
 from jointplay.physics.contact import Ambrosio
@@ -163,13 +161,16 @@ def draw(found: dict[str, list[dict[str, np.ndarray]]], ideal: float, path: Path
     figure.savefig(path, dpi=130)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    for name, number in {"runs": 16, "samples": 64, "phases": 4, "jobs": 2}.items():
-        parser.add_argument(f"--{name}", type=int, default=number)
-    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
-    parser.add_argument("--quick", action="store_true", help="two runs, two points, one phase")
-    options = parser.parse_args(arguments)
+def main() -> None:
+    options = command(
+        __doc__,
+        "two runs, two points, one phase",
+        f"{DOCS}; --quick: results/benchmarks",
+        runs=(16, "of each case"),
+        samples=(64, "of the sensitivity"),
+        phases=(4, "of each sample"),
+        jobs=(2, "processes"),
+    ).parse_args()
     require(options.quick, SALib="pip install 'jointplay[sensitivity]'")
     if options.quick:
         options.runs, options.samples, options.phases = 2, 2, 1

@@ -5,10 +5,10 @@ Writes the tables of docs/gallery/README.md.
 
 from __future__ import annotations
 
-import argparse
 import math
 
 import numpy as np
+from common import command
 from pictures.gallery import put
 
 import jointplay as jp
@@ -111,12 +111,9 @@ def three_rrr(coarse: int) -> list[tuple[str, ...]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command(__doc__, "one robot on a coarse grid; nothing is written")
     names = ("delta", "three_rrr")
     parser.add_argument("--only", nargs="*", choices=names, default=names)
-    parser.add_argument(
-        "--quick", action="store_true", help="one robot on a coarse grid; nothing is written"
-    )
     options = parser.parse_args()
     for name in ["three_rrr"] if options.quick else options.only:
         rows = delta() if name == "delta" else three_rrr(3 if options.quick else 1)

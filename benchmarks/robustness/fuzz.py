@@ -7,7 +7,6 @@ The last line is `cases N traceback A hang B crash C silent D`; the exit status 
 are. Interrupted, it says how to go on.
 """
 
-import argparse
 import contextlib
 import faulthandler
 import importlib
@@ -27,7 +26,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from common import ROOT
+from common import ROOT, command
 
 import jointplay as jp
 from jointplay.base.files import temporary
@@ -213,16 +212,15 @@ def lost(seed: int) -> dict[str, Any]:
 
 def main() -> int:
     """Judge all cases, say which failed, count."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=20_000, metavar="N", help="default 20000")
-    parser.add_argument("--first", type=int, default=1_000_000, metavar="SEED", help="of the first")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
+    parser = command(
+        __doc__,
+        "one case of each kind, and some more",
+        cases=(20_000, "how many"),
+        first=(1_000_000, "seed of the first"),
+        jobs=(1, "processes"),
+        kept=(f"{tempfile.gettempdir()}/jointplay-fuzz", "folder for files of cases that fail"),
+    )
     parser.add_argument("--kind", action="append", default=[], help="only these (repeatable)")
-    parser.add_argument(
-        "--kept", type=Path, default=Path(tempfile.gettempdir()) / "jointplay-fuzz", metavar="DIR",
-        help="where the files of cases that fail are kept (default: %(default)s)",
-    )  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="one case of each kind, and some more")
     options = parser.parse_args()
     for number in (signal.SIGINT, signal.SIGTERM):  # also where the shell had them ignored
         signal.signal(number, signal.default_int_handler)
@@ -235,7 +233,7 @@ def main() -> int:
     cases = {k: k for k in chosen if not options.kind or ORDER[k % len(ORDER)] in options.kind}
     failed: Counter[str] = Counter()
     kinds: dict[str, list[float]] = {}
-    kept = options.kept.resolve()
+    kept = Path(options.kept).resolve()
     with contextlib.ExitStack() as stack:
         place = Path(stack.enter_context(temporary("fuzz")))
         warm(place / "materials")

@@ -14,7 +14,6 @@ annotations, default arguments, errors raised, tolerances (numbers below 1e-6) a
 iterations.
 """
 
-import argparse
 import ast
 import contextlib
 import copy
@@ -28,7 +27,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common import ROOT
+from common import ROOT, command
 
 from jointplay.base.files import temporary
 
@@ -76,12 +75,9 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Modules, and the tests that must notice."""
 
 COMPILED = ("film", "audit", "solver")
-"""Targets whose functions call compiled ones: their tests run with numba's JIT on."""
-
-KEPT = ("film", "audit", "solver")
-"""Those for which compiled code that a mutant leaves as it is may be kept: the kernel's cache is
-stamped by all that it is made of. A mutant of the solver compiles anew all the same, half a minute.
-"""
+"""Targets whose functions call compiled ones: their tests run with numba's JIT on. Code that a
+mutant leaves as it is may be kept, for the kernel's cache is stamped by all that it is made of; one
+of the solver compiles anew all the same, half a minute."""
 
 WANTED = 0.9
 TIMEOUT_S = 300
@@ -192,14 +188,12 @@ def mutants(module: str, text: str) -> list[Mutant]:
     return found
 
 
-def survives(
-    mutant: Mutant, tests: Sequence[str], where: Path, compiled: bool = False, kept: bool = False
-) -> bool:
+def survives(mutant: Mutant, tests: Sequence[str], where: Path, compiled: bool = False) -> bool:
     """Whether all tests pass on the mutant; it runs in a process of its own."""
     path = where / "jointplay" / mutant.module
     original = path.read_text(encoding="utf-8")
     path.write_text(mutant.text, encoding="utf-8")
-    status = _apart(["-x", *tests], where, compiled, kept=kept)
+    status = _apart(["-x", *tests], where, compiled)
     path.write_text(original, encoding="utf-8")
     return status == 0
 
@@ -213,12 +207,9 @@ def unusable(tests: Sequence[str], where: Path, compiled: bool) -> list[str]:
         return file.read_text(encoding="utf-8").split("\n")[:-1]
 
 
-def _apart(
-    arguments: Sequence[str], where: Path, compiled: bool, failures: str = "", kept: bool = False
-) -> int:
+def _apart(arguments: Sequence[str], where: Path, compiled: bool, failures: str = "") -> int:
     """Exit status of a pytest in a process of its own, on the package in `where`."""
-    made = None if kept else temporary("mutation")
-    cache = str(where / "cache") if made is None else made.name
+    cache = str(where / "cache")
     child = os.fork()
     if child == 0:  # pragma: no cover
         code = 3
@@ -231,8 +222,6 @@ def _apart(
         finally:
             os._exit(code)
     _, status = os.waitpid(child, 0)
-    if made is not None:
-        made.cleanup()
     return status
 
 
@@ -287,13 +276,9 @@ def copied() -> Iterator[Path]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    own = {"sample": (0, "so many mutants of each target; 0: all"), "seed": (0, "of the sample")}
+    parser = command(__doc__, f"one mutant of {QUICK}", **own)
     parser.add_argument("--target", action="append", choices=list(TARGETS), help="repeatable")
-    parser.add_argument("--sample", type=int, metavar="N", help="so many mutants of each target")
-    parser.add_argument("--seed", type=int, default=0, help="of the sample (default: %(default)s)")
-    parser.add_argument("--quick", action="store_true", help=f"one mutant of {QUICK}")
     options = parser.parse_args(arguments)
     if options.quick:
         options.target, options.sample = options.target or [QUICK], 1
@@ -319,7 +304,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{target}: its tests fail without a change; nothing is learnt from mutants")
                 return 2
             for n, mutant in enumerate(every, 1):
-                if survives(mutant, arguments, where, compiled, target in KEPT):
+                if survives(mutant, arguments, where, compiled):
                     reason = known.get((mutant.module, mutant.source, mutant.change))
                     excused += reason is not None
                     if reason is None:

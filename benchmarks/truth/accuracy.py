@@ -33,6 +33,7 @@ from itertools import product
 
 import numpy as np
 from common import JOINT, Benchmark, motion
+from robots import UR5_WAYPOINTS, loosened
 from truth.random_cases import KINDS, Among, Case, Vector, drawn
 
 import jointplay as jp
@@ -70,12 +71,6 @@ SCARA_S = 0.4
 FRICTION = ("ambrosio", "coulomb", "brown-mcphee", "lugre")
 LINKAGES = {"slider-crank": ("0.1 mm", "0.2 mm", "0.5 mm"), "four-bar": ("0.05 mm", "0.2 mm")}
 """Cases of the shipped scenarios, with the steps that these state."""
-UR5_WAYPOINTS = (
-    (0.0, -1.4, 1.2, -0.6, -1.57, 0.0),
-    (0.8, -0.7, 0.6, -1.2, -1.0, 0.5),
-    (0.2, -1.9, 1.9, 0.3, -1.57, 1.0),
-)
-"""At rest at 0, 1 and 2 s; the elbow turns back at the second [rad]."""
 
 
 def shipped() -> list[Callable[[], Case]]:
@@ -107,9 +102,7 @@ def linkage(kind: str, case: str) -> Case:
 
 
 def ur5(play: float) -> Case:
-    size = {"bearing_radius": 30e-3, "bearing_length": 60e-3}
-    elbow = jp.RevoluteClearance(radial_clearance=play, axial_clearance=play, **size)
-    arm = jp.Mechanism("ur5", {"elbow_joint": elbow}, tool="tool0")
+    arm = loosened("ur5", ("elbow_joint",), play=play, tool="tool0")
     return of("UR5", jp.Simulation(arm, jp.Motion(list(arm.joints), [0, 1, 2], UR5_WAYPOINTS)))
 
 
@@ -441,16 +434,20 @@ def table(outcomes: Sequence[Outcome], by: str = "kind") -> list[list[str]]:
 
 
 def main() -> None:
-    made = Benchmark("accuracy", __doc__, runs=0)
+    made = Benchmark(
+        "accuracy",
+        __doc__,
+        runs=0,
+        random=(0, "so many cases drawn at random"),
+        jobs=(cores(), "processes"),
+        no_certify=(False, "judge no certificates"),
+        methods=(False, "run cases by all integrators in turn"),
+        rk4=(False, "converged runs by rk4, throughout"),
+    )
     add = made.parser.add_argument
-    add("--random", type=int, default=0, metavar="N", help="so many cases drawn at random")
     add("--seed", type=int, metavar="N", help="of the draw (default: drawn, and printed)")
-    add("--jobs", type=int, default=cores(), metavar="N", help="processes")
     add("--only", type=int, metavar="NUMBER", help="this case alone, with all its figures")
-    add("--no-certify", action="store_true", help="judge no certificates")
-    add("--methods", action="store_true", help="run cases by all integrators in turn")
     add("--tolerance", type=float, help="of the runs judged, in place of their fixed step")
-    add("--rk4", action="store_true", help="converged runs by rk4, throughout")
     for name, choices in (("kind", KINDS), ("friction", tuple(FRICTION_LAWS))):
         add(f"--{name}", action="append", choices=choices, help="draw these only (repeatable)")
     args = made.parse()

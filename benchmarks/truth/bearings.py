@@ -7,12 +7,12 @@ time, and the package's law by the exact intersection of the leaning groove with
 ball. The cost of a step is measured beside that of a plain journal in the same run.
 """
 
-import argparse
 import math
 import time
 
 import numpy as np
 import pinocchio as pin
+from common import command
 from robots import body, joint, urdf
 from scipy.optimize import linprog, root
 
@@ -323,11 +323,7 @@ def costs(seconds):
 
 def main():
     """Print the table, costs, and the last line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="a rough answer")
-    quick = parser.parse_args().quick
+    quick = command(__doc__).parse_args().quick
     cases = Cases()
     deflections(cases)
     distributions(cases)

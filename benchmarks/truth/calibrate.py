@@ -117,12 +117,8 @@ def case(seed: int) -> list[dict]:
 
 
 def main() -> None:
-    benchmark = Benchmark("calibrate", __doc__ or "", runs=0)
-    add = benchmark.parser.add_argument
-    add("--robots", type=int, default=60, metavar="N",
-        help="robots (default: %(default)s; --quick: 2)")  # fmt: skip
-    add("--seed", type=int, default=0, metavar="N", help="number of the first of them")
-    add("--jobs", type=int, default=1, metavar="N", help="processes")
+    options = {"robots": (60, "robots; --quick: 2"), "seed": (0, "number of the first of them")}
+    benchmark = Benchmark("calibrate", __doc__ or "", runs=0, jobs=(1, "processes"), **options)
     args = benchmark.parse()
     numbers = range(args.seed, args.seed + (2 if args.quick else args.robots))
     found = jp.Study(numbers, case).run(args.jobs, progress=True, unit="robot")

@@ -8,7 +8,6 @@ poses.csv, poses.txt, poses.png (static bound and dynamic error at random poses,
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from common import folder_of, require
+from common import COLOURS, command, folder_of, new_figure, require
 
 import jointplay as jp
 from jointplay.accuracy.error_budget import budget
@@ -166,22 +165,16 @@ def reductions(quick: bool) -> list[list[str]]:
 
 
 def figure(rows: list[dict[str, float]], path: Path) -> None:
-    from jointplay.show.plots.palette import COLOURS
-    from jointplay.show.plots.style import new_figure, style
-
-    with style():
-        drawn = new_figure(5.5, 4.2)
-        axes = drawn.subplots()
-        top = 0.0
-        for (name, duration), colour, marker in zip(SPEEDS.items(), COLOURS, "os", strict=False):
-            x = np.array([1e3 * row[f"{name}_bound"] for row in rows])
-            y = np.array([1e3 * row[f"{name}_peak"] for row in rows])
-            axes.plot(x, y, marker, color=colour, ms=4, label=f"{MOVE_RAD} rad in {duration:g} s")
-            top = max(top, x.max(), y.max())
-        axes.plot([0, top], [0, top], color="0.5", lw=0.8, label="dynamic = static bound")
-        axes.set(xlabel="static worst case [mm]", ylabel="peak error in a run [mm]")
-        axes.legend()
-        drawn.savefig(path)
+    drawn, ((axes,),) = new_figure(1, 1, 5.5, 4.2)
+    top = 0.0
+    for (name, duration), colour, marker in zip(SPEEDS.items(), COLOURS, "os", strict=False):
+        x, y = ([1e3 * row[f"{name}_{kind}"] for row in rows] for kind in ("bound", "peak"))
+        axes.plot(x, y, marker, color=colour, ms=4, label=f"{MOVE_RAD} rad in {duration:g} s")
+        top = max(top, *x, *y)
+    axes.plot([0, top], [0, top], color="0.5", lw=0.8, label="dynamic = static bound")
+    axes.set(xlabel="static worst case [mm]", ylabel="peak error in a run [mm]")
+    axes.legend()
+    drawn.savefig(path)
 
 
 def write_poses(rows: list[dict[str, float]], out: Path) -> None:
@@ -201,13 +194,14 @@ def write_poses(rows: list[dict[str, float]], out: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=30)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--parts", default="times,reductions,poses")
-    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
-    parser.add_argument("--quick", action="store_true", help="of each part the first line")
-    options = parser.parse_args()
+    options = command(
+        __doc__,
+        "of each part the first line",
+        f"{DOCS}; --quick: results/benchmarks",
+        poses=(30, "at random"),
+        jobs=(2, "processes"),
+        parts=("times,reductions,poses", "which, with commas between"),
+    ).parse_args()
     quick, parts = options.quick, options.parts.split(",")
     if "reductions" in parts:
         require(quick, mujoco="pip install 'jointplay[simulators]'")

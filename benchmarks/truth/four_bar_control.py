@@ -23,14 +23,12 @@ Writes four_bar_control.txt and four_bar_control.png.
 
 from __future__ import annotations
 
-import argparse
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from common import folder_of
+from common import command, folder_of
 from robots import body, joint, urdf
 
 import jointplay as jp
@@ -173,11 +171,9 @@ def draw(results: dict[str, jp.Result], path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, help=f"default: {DOCS}; --quick: results/benchmarks")
-    parser.add_argument("--quick", action="store_true", help=f"the first {QUICK_S:g} s")
-    options = parser.parse_args(arguments)
+def main() -> None:
+    where = f"{DOCS}; --quick: results/benchmarks"
+    options = command(__doc__, f"the first {QUICK_S:g} s", where).parse_args()
     out = folder_of(options, "four_bar_control", DOCS)
     laws = {"controller as in the example": False, "controller as it should be": True}
     results = {

@@ -22,12 +22,12 @@ and in the mechanism that the budget is asked about 1e14 N/m^1.5.
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+from common import command
 from scipy.optimize import minimize, nnls
 
 import jointplay as jp
@@ -63,24 +63,23 @@ class Case:
     robot: str
     joints: tuple[str, ...]
     seed: int
-    """Of the pose; negative: the pose in which all joints are zero."""
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    """Of the pose."""
+    stiffness: float | None = RIGID
+    """Of contacts [N/m^1.5]; None: that of the bearing's dimensions."""
 
     def build(self) -> tuple[jp.Mechanism, np.ndarray]:
         path = jp.shipped("scara.urdf") if self.robot == "scara" else robot_urdf(self.robot)
         tools = {"ur5": {"tool": "tool0"}, "panda": {"tool": "panda_hand_tcp"}}
         loose = jp.RevoluteClearance(
             bearing_radius=30e-3, bearing_length=50e-3, radial_clearance=1e-4,
-            axial_clearance=1e-4, stiffness=RIGID
+            axial_clearance=1e-4, stiffness=self.stiffness
         )  # fmt: skip
         mechanism = jp.Mechanism(
             path,
             dict.fromkeys(self.joints, loose),
-            gravity=self.gravity,
+            gravity=(0.0, 0.0, -9.81),
             **tools.get(self.robot, {}),
         )
-        if self.seed < 0:
-            return mechanism, mechanism.configuration({})
         return mechanism, poses.over_workspace(mechanism, 1, seed=self.seed)[0]
 
 
@@ -498,15 +497,14 @@ def compare(name: str, case: Case, mu: float, states: int) -> tuple[float, float
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--cases", default=",,".join(CASES | PAIRS), help="names, with ,, between them"
-    )
-    parser.add_argument("--states", type=int, default=6000)
-    parser.add_argument("--friction", default="0.1,0", help="coefficients")
-    parser.add_argument("--poses", type=int, default=1, help="random poses of each case")
-    parser.add_argument("--quick", action="store_true", help="one case, few states")
-    options = parser.parse_args()
+    options = command(
+        __doc__,
+        "one case, few states",
+        cases=(",,".join(CASES | PAIRS), "names, with ,, between them"),
+        states=(6000, "that balance, of each case"),
+        friction=("0.1,0", "coefficients"),
+        poses=(1, "random poses of each case"),
+    ).parse_args()
     if options.quick:
         options.cases, options.states, options.friction = "scara b, vertical axis", 500, "0.1"
     covered, beyond = [], []

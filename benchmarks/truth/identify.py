@@ -426,16 +426,17 @@ def elastic_case(seed: int) -> list[dict]:
 
 
 def main() -> None:
-    benchmark = Benchmark("identify", __doc__ or "", runs=0)
-    add = benchmark.parser.add_argument
-    add("--machines", type=int, default=100, metavar="N",
-        help="elastic machines (default: %(default)s; --quick: 5)")  # fmt: skip
-    add("--cases", type=int, default=0, metavar="N",
-        help="in their place, machines that are run by the full dynamic model, and the real ones "
-        "(minutes each; --quick: at most 4)")  # fmt: skip
-    add("--seed", type=int, default=0, metavar="N", help="number of the first of them")
-    add("--jobs", type=int, default=1, metavar="N", help="processes")
-    add("--hostile", type=int, default=8, metavar="N", help="machines that are measured badly, too")
+    benchmark = Benchmark(
+        "identify",
+        __doc__ or "",
+        runs=0,
+        machines=(100, "elastic machines; --quick: 5"),
+        cases=(0, "in their place, machines that are run by the full dynamic model, and the real "
+               "ones, minutes each; --quick: at most 4"),
+        seed=(0, "number of the first of them"),
+        jobs=(1, "processes"),
+        hostile=(8, "machines that are measured badly, too"),
+    )  # fmt: skip
     args = benchmark.parse()
     if args.cases:
         benchmark.name = "identify_dynamic"

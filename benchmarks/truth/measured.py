@@ -31,7 +31,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from common import COLOURS, DOCS, new_figure
+from common import COLOURS, DOCS, command, new_figure
 
 import jointplay as jp
 from jointplay.base.files import temporary
@@ -508,11 +508,8 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
 
 def options(doc: str | None, helps: dict[str, str]) -> argparse.Namespace | None:
     """What the command line says; None where there is no data, which quick forms can do without."""
-    parser = argparse.ArgumentParser(
-        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command(doc or "", helps["--quick"])
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder with the clones")
-    parser.add_argument("--quick", action="store_true", help=helps["--quick"])
     if only := helps.get("--only"):
         parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     args = parser.parse_args()

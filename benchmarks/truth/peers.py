@@ -7,7 +7,6 @@ apt-get install python3-siconos for Siconos.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import importlib
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import DOCS, folder_of
+from common import DOCS, command, folder_of
 from truth.peer_engines import pinocchio_engine
 from truth.peer_engines.common import Problem, missing, read_links, scara, slider_crank, undriven
 from truth.peer_engines.figures import draw_growth, draw_orbits, draw_work
@@ -615,10 +614,7 @@ def page(engines: Engines, out: dict) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    where = "folder of peers.md and images/ (docs; --quick: results/benchmarks)"
-    parser.add_argument("--out", type=Path, help=where)
-    parser.add_argument("--quick", action="store_true", help="shorter, coarser")
+    parser = command(__doc__, "shorter, coarser", "docs; --quick: results/benchmarks")
     parser.add_argument("--without", nargs="*", choices=ENGINES, default=[], help="leave out")
     options = parser.parse_args(arguments)
     warnings.simplefilter("ignore", DeprecationWarning)

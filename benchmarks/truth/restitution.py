@@ -128,11 +128,14 @@ def row(one: Machine, measured: Measurement, kind: str, true: float, runs: int, 
 
 
 def main() -> None:
-    benchmark = Benchmark("restitution", __doc__ or "", runs=0)
-    add = benchmark.parser.add_argument
-    add("--seeds", type=int, default=1, metavar="N", help="measurements of each (default 1)")
-    add("--runs", type=int, default=40, metavar="N", help="simulated runs each (default 40)")
-    add("--machine", metavar="TEXT", default="", help="only those whose name has it")
+    benchmark = Benchmark(
+        "restitution",
+        __doc__ or "",
+        runs=0,
+        seeds=(1, "measurements of each"),
+        machine=("", "only those whose name has it"),
+    )
+    benchmark.parser.add_argument("--runs", type=int, default=40, help="simulated, each")
     args = benchmark.parse()
     machines = [one for one in MACHINES if args.machine in one.name]
     seeds, trues = args.seeds, TRUE

@@ -14,15 +14,15 @@ journals are released from random places. The last line has the largest disagree
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from common import command
+from truth.friction_at_rest import Case
 
 import jointplay as jp
-from jointplay.accuracy import poses
 from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.rest import AGREES_M
 from jointplay.base.tables import Table
@@ -92,10 +92,6 @@ def peaks(lasts: float) -> Table:
     return Table.of(heads, rows)
 
 
-LOOSE = {
-    "bearing_radius": 30e-3, "bearing_length": 50e-3,
-    "radial_clearance": 1e-4, "axial_clearance": 1e-4,
-}  # fmt: skip
 JOINTS = {
     "ur5": ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
             "wrist_2_joint", "wrist_3_joint"],
@@ -118,16 +114,13 @@ def tool(robot: jp.Mechanism, q: np.ndarray) -> np.ndarray:
 
 def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, int, int]:
     """Largest disagreement [m]; starts, starts outside the interval, and ends of runs outside."""
-    path = jp.shipped("scara.urdf") if name == "scara" else robot_urdf(name)
-    frames = {"ur5": "tool0", "panda": "panda_hand_tcp"}
     random = np.random.default_rng(seed)
     worst, looked, outside, away = 0.0, 0, 0, 0
     for k in range(count):
         names = JOINTS[name] if k % 2 else [str(random.choice(JOINTS[name]))]
-        play = dict.fromkeys(names, jp.RevoluteClearance(**LOOSE))
-        options = {"tool": frames[name]} if name in frames else {}
-        robot = jp.Mechanism(path, play, gravity=(0.0, 0.0, -9.81), **options)
-        q = poses.over_workspace(robot, 1, seed=int(random.integers(2**31)))
+        case = Case(name, tuple(names), int(random.integers(2**31)), None)
+        robot, pose = case.build()
+        q = pose[None]
         places = [budget(robot, q, friction=mu) for mu in (0.0, FRICTION)]
         run = jp.Run(standing(robot, q[0], duration=1e-3, start="rest"))
         there = tool(robot, run.rest.q) - places[0].positions[0]
@@ -151,15 +144,16 @@ def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--lasts", type=float, default=0.3, help="simulated time [s]")
-    parser.add_argument("--no-peaks", action="store_true", help="leave the table out")
-    parser.add_argument("--poses", type=int, default=30, help="random poses of each robot")
-    parser.add_argument("--released", type=int, default=3, help="runs of each robot that end")
-    parser.add_argument("--robots", default=",".join(JOINTS), help="which, with commas between")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--quick", action="store_true", help="two poses and a run of the SCARA")
-    options = parser.parse_args()
+    options = command(
+        __doc__,
+        "two poses and a run of the SCARA",
+        lasts=(0.3, "simulated time [s]"),
+        no_peaks=(False, "leave the table out"),
+        poses=(30, "random poses of each robot"),
+        released=(3, "runs of each robot that end"),
+        robots=(",".join(JOINTS), "which, with commas between"),
+        seed=(1, "of the poses"),
+    ).parse_args()
     if options.quick:
         options.no_peaks, options.robots = True, "scara"
         options.poses, options.released = 2, 1

@@ -6,14 +6,13 @@ in the test suite, once as it is and once with a deliberate mistake, which must 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from common import DOCS, folder_of
+from common import DOCS, command, folder_of
 from truth.validation import CASES, Case, Outcome, load
 
 from jointplay.base.progress import ProgressBar
@@ -105,15 +104,8 @@ def _anchor(title: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     cases = load()
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        help="folder for validation.md (default: docs; --quick: results/benchmarks/validate)",
-    )
-    parser.add_argument("--quick", action="store_true", help="the short forms, as in the tests")
+    where = "docs; --quick: results/benchmarks/validate"
+    parser = command(__doc__, "the short forms, as in the tests", where)
     parser.add_argument(
         "--only", action="append", choices=list(cases), metavar="CASE", help="repeatable"
     )

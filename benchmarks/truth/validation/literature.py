@@ -150,8 +150,10 @@ def _by_hand(clearance: float, duration: float, step: float) -> np.ndarray:
 # The mechanism, as the package runs it
 
 
-def _prepare(turns: float, bearing: jp.RevoluteClearance | None, **options) -> jp.simulation.Run:
-    """From the outer dead centre, rod and crank stretched, journal centred."""
+def prepare(
+    turns: float, bearing: jp.RevoluteClearance | None, turn: float = TURN, **options
+) -> jp.simulation.Run:
+    """From the outer dead centre, rod and crank stretched, journal centred; `turn` in s."""
     robot = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {} if bearing is None else {"piston_pin": bearing},
@@ -160,7 +162,7 @@ def _prepare(turns: float, bearing: jp.RevoluteClearance | None, **options) -> j
         tool="slider",
     )
     motion = jp.Motion(
-        ["crank_pin"], [0, turns * TURN], [[0], [turns * 2 * np.pi]], "constant-speed"
+        ["crank_pin"], [0, turns * turn], [[0], [turns * 2 * np.pi]], "constant-speed"
     )
     return jp.Run(jp.Simulation(
         robot, motion, drive={"crank_pin": jp.loads.Prescribed()}, joint_friction={},
@@ -168,7 +170,7 @@ def _prepare(turns: float, bearing: jp.RevoluteClearance | None, **options) -> j
     ))  # fmt: skip
 
 
-def _bearing(clearance: float, **changes) -> jp.RevoluteClearance:
+def pin_bearing(clearance: float, **changes) -> jp.RevoluteClearance:
     return jp.RevoluteClearance.planar(
         radial_clearance=clearance, bearing_radius=BORE,
         **{
@@ -258,13 +260,13 @@ def _turning(
         if viscosity
         else {}
     )
-    bearing = _bearing(
+    bearing = pin_bearing(
         clearance,
         friction=jp.contact.Ambrosio(friction, *FRICTION[1:]),
         restitution=restitution,
         **oil,
     )
-    run = _prepare(turns + transient, bearing, step=STEP, record_every=round(RECORD / STEP))
+    run = prepare(turns + transient, bearing, step=STEP, record_every=round(RECORD / STEP))
     shift = 0.5 * clearance * np.random.default_rng(seed).uniform(-1, 1, 2)
     run.workspace.q[1] -= shift[1] / ROD
     run.workspace.q[2] += shift[0]
@@ -347,7 +349,7 @@ def _size(clearance: float) -> str:
     wrong="the sign of the rod's moment of inertia in the crank moment",
 )
 def ideal_slider_crank(quick: bool = False, wrong: bool = False) -> Outcome:
-    result = _prepare(1, None, integrator="rk4", step=2e-6, record_every=1).finish()
+    result = prepare(1, None, integrator="rk4", step=2e-6, record_every=1).finish()
     exact = Ideal.at(SPEED * result.time, -ROD_INERTIA if wrong else ROD_INERTIA)
     velocity = result["tool_velocity"].values[:, 0]
     curves = {
@@ -403,8 +405,8 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
     }
     rows = Rows("radial clearance", "difference to hand|.1e", *shown)
     for clearance in CLEARANCES:
-        result = _prepare(
-            part, _bearing(clearance), integrator="rk4", step=step, record_every=1
+        result = prepare(
+            part, pin_bearing(clearance), integrator="rk4", step=step, record_every=1
         ).finish()  # fmt: skip
         found = np.column_stack(
             [
@@ -476,7 +478,7 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
         "of the acceleration [m/s²]", "neighbours after 100 turns / clearance",
     )  # fmt: skip
     for clearance in CLEARANCES:
-        run = _prepare(2, _bearing(clearance), step=2e-6, record_every=1)
+        run = prepare(2, pin_bearing(clearance), step=2e-6, record_every=1)
         result = run.finish()
         journal = result["journal_centre"].values[:, 0, :2]
         away = np.hypot(*journal.T) / (clearance / 2 if wrong else clearance)

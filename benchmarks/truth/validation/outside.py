@@ -11,7 +11,15 @@ from common import COLOURS, new_figure
 from robots import body, joint, urdf
 from truth.validation import FREE, Outcome, Rows, case, off
 from truth.validation.data import read
-from truth.validation.literature import CRANK, GUIDE_CLEARANCE, ROD, SLIDER_MASS, guided
+from truth.validation.literature import (
+    CRANK,
+    GUIDE_CLEARANCE,
+    ROD,
+    SLIDER_MASS,
+    guided,
+    pin_bearing,
+    prepare,
+)
 from truth.validation.theory import FACTORS
 
 import jointplay as jp
@@ -486,28 +494,11 @@ def experiment_findings(quick: bool = False, wrong: bool = False) -> Outcome:
     turns = 1.0 if quick else 3.0
     found = np.zeros((len(speeds), len(clearances)))
     for i, rpm in enumerate(speeds[::-1] if wrong else speeds):
-        speed = rpm * 2 * np.pi / 60
-        lasts = turns * 2 * np.pi / speed
         for k, clearance in enumerate(clearances):
-            robot = jp.Mechanism(
-                jp.shipped("slider_crank.urdf"),
-                {
-                    "piston_pin": jp.RevoluteClearance.planar(
-                        radial_clearance=clearance, bearing_radius=0.01, bearing_length=0.02,
-                        restitution=0.9, friction=jp.contact.Coulomb(0.01, 0.01),
-                    )
-                },
-                loops={"piston_pin": jp.Loop("rod", "slider", bearing_xyz=(ROD, 0, 0))},
-                gravity=(0, 0, 0), tool="slider",
-            )  # fmt: skip
-            motion = jp.Motion(["crank_pin"], [0, lasts], [[0], [speed * lasts]], "constant-speed")
-            result = jp.simulate(
-                robot, motion, drive={"crank_pin": jp.loads.Prescribed()}, joint_friction={},
-                state={"guide": CRANK + ROD}, start="centred", step=2e-6, integrator="rk4",
-                record_every=2,
-            )  # fmt: skip
-            peak = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
-            found[i, k] = peak / SLIDER_MASS
+            joint = pin_bearing(clearance, friction=jp.contact.Coulomb(0.01, 0.01))
+            run = prepare(turns, joint, 60 / rpm, step=2e-6, integrator="rk4", record_every=2)
+            force = run.finish()["joint_force_peak"].values[:, 0]
+            found[i, k] = np.linalg.norm(force, axis=1).max() / SLIDER_MASS
     grows = [*np.diff(found, axis=0).ravel(), *np.diff(found, axis=1).ravel()]
     rows = [["turns a minute", *(f"{1e3 * c:g} mm: largest [m/s²]" for c in clearances)]]
     rows += [
