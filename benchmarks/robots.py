@@ -20,6 +20,8 @@ Link = tuple[str, str, Sequence[float], float, Sequence[float]]
 """A joint's name, its axis, its place in the link before, and mass and mass centre of its link."""
 
 
+FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
+"""Options of what moves by itself."""
 UR5_WAYPOINTS = (
     (0.0, -1.4, 1.2, -0.6, -1.57, 0.0),
     (0.8, -0.7, 0.6, -1.2, -1.0, 0.5),
@@ -53,6 +55,17 @@ def urdf(*elements: str, base: str = "base") -> Description:
     """The robot that these elements and a base make."""
     text = f'<robot name="r"><link name="{base}"/>{"".join(elements)}</robot>'
     return parse(text, Path("robot.urdf"))
+
+
+def flying(
+    bearing: jp.RevoluteClearance, mass: float, away: float, speed: float, inertia=1e-2, **options
+) -> jp.Run:
+    """A free body whose journal flies at its bore, from so far `away` [m]; options of the run."""
+    path = urdf(body("arm", mass, inertia=inertia), joint("pin", "base", "arm"))
+    robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
+    run = jp.Run(jp.Simulation(robot, **FREE, **options))
+    run.workspace.q[0], run.workspace.v[0] = bearing.cr - away, speed
+    return run
 
 
 def serial(

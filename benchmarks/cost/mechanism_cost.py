@@ -1,7 +1,7 @@
 """What a time step costs on other mechanisms: more joints with clearance, closed loops.
 
 Each mechanism goes through its motion. After every 200 steps of the real loop the bare `pin.aba`
-call on the same model, in its two cheapest forms, and what else a macro step asks of Pinocchio are
+call on the same model, in all its forms, and what else a macro step asks of Pinocchio are
 timed alone in the state just reached, so that all meet the same machine. The table gives medians of
 CPU times. The ratio divides the whole step by the bare call; the last columns say what is left for
 the kernel, and what a further joint with clearance added to that, over the bare call on the model
@@ -16,13 +16,11 @@ go by the step of 2 µs that their stiff contacts need.
 """
 
 import sys
-import time
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 from common import COLOURS, Benchmark, new_figure
-from cost.step_cost import CHUNK, inertia, seconds_per_call
+from cost.step_cost import CHUNK, Stepper, bare_calls
 from robots import UR5_WAYPOINTS, body, joint, loosened, urdf
 
 import jointplay as jp
@@ -179,29 +177,13 @@ LIMIT_ADDED = 0.6
 
 def measure(setup, pieces, samples, bar):
     mechanism, motion, options = setup
-    step = options.get("step", 1e-5)
-    duration = pieces * CHUNK * step
-    run = jp.Run(jp.Simulation(mechanism, motion, duration=duration, **options))
-    none = pin.StdVec_Force()
-    none.extend([pin.Force.Zero()] * run.model.njoints)
-    run.begin()
-    w = run.workspace
-    state = (run.model, run.model.createData(), w.q, w.v, w.tau)
-    for _ in range(run.total_steps // CHUNK):
-        before, macros = w.steps, w.macro_steps
-        started = time.thread_time()
-        if not run.advance(CHUNK):
-            raise SystemExit(run.message(w.status))
-        spent = time.thread_time() - started
-        steps = max(w.steps - before, 1)
-        samples.setdefault("step", []).append(spent / steps)
-        bare = min(
-            seconds_per_call(pin.aba, *state),
-            seconds_per_call(pin.aba, *state, none, pin.Convention.WORLD),
-        )
-        samples.setdefault("aba", []).append(bare)
-        own = inertia(run) * (w.macro_steps - macros)
-        samples.setdefault("kernel", []).append((spent - own) / steps)
+    duration = pieces * CHUNK * options.get("step", 1e-5)
+    main = Stepper(jp.Simulation(mechanism, motion, duration=duration, **options))
+    for _ in range(main.run.total_steps // CHUNK):
+        step = main.advance(CHUNK)
+        bare, own = min(bare_calls(main.run).values()), main.pinocchio()
+        for part, seconds in (("step", step), ("aba", bare), ("kernel", step - own)):
+            samples.setdefault(part, []).append(seconds)
         bar.update()
 
 

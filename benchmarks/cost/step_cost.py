@@ -51,11 +51,11 @@ def nothing(table) -> int:
 class Stepper:
     """The real loop, to be run in pieces."""
 
-    def __init__(self, case, **options):
-        self.run = Run(case.simulation(record_every=10, **options))
+    def __init__(self, simulation):
+        self.run = Run(simulation)
         self.workspace = self.run.workspace
         self.run.begin()
-        self.macros = 0
+        self.macros = 0.0
 
     def advance(self, steps):
         """Seconds per step over the next `steps` steps, or a few more: whole macro steps."""
@@ -64,8 +64,13 @@ class Stepper:
         if not self.run.advance(steps):
             raise SystemExit(self.run.message(self.workspace.status))
         spent = time.thread_time() - started
-        self.macros = self.workspace.macro_steps - macros
-        return spent / max(self.workspace.steps - before, 1)
+        taken = max(self.workspace.steps - before, 1)
+        self.macros = (self.workspace.macro_steps - macros) / taken
+        return spent / taken
+
+    def pinocchio(self):
+        """Seconds of each of these steps that are Pinocchio's, timed alone in the state reached."""
+        return inertia(self.run) * self.macros
 
 
 def seconds_per_call(function, *arguments):
@@ -108,7 +113,7 @@ def touching(workspace):
 def cycle(duration, samples, bar):
     """Add to `samples` what every part costs along one cycle [s]."""
     main, ideal, euler, rk4 = (
-        Stepper(case, duration=duration)
+        Stepper(case.simulation(record_every=10, duration=duration))
         for case in (
             Case(),
             Case(radial=0.0),
@@ -124,10 +129,8 @@ def cycle(duration, samples, bar):
     nothing(empty)
     for _ in range(main.run.total_steps // CHUNK):
         before = touching(main.workspace)
-        start = main.workspace.steps
         step = main.advance(CHUNK)
-        taken = max(main.workspace.steps - start, 1)
-        pinocchio = inertia(main.run) * main.macros / taken
+        pinocchio = main.pinocchio()
         note(STEP, step)
         note(PINOCCHIO, pinocchio)
         note(COMPILED, step - pinocchio)
@@ -141,7 +144,8 @@ def cycle(duration, samples, bar):
         note(CALL, seconds_per_call(nothing, empty))
         bar.update()
     for _ in range(WHOLE):
-        adaptive = Stepper(Case(), duration=duration, tolerance=TOLERANCE)
+        simulation = Case().simulation(record_every=10, duration=duration, tolerance=TOLERANCE)
+        adaptive = Stepper(simulation)
         note(ADAPTIVE, adaptive.advance(adaptive.run.total_steps))
 
 

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from robots import body, joint, urdf
+from robots import body, flying, joint, urdf
 
 import jointplay as jp
 from jointplay.model.impact import impact_duration
@@ -74,19 +74,9 @@ def impact(law, restitution, speed):
     contact = bearing.radial_contact
     whole = impact_duration(law, law.parameters(contact), MASS, speed)
     step = whole / STEPS_OF_AN_IMPACT
-    robot = urdf(body("body", MASS), joint("pin", "base", "body", "continuous"))
-    run = jp.Run(
-        jp.Simulation(
-            jp.Mechanism(robot, {"pin": bearing}, gravity=(0, 0, 0)),
-            drive=jp.loads.Free(),
-            joint_friction={},
-            step=step,
-            duration=13 * whole,  # a plastic impact takes long to come out
-            record_every=1,
-        )
-    )
-    run.workspace.q[0], run.workspace.v[0] = bearing.cr - 0.5 * step * speed, speed
-    result = run.finish()
+    # A plastic impact takes long to come out.
+    options = {"step": step, "duration": 13 * whole, "record_every": 1}
+    result = flying(bearing, MASS, 0.5 * step * speed, speed, **options).finish()
     depth = -result["gap"].values[:, 0, 0]
     within = np.flatnonzero(depth > 0.0)
     out = within[0] + np.flatnonzero(depth[within[0] :] <= 0.0)

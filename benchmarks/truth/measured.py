@@ -21,7 +21,6 @@ thousandths.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import math
@@ -506,25 +505,16 @@ def draw(fits: dict[str, Calibration], fits_mukca: dict[str, Calibration]) -> No
     figure.savefig(PICTURES / "mukca.png", dpi=120)
 
 
-def options(doc: str | None, helps: dict[str, str]) -> argparse.Namespace | None:
-    """What the command line says; None where there is no data, which quick forms can do without."""
-    parser = command(doc or "", helps["--quick"])
+def main() -> None:
+    parser = command(__doc__ or "", "the servos alone; nothing is written")
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder with the clones")
-    if only := helps.get("--only"):
-        parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
+    only = "tiago, servos or a robot of MUKCa (repeatable); nothing is written"
+    parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     args = parser.parse_args()
     if args.data is None:
         if not args.quick:
             parser.error("--data is needed: the folder with the clones")
         print("skipped: no --data DIR with clones of the measurements; see --help")
-        return None
-    return args
-
-
-def main() -> None:
-    only = "tiago, servos or a robot of MUKCa (repeatable); nothing is written"
-    args = options(__doc__, {"--quick": "the servos alone; nothing is written", "--only": only})
-    if args is None:
         return
     if args.quick:
         args.only = ["servos"]

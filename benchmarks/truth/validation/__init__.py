@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-import jointplay as jp
-
 SECTIONS = (
     "theory", "impacts", "oil", "numerics", "literature", "outside", "reproducibility"
 )  # fmt: skip
@@ -91,9 +89,6 @@ class Case:
 
 
 CASES: dict[str, Case] = {}
-
-FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
-"""Options of what moves by itself."""
 
 
 def case(

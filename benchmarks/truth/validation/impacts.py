@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from robots import body, joint, urdf
-from truth.validation import FREE, Outcome, Rows, case, off
+from robots import FREE, body, joint, urdf
+from truth.validation import Outcome, Rows, case, off
 
 import jointplay as jp
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from common import COLOURS, new_figure, spread
-from robots import body, joint, urdf
+from robots import FREE, body, joint, urdf
 from scipy.optimize import brentq
-from truth.validation import FREE, Outcome, Rows, case
+from truth.validation import Outcome, Rows, case
 
 import jointplay as jp
 

@@ -11,10 +11,10 @@ from itertools import pairwise, product
 
 import numpy as np
 from common import COLOURS, MARKERS, Case, new_figure
-from robots import body, joint, urdf
+from robots import FREE, body, flying, joint, urdf
 from scipy import stats
 from scipy.optimize import brentq
-from truth.validation import FREE, Outcome, Rows, case, off
+from truth.validation import Outcome, Rows, case, off
 from truth.validation.pendulum import ARM, GRAVITY, INERTIA, MASS, Pendulum, resting
 
 import jointplay as jp
@@ -268,15 +268,11 @@ def bounce(mass, stiffness, speed, step, method, phase, c_e) -> float:
         radial_clearance=1e-2, bearing_radius=50e-3, stiffness=stiffness, restitution=c_e,
         friction=jp.contact.Ambrosio(0.0),
     )  # fmt: skip
-    path = urdf(body("arm", mass, inertia=10.0), joint("pin", "base", "arm"))
-    robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
     lasts = 2.0 * impact_time(mass, stiffness, speed) + 3.0 * step
-    run = jp.Run(
-        jp.Simulation(
-            robot, duration=lasts, step=step, integrator=method, record_every=10**9, **FREE
-        )
-    )
-    run.workspace.q[0], run.workspace.v[0] = 1e-2 - phase * step * speed, speed
+    run = flying(
+        bearing, mass, phase * step * speed, speed, 10.0, duration=lasts, step=step,
+        integrator=method, record_every=10**9,
+    )  # fmt: skip
     run.run_to_end()
     return -float(run.workspace.v[0]) / speed
 

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 from common import COLOURS, new_figure
-from robots import body, joint, urdf
-from truth.validation import FREE, Outcome, Rows, case, off
+from robots import FREE, body, joint, urdf
+from truth.validation import Outcome, Rows, case, off
 from truth.validation.data import read
 from truth.validation.literature import (
     CRANK,

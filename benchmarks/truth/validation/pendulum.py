@@ -11,9 +11,8 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from robots import body, joint, urdf
+from robots import FREE, body, joint, urdf
 from scipy.integrate import solve_ivp
-from truth.validation import FREE
 
 import jointplay as jp
 

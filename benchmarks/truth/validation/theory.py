@@ -7,11 +7,11 @@ from itertools import product
 
 import numpy as np
 from common import COLOURS, new_figure
-from robots import body, joint, urdf
+from robots import FREE, body, flying, joint, urdf
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipk
-from truth.validation import FREE, Outcome, Rows, case, off
+from truth.validation import Outcome, Rows, case, off
 
 import jointplay as jp
 from jointplay.model.impact import impact_duration
@@ -38,9 +38,6 @@ def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         radial_clearance=2e-4, stiffness=stiffness, normal=jp.contact.Hertz(), restitution=1.0,
         friction=jp.contact.Ambrosio(0.0),
     )  # fmt: skip
-    robot = jp.Mechanism(
-        urdf(body("arm", mass), joint("pin", "base", "arm")), {"pin": bearing}, gravity=(0, 0, 0)
-    )
     speeds = np.geomspace(0.01, 1.0, 3 if quick else 9)
     rows = Rows(
         "speed [m/s]|.3g", "depth [um]|.4g", "theory|.4g", "duration [us]|.4g", "theory|.4g"
@@ -49,12 +46,9 @@ def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         power = 0.4 if not wrong else 1.0 / 2.45
         depth = (1.25 * mass * speed**2 / stiffness) ** power
         duration = SOUND_TIME * depth / speed
-        run = jp.Run(jp.Simulation(
-            robot, duration=3e-4 / speed + duration, step=duration / 400, integrator="rk4",
-            record_every=1, **FREE,
-        ))  # fmt: skip
-        run.workspace.v[0] = speed
-        result = run.finish()
+        options = {"step": duration / 400, "integrator": "rk4", "record_every": 1}
+        lasts = 3e-4 / speed + duration
+        result = flying(bearing, mass, bearing.cr, speed, duration=lasts, **options).finish()
         gap = result["gap"].values[:, 0, 0]
         # Where the gap crosses zero, between the records.
         inside = np.flatnonzero(gap < 0.0)
@@ -119,20 +113,13 @@ def rebound(law: jp.contact.NormalForceLaw, c_e: float, speed: float, steps: int
         radial_clearance=1e-3, stiffness=1e10, normal=law, restitution=c_e,
         friction=jp.contact.Ambrosio(0.0),
     )  # fmt: skip
-    robot = jp.Mechanism(
-        urdf(body("arm", IMPACT_MASS), joint("pin", "base", "arm")),
-        {"pin": bearing},
-        gravity=(0, 0, 0),
-    )
     contact = bearing.contact_properties(0)
     lasts = impact_duration(law, law.parameters(contact), IMPACT_MASS, speed)
     near = 0.05 * lasts * speed
-    run = jp.Run(jp.Simulation(
-        robot, duration=8.0 * lasts, step=lasts / steps, integrator="rk4", record_every=steps,
-        **FREE,
-    ))  # fmt: skip
-    run.workspace.q[0], run.workspace.v[0] = 1e-3 - near, speed
-    result = run.finish()
+    result = flying(
+        bearing, IMPACT_MASS, near, speed, duration=8.0 * lasts, step=lasts / steps,
+        integrator="rk4", record_every=steps,
+    ).finish()  # fmt: skip
     assert result["gap"].values[-1, 0, 0] > 0.0
     return float(-result["v"].values[-1, 0] / speed)
 

@@ -3,6 +3,13 @@
     python make.py recurdyn FOLDER   sdf-nsc: assets/rev_joint_clearance
     python make.py siconos FOLDER    siconos-tutorials: its SliderCrank
     python make.py engines           MuJoCo and Exudyn, run here
+    python make.py backlash FOLDER   clones of the servos' and the damper's repositories
+
+Backlash: telemetry of a stand in which elastic bands pull the lever of a standing servo one way and
+the other (B. Kotov, Robonine; logs under CC BY 4.0, as the table of files in the repository's paper
+says); a banded rotary friction device in a testing machine, sinusoidal displacement (D. Coble, P.
+Huggins, L. Cao, J. Ricles, A. Downey, ARTS-Lab; CC BY-SA 4.0, and so are the extracts). For
+`identify.py`; git directories without work tree will do.
 
 README.md says where the folders are from, and under which licence. Nothing else is read from them.
 """
@@ -10,14 +17,19 @@ README.md says where the folders are from, and under which licence. Nothing else
 from __future__ import annotations
 
 import csv
+import io
+import json
+import math
 import sys
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[2]))
+from truth.measured import Repository, source  # noqa: E402
 from truth.validation.data import origin  # noqa: E402
 
 DENSE_UNTIL, EVERY = 0.06, 10
@@ -28,13 +40,37 @@ STEPS = (1e-5, 5e-6, 2.5e-6, 1.25e-6, 6.25e-7)
 PARTS = ("turns", "speed", "y", "energy")
 RECORD, DURATION = 1e-3, 0.2
 
+TOLD = "216b5899dc9c1b7264584d7f1388cb4892c2b5f8"
+"""The last commit of the servos' repository that has its paper, which names the licence of logs."""
+COUNT_RAD = 2.0 * math.pi / 4096
+"""Step of the servos' 12-bit encoder."""
+BAND_N = 0.15 * 9.80665
+"""With which a stretched band pulls the lever of a single servo (their paper: about 0.15 kgf)."""
+HOME = 2047
+INCH, KIP = 25.4e-3, 4448.2216
+KEPT = 8
+"""Records of the damper of which one is kept."""
+
+SERVOS = {
+    # file: servo under test, pullers towards + and -, and their relaxed targets
+    "single": ("backlash_sts3215.csv", "STS3215", 5, (4, 2347), (3, 1747)),
+    "single_3250": ("backlash_sts3250.csv", "STS3250", 4, (2, 1747), (1, 2347)),
+}
+DAMPER = (
+    "ARTS-Laboratory", "Dataset-Friction-Damper-with-Backlash",
+    "0e09aa9d950760277e31c08cd93fd01f39a5af09", "CC-BY-SA-4.0",
+)  # fmt: skip
+DAMPERS = ("20", "35", "80")
+"""Tension of the band [lb]; dataset 1, 0.5 Hz."""
+
 
 def write(path: Path, notes: Sequence[str], names: Sequence[str], rows: np.ndarray) -> None:
     """A CSV with its source on top."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {note}\n" for note in notes)
-        file.write(",".join(names) + "\n")
-        file.writelines(",".join(f"{x:.9g}" for x in row) + "\n" for row in rows)
+    write_lines(path, notes, [",".join(names), *(",".join(f"{x:.9g}" for x in r) for r in rows)])
+
+
+def write_lines(path: Path, notes: Sequence[str], lines: Sequence[str]) -> None:
+    path.write_text("\n".join([*(f"# {note}" for note in notes), *lines, ""]), encoding="utf-8")
     print(f"written: {path} ({path.stat().st_size} bytes)")
 
 
@@ -179,8 +215,72 @@ def engines() -> None:
     write(HERE / "engines_slider_crank.csv", notes, names, np.column_stack(columns))
 
 
+def servo(repository: Repository, name: str) -> None:
+    """One log: command and encoder of the servo, pull of the bands."""
+    target, kind, tested, plus, minus = SERVOS[name]
+    path = f"logs/motor_telemetry_{name}.csv"
+    rows = list(csv.DictReader(io.StringIO(repository.text(path))))
+    about = [
+        f"Feetech {kind} in a stand that pulls its lever (0.1 m) both ways; encoder 4096 counts.",
+        "Changed: counts to rad about 2047; force: 0.15 kgf (their calibration) by the way of",
+        "the puller that stretches; the servo's own drives, and rest before the first pull after",
+        "them, left out.",
+    ]
+    origins = (
+        repository.address, repository.commit, path, "2026 B. Kotov, Robonine", "CC-BY-4.0",
+        f" (said of logs/ by paper/main_teststand.tex at {TOLD})",
+    )  # fmt: skip
+    lines = ["time [s],servo motor [rad],servo link [rad],force y [N]"]
+    start, pulled = None, False
+    for row in rows:
+        needed = [row[f"{what} ({tested})"] for what in ("target pos", "pos")]
+        pulls = [row[f"pos ({number})"] for number, _ in (plus, minus)]
+        if not all((*needed, *pulls)):
+            continue
+        at = datetime.fromisoformat(row["timestamp"].replace("Z", "+00:00")).timestamp()
+        start = at if start is None else start
+        force = 0.0
+        for sign, text, (_, relaxed) in zip((1, -1), pulls, (plus, minus), strict=True):
+            part = abs(float(text) - relaxed) / 400.0
+            force += sign * BAND_N * (part if part > 0.05 else 0.0)
+        # Between its drives home and the first pull nobody knows where in its play the servo is.
+        pulled = float(needed[0]) == HOME and (pulled or force != 0.0)
+        if pulled:
+            command, place = ((float(text) - HOME) * COUNT_RAD for text in needed)
+            lines.append(f"{at - start:.3f},{command:.6f},{place:.6f},{force:.4f}")
+    write_lines(HERE / target, [about[0], *origin(*origins), *about[1:]], lines)
+
+
+def damper(repository: Repository, tension: str) -> None:
+    """One test: displacement and force, as angle and torque at a radius of one metre."""
+    path = f"data/dataset-1/characterization datasets/0.5Hz{tension}lbtension.json"
+    table = np.array(json.loads(repository.text(path))["data"])[::KEPT]
+    about = [
+        f"Banded rotary friction device, band tension {tension} lb, displaced at 0.5 Hz.",
+        f"Changed: every {KEPT}th record; inch and kip to SI; as an angle and a torque at a",
+        "radius of 1 m.",
+    ]
+    origins = (
+        repository.address, repository.commit, path,
+        "2022 D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey, ARTS-Lab", "CC-BY-SA-4.0",
+        " (this extract stays under it)",
+    )  # fmt: skip
+    lines = ["time [s],drum motor [rad],drum torque [N*m]"]
+    lines += [f"{t:.4f},{INCH * x:.7f},{KIP * force:.1f}" for t, x, force in table[:, :3]]
+    target = HERE / f"backlash_damper_{tension}lb.csv"
+    write_lines(target, [about[0], *origin(*origins), *about[1:]], lines)
+
+
+def backlash(folder: Path) -> None:
+    for name in SERVOS:
+        servo(source("servos", folder), name)
+    for tension in DAMPERS:
+        damper(Repository(*DAMPER, folder), tension)
+
+
 if __name__ == "__main__":
+    made = {"recurdyn": recurdyn, "siconos": siconos, "backlash": backlash}
     if sys.argv[1] == "engines":
         engines()
     else:
-        {"recurdyn": recurdyn, "siconos": siconos}[sys.argv[1]](Path(sys.argv[2]))
+        made[sys.argv[1]](Path(sys.argv[2]))
