@@ -69,6 +69,7 @@ def main() -> int:
         print(f"benchmarks: no {first!r}; there are {choices}", file=sys.stderr)
         return 2
     sys.argv = [f"benchmarks {first}", *options]
+    sys.path.insert(0, str(HERE))  # where `python -m benchmarks` does not look
     status = importlib.import_module(f"{known[first].parent.name}.{first}").main()
     return status if isinstance(status, int) else 0
 
