@@ -89,7 +89,7 @@ SITUATIONS = {
 def order(quick: bool = False, wrong: bool = False) -> Outcome:
     number = 2 if quick else 8
     rows = Rows("situation", "integrator", "order expected|g", "observed|.2f",
-                "error at finest step [um]|.2g")  # fmt: skip
+                "error at finest step [µm]|.2g")  # fmt: skip
     figure, axes = new_figure(1, 4, 11.0, 3.4)
     for panel, (title, situation) in zip(axes.flat, SITUATIONS.items(), strict=True):
         pendulum = situation.pendulum
@@ -124,7 +124,7 @@ def order(quick: bool = False, wrong: bool = False) -> Outcome:
         plain_ticks(panel, 1e6 * np.array(situation.steps))
         panel.title.set_fontsize(9)
         panel.legend(fontsize=7)
-    axes[0, 0].set_ylabel("error of the journal's place [um]")
+    axes[0, 0].set_ylabel("error of the journal's place [µm]")
     return rows.outcome(0.3, figure)
 
 
@@ -216,7 +216,7 @@ def work_precision(quick: bool = False, wrong: bool = False) -> Outcome:
     starts = bounces(1 if quick else 8)
     truth = replace(pendulum, gravity=WRONG_GRAVITY) if wrong else pendulum
     ends = [truth.solve(start, duration, "DOP853", 1e-12).states[0] for start in starts]
-    rows = Rows("method", "step or rtol", "error [um]|.2g", "evaluations|d",
+    rows = Rows("method", "step or rtol", "error [µm]|.2g", "evaluations|d",
                 "CPU [s] per simulated s|.2g")  # fmt: skip
     points: dict[str, list[tuple[float, int, float]]] = {}
 
@@ -229,7 +229,7 @@ def work_precision(quick: bool = False, wrong: bool = False) -> Outcome:
     for row, (method, _, steps) in ROWS.items():
         for step in (1e-5, 1e-6) if quick else steps:
             found = stepped(pendulum, starts, duration, step, row)
-            error = add(row, f"{1e6 * step:g} us", *found)
+            error = add(row, f"{1e6 * step:g} µs", *found)
         if method == "rk4":
             rows.errors += error
     for method, tolerances in SCIPY.items():
@@ -331,7 +331,7 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
 def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
     mass = MASS if wrong else 1.0 / (1.0 / MASS + ARM**2 / INERTIA)
     path = urdf(body("arm", MASS, f"{ARM} 0 0", INERTIA), joint("pin", "base", "arm"))
-    rows = Rows("law", "stiffness", "largest step accepted [us]|.3f", "formula [us]|.3f",
+    rows = Rows("law", "stiffness", "largest step accepted [µs]|.3f", "formula [µs]|.3f",
                 "relative error|.1e")  # fmt: skip
     for law, stiffness in [
         *((jp.contact.Hertz(), k) for k in (1e8, 1e10, 1e12)),

@@ -40,7 +40,7 @@ def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
     )  # fmt: skip
     speeds = np.geomspace(0.01, 1.0, 3 if quick else 9)
     rows = Rows(
-        "speed [m/s]|.3g", "depth [um]|.4g", "theory|.4g", "duration [us]|.4g", "theory|.4g"
+        "speed [m/s]|.3g", "depth [µm]|.4g", "theory|.4g", "duration [µs]|.4g", "theory|.4g"
     )
     for speed in speeds:
         power = 0.4 if not wrong else 1.0 / 2.45
