@@ -119,17 +119,16 @@ def test_derivatives_are_those_of_finite_differences(arm):
     terms = ["offset", "placement", "compliance", "eccentricity", "suspension waist"]
     terms.append("rail shoulder by waist")
     fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=(1e-4, 5e-4))
-    fitted, rows = fit.step().fitted, np.arange(8)
-    problem, state = fitted.problem, fitted.state
-    residual, slope = problem.residual(state, rows, jacobian=True)
+    fitted = fit.step().fitted
+    least, theta = fitted.least, fitted.theta
+    slope = least.jacobian(theta)
     for k in range(slope.shape[1]):
         step = np.zeros(slope.shape[1])
         step[k] = 1e-6
-        ends = [problem.residual(problem.moved(state, s * step), rows)[0] for s in (-1, 1)]
         # Of several turns of one placement to first order.
-        change = -(ends[1] - ends[0]) / 2e-6
-        assert change == pytest.approx(slope[:, k], rel=0.02, abs=0.002 / 1e-4), k
-    assert len(residual) == len(slope) == 48
+        change = (least.predict(theta + step) - least.predict(theta - step)) / 2e-6
+        assert change == pytest.approx(slope[:, k], rel=0.02, abs=0.01), k
+    assert slope.shape == (48, 12 + len(fitted.problem.columns))
 
 
 @pytest.mark.thorough
@@ -288,17 +287,24 @@ def test_encoders_on_both_sides_tell_play_compliance_and_their_own_errors_apart(
     truth.play(friction=1.0, transition=0.4, elbow=5e-3).compliance(wrist=2e-2)
     link = truth.q + 2e-4 * truth.random.normal(size=truth.q.shape)
     poses = StaticPoses(JOINTS, truth.motor, link=link)
-    found = {one.joint: one for one in encoder_differences(arm, poses)}
-    assert found["waist"].kept == ()
-    assert "nothing here predicts it; play cannot be told: gravity" in found["waist"].verdict
-    assert found["shoulder"].kept in (("eccentricity",), ("two harmonics",))
-    assert found["elbow"].kept == ("play with friction",)
-    half = found["elbow"].causes[0]
+    found = {one.play[0].joint: one for one in encoder_differences(arm, poses)}
+    kinds = {joint: [term.kind for term in one.kept] for joint, one in found.items()}
+    assert kinds["waist"] == []
+    assert "predicted by nothing here" in str(found["waist"])
+    assert "waist half-play: gravity does not load this joint" in str(found["waist"])
+    assert kinds["shoulder"] in (["eccentricity"], ["eccentricity", "second-harmonic"])
+    assert kinds["elbow"] == ["play"]
+    (half,) = found["elbow"].play
     assert half.low < 5e-3 < half.high
-    assert found["elbow"].friction == pytest.approx(1.0, abs=0.7)
-    assert found["wrist"].kept[0] == "compliance"
-    assert found["wrist"].left == pytest.approx(2e-4, rel=0.4)
-    assert "joint gives way" in str(found["wrist"])
+    ((friction, _),) = [
+        column.choices[choice]
+        for step in [found["elbow"].step()]
+        for column, choice in zip(step.fitted.problem.columns, step.chosen.values(), strict=True)
+    ]
+    assert friction == pytest.approx(1.0, abs=0.7)
+    assert kinds["wrist"][0] == "compliance"
+    assert found["wrist"].step().held_back[0] == pytest.approx(2e-4, rel=0.4)
+    assert "left when predicted by compliance" in str(found["wrist"])
     with pytest.raises(JointplayError, match="no joint has encoders on both sides"):
         encoder_differences(arm, replace(poses, link=None))
 
@@ -313,9 +319,9 @@ def test_an_encoder_that_jumps_is_told_though_poses_beside_the_jump_are_left_out
     saw[:, 0] = -0.025 * q + 0.17 * (q > place) + 2e-4 * truth.random.normal(size=25)
     poses = StaticPoses(JOINTS, truth.motor, link=truth.motor + saw)
     waist = encoder_differences(arm, poses)[0]
-    assert waist.kept == ("gain and jump",)
-    assert waist.left < 1e-3
-    gain, jump = waist.causes
+    assert [term.kind for term in waist.kept] == ["sawtooth"]
+    assert waist.step().held_back[0] < 1e-3
+    gain, jump = waist.coefficients
     assert gain.low < -0.025 < gain.high
     assert jump.low < 0.17 < jump.high
 
@@ -387,7 +393,7 @@ def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
     assert main(["calibrate", robot, str(path), "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "elbow: differs by" in said
-    assert "leans to the side of its load" in said
+    assert "left when predicted by play" in said
     assert [one.name for one in (tmp_path / "out").iterdir()] == ["encoders.csv"]
 
 

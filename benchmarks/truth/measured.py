@@ -193,9 +193,7 @@ def tiago(repository: Repository, report: Report) -> dict[str, Calibration]:
     report.say("", "# TIAGo's arm, 21 poses before a Vicon", "")
     report.say("## Encoders on both sides of the gears, link less motor", "")
     for one in encoder_differences(robot, base, [GRIPPER]):
-        report.say(str(one))
-        shown = ", ".join(f"{name} {1e3 * left:.2f}" for name, left in one.table.items())
-        report.say(f"  left by leaving one out [mrad]: {shown}")
+        report.say(str(one), "")
     fits: dict[str, Calibration] = {}
     common = {"payloads": [GRIPPER], "error": SCATTER}
     torso, by_link = tiago_poses(repository, "torso"), base.read_by_link("arm_6_joint")

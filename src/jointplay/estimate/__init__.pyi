@@ -1,6 +1,4 @@
-from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
-from .encoders import EncoderDifference as EncoderDifference
 from .encoders import encoder_differences as encoder_differences
 from .identification import Identification as Identification
 from .identification import identify as identify
@@ -12,6 +10,7 @@ from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan
 from .planning import plan_measurement as plan_measurement
 from .recordings import Recording as Recording
+from .selection import Calibration as Calibration
 from .static_poses import StaticPoses as StaticPoses
 from .unknowns import Estimate as Estimate
 from .unknowns import Unknown as Unknown

@@ -1,4 +1,4 @@
-"""Kinematics with errors of joints and placements, fitted to static poses by least squares.
+"""Kinematics with errors of joints and placements, which may have many causes.
 
 Every error is a column: a coordinate or a placement of a joint errs by a feature of the pose times
 an unknown coefficient, which has a prior: normal about zero with a width of its physical size. So
@@ -8,22 +8,16 @@ few poses cannot blow a coefficient up, and what the poses do not tell stays wit
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.estimate.least_squares import LeastSquares, minimum
-from jointplay.estimate.static_poses import (
-    StaticPoses,
-    nearest_rotation,
-    rotation_vectors,
-    rotations_of,
-)
+from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import Unknown
 from jointplay.model.mechanism import Mechanism
 
@@ -38,8 +32,9 @@ _UNALIGNED = 1e-6
 _STILL_N_M = 1e-6
 """Loads that count as none."""
 
-TOGETHER = 0.7
-"""Correlation from which two coefficients are said to act together."""
+FRICTIONS = tuple(step / 20.0 for step in range(15))
+TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
+"""Of play, over the largest load of the joint, where they are sought."""
 _TURN_WIDTH = 2.5
 """Prior width of a placement's angles over that of its lengths [rad/m]."""
 
@@ -118,7 +113,11 @@ class Column:
     target: int
     """0 to 5 of its placement, or `COORDINATE`."""
     feature: np.ndarray
-    """Shape (n,)."""
+    """Shape (n,); zero as long as it has to be chosen."""
+    choices: Sequence[tuple[float, ...]] = ()
+    """What the feature may depend on, k of them, if it has to be chosen."""
+    options: np.ndarray | None = None
+    """The features by these, shape (n, k)."""
 
     @property
     def joint(self) -> str:
@@ -219,8 +218,7 @@ class Poses:
         return len(self.q)
 
     def columns(self, term: Term) -> list[Column]:
-        """The coefficients of a term; of play whose friction or transition is sought, with none of
-        the one and a tenth of the largest load as the other."""
+        """The coefficients of a term."""
         kind, made = KINDS[term.kind], []
         every = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or every:
@@ -233,9 +231,9 @@ class Poses:
                 raise JointplayError(f"{joint} {kind.absent}")
             given = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
             size = kind.width if given is None else float(given)
-            units = {"own": "rad", "soft": "rad/(N*m)"}
-            units = units if self.turns[j] else {"own": "m", "soft": "m/N"}
-            for what, unit, target, feature in features:
+            own = "rad" if self.turns[j] else "m"
+            units = {"own": own, "soft": "rad/(N*m)" if self.turns[j] else "m/N"}
+            for feature, what, unit, target, choices in features:
                 # Angles of a placement are as wide as its lengths over a reach.
                 width = size * (_TURN_WIDTH if term.kind == "placement" and target > 2 else 1.0)
                 name = f"{'half-play' if term.kind == 'play' else term.kind} {what}".rstrip()
@@ -243,8 +241,20 @@ class Poses:
                     joint, name, units.get(unit, unit), 0.0, width,
                     spread=width, least=-np.inf, fine=False,
                 )  # fmt: skip
-                made.append(Column(term, unknown, j, target, feature))
+                one = Column(term, unknown, j, target, feature)
+                if choices:
+                    zero = np.zeros(len(self))
+                    one = replace(one, feature=zero, choices=choices, options=feature)
+                made.append(one)
         return made
+
+    def rows(self, keep: np.ndarray) -> Poses:
+        """Some of the poses, approached as they were."""
+        some = copy(self)
+        some.measured = self.measured.rows(keep)
+        for name in ("q", "load", "moment", "approach", "link"):
+            setattr(some, name, getattr(self, name)[keep])
+        return some
 
     def loaded(self, joint: str) -> bool:
         """Whether anything loads a joint in any pose."""
@@ -264,10 +274,19 @@ class Poses:
         return np.asarray(np.clip(push / width, -1.0, 1.0))
 
 
-Features = list[tuple[str, str, int, np.ndarray]]
-"""Of a joint's coefficients: which it is, its unit (``own``: of the joint, ``soft``: of its
-compliance), what of the joint errs (0 to 5 of its placement, or `COORDINATE`), by which feature of
-the poses, shape (n,)."""
+class Feature(NamedTuple):
+    """What of a joint errs, and by which feature of the poses."""
+
+    values: np.ndarray
+    """Shape (n,), or (n, k) for k choices."""
+    what: str = ""
+    """Which of the term's coefficients it is."""
+    unit: str = "own"
+    """SI; ``own``: of the joint, ``soft``: of its compliance."""
+    target: int = COORDINATE
+    """0 to 5 of the joint's placement, or `COORDINATE`."""
+    choices: Sequence[tuple[float, ...]] = ()
+    """By which values differ: of play friction and transition [N m], of a jump its place."""
 
 
 @dataclass(frozen=True)
@@ -277,7 +296,7 @@ class Kind:
     meaning: str
     width: float
     """Of the prior [SI: rad, m, rad/(N m), ...]."""
-    features: Callable[[Poses, Term, int, bool], Features]
+    features: Callable[[Poses, Term, int, bool], list[Feature]]
     """Of a joint, by its number in the chain, and whether it was asked for by its name."""
     by_load: bool = False
     """Whether only joints that gravity loads have it, unless others are asked for."""
@@ -285,68 +304,78 @@ class Kind:
     """Why a joint that was asked for has none, behind its name."""
 
 
-def _waves(turns: float) -> Callable[[Poses, Term, int, bool], Features]:
-    def features(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
+    def features(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
         angle = turns * poses.q[:, j]
-        waves = [("sin", np.sin(angle)), ("cos", np.cos(angle))]
-        return [(n, "own", COORDINATE, w) for n, w in waves if poses.turns[j]]
+        waves = [Feature(np.sin(angle), "sin"), Feature(np.cos(angle), "cos")]
+        return waves if poses.turns[j] else []
 
     return features
 
 
-def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> Features:
-    tenth = 0.1 * float(np.abs(poses.load[:, j]).max())
-    transition = tenth if term.transition is None else term.transition
-    lean = poses.leaning(poses.names[j], term.friction or 0.0, transition)
-    return [("", "own", COORDINATE, lean)]
+def _sawtooth(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+    q = poses.q[:, j]
+    order = np.sort(q)
+    places = [(float(place),) for place in (0.5 * (order[1:] + order[:-1]))[1:-1]]
+    behind = (q[:, None] > np.ravel(places)).astype(float)
+    gain = Feature(q, "gain", "rad/rad")
+    return [gain, Feature(behind, "jump", choices=places)] if poses.turns[j] else []
 
 
-def _difference(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+def _leaning(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
+    largest = float(np.abs(poses.load[:, j]).max())
+    frictions = [f * largest for f in FRICTIONS] if poses.measured.ordered else [0.0]
+    frictions = frictions if term.friction is None else [term.friction]
+    transitions = [t * largest for t in TRANSITIONS]
+    transitions = transitions if term.transition is None else [term.transition]
+    pairs = list(product(frictions, transitions))
+    lean = poses.leaning(poses.names[j], *np.transpose(pairs))
+    return [Feature(lean, choices=pairs) if len(pairs) > 1 else Feature(lean[:, 0])]
+
+
+def _difference(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     off = poses.link[:, j] - poses.q[:, j]
-    return [] if np.isnan(off).any() or not off.any() else [("", "", COORDINATE, off)]
+    return [] if np.isnan(off).any() or not off.any() else [Feature(off, unit="")]
 
 
-def _rail(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+def _rail(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     joints = poses.measured.joints
     if term.by not in joints:
         raise MissingName("joint", term.by, joints)
     place = poses.measured.motor[:, joints.index(term.by)]
     turns = term.by in poses.names and poses.turns[poses.names.index(term.by)]
     unit, off = "rad/rad" if turns else "rad/m", place - place.mean()
-    return [(f"about {axis}", unit, 3 + k, off) for k, axis in enumerate("xyz")]
+    return [Feature(off, f"about {axis}", unit, 3 + k) for k, axis in enumerate("xyz")]
 
 
-def _suspension(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+def _suspension(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     moments = zip("xyz", poses.moment[:, j].T, strict=True)
-    return [(f"about {axis}", "rad/(N*m)", 3 + k, m) for k, (axis, m) in enumerate(moments)]
+    return [Feature(m, f"about {a}", "rad/(N*m)", 3 + k) for k, (a, m) in enumerate(moments)]
 
 
-def _placement(poses: Poses, term: Term, j: int, asked: bool) -> Features:
+def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     """Errors of a joint's place; of the first joint they are the base's."""
     if j == 0 and not asked:
         return []
     letters, size = term.axes or "xyzabc", np.abs(poses.axis[j])
     if not term.axes and np.sort(size)[1] < _UNALIGNED:  # what the joint's own offset does
         letters = letters.replace(("abc" if poses.turns[j] else "xyz")[int(size.argmax())], "")
-    places = [(letter, "xyzabc".index(letter)) for letter in letters]
-    return [
-        (f"along {letter}" if k < 3 else f"about {'xyz'[k - 3]}", "m" if k < 3 else "rad", k,
-         np.ones(len(poses)))
-        for letter, k in places
-    ]  # fmt: skip
+    ways = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
+    numbers, one = map("xyzabc".index, letters), np.ones(len(poses))
+    return [Feature(one, ways[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 
 KINDS: Mapping[str, Kind] = {
     "offset": Kind(
         "zero of the joint's encoder", 0.1,
-        lambda poses, term, j, asked: [("", "own", COORDINATE, np.ones(len(poses)))],
+        lambda poses, term, j, asked: [Feature(np.ones(len(poses)))],
     ),
     "placement": Kind(
         "errors of the joint's place in its link (lengths, angles)", 2e-3, _placement
     ),
     "compliance": Kind(
         "joint gives way in proportion to its load", 1e-3,
-        lambda poses, term, j, asked: [("", "soft", COORDINATE, poses.load[:, j])],
+        lambda poses, term, j, asked: [Feature(poses.load[:, j], unit="soft")],
         by_load=True,
     ),
     "play": Kind(
@@ -360,6 +389,14 @@ KINDS: Mapping[str, Kind] = {
     "second-harmonic": Kind(
         "encoder errs by the sine and cosine of twice the angle", 5e-3, _waves(2.0),
         absent="slides: it has no second-harmonic",
+    ),
+    "sawtooth": Kind(
+        "encoder with a wrong gain that jumps at one angle", 0.1, _sawtooth,
+        absent="slides: it has no sawtooth",
+    ),
+    "hysteresis": Kind(
+        "joint stays where it came from", 5e-3,
+        lambda poses, term, j, asked: [Feature(poses.approach[:, j])],
     ),
     "link-encoder": Kind(
         "share of the link encoder's reading in what is true", 1.0, _difference,
@@ -396,291 +433,3 @@ def _loads(model: pin.Model, q: np.ndarray, ids: Sequence[int]) -> tuple[np.ndar
             turned = model.jointPlacements[joint].rotation.T @ data.liMi[joint].rotation
             moment[i, j] = -turned @ data.f[joint].angular
     return load, moment
-
-
-@dataclass(frozen=True)
-class State:
-    """Unknowns: where base and tool are, and the coefficients of the columns."""
-
-    base: tuple[np.ndarray, np.ndarray]
-    """Rotation and translation of the mechanism's base in the instrument's axes [m]."""
-    tool: tuple[np.ndarray, np.ndarray]
-    """Rotation and translation of what was measured in the tool frame's body [m]."""
-    c: np.ndarray
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Least squares of static poses with the columns of some terms."""
-
-    poses: Poses
-    columns: tuple[Column, ...]
-    error: tuple[float, float]
-    """Standard deviations of positions [m] and orientations [rad] about the model."""
-    point: np.ndarray
-    """Nominal place of the tool's point in the tool frame, shape (3,) [m]."""
-    point_width: float
-    """Of its prior [m]."""
-
-    @property
-    def closure(self) -> bool:
-        """Whether only points were the same, at unknown places."""
-        return self.poses.measured.point is not None
-
-    @property
-    def turned(self) -> bool:
-        """Whether orientations were measured."""
-        return not self.closure and self.poses.measured.orientation is not None
-
-    @cached_property
-    def free(self) -> np.ndarray:
-        """Numbers of what is unknown among the base's place and turn, the tool's point and turn
-        (12 in all), and the coefficients."""
-        sizes = [6, 3, 3, len(self.columns)]
-        return np.flatnonzero(np.repeat([not self.closure, True, self.turned, True], sizes))
-
-    @property
-    def first(self) -> int:
-        """Number of the first coefficient among the unknowns: base and tool come before."""
-        return len(self.free) - len(self.columns)
-
-    @property
-    def nominal(self) -> np.ndarray:
-        """The tool's point in the last body's frame [m]."""
-        placement = self.poses.tool
-        return np.asarray(placement.rotation @ self.point + placement.translation)
-
-    @property
-    def priors(self) -> np.ndarray:
-        """Standard deviations of the priors, shape (unknowns,)."""
-        width = [column.unknown.spread for column in self.columns]
-        return np.array([*[1e2] * 6, *[self.point_width] * 3, *[1e2] * 3, *width])[self.free]
-
-    @cached_property
-    def _features(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Features (n, k), joints (k,) and targets (k,) of the columns."""
-        made = [column.feature for column in self.columns]
-        features = np.stack(made, axis=1) if made else np.zeros((len(self.poses), 0))
-        joints = np.array([column.index for column in self.columns], int)
-        return features, joints, np.array([column.target for column in self.columns], int)
-
-    def place(
-        self, state: State, rows: np.ndarray, jacobian: bool = False
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Rotations (n, 3, 3) and points (n, 3) of the tool, and their derivatives by the unknowns,
-        each of shape (n, 3, unknowns); rotations as small rotation vectors from the left."""
-        features, joints, targets = self._features
-        poses, (base, at), (grip, reach) = self.poses, state.base, state.tool
-        moved = features[rows] * state.c
-        q = poses.q[rows].copy()
-        own = targets == COORDINATE
-        np.add.at(q.T, joints[own], moved[:, own].T)
-        shift = None
-        if not own.all():
-            shift = np.zeros((len(rows), len(poses.names), 6))
-            np.add.at(shift.transpose(1, 2, 0), (joints[~own], targets[~own]), moved[:, ~own].T)
-        body, origin, axes, origins, frames = poses.forward(q, shift)
-        tip = origin + body @ reach
-        rotations, points = base @ body @ grip, at + tip @ base.T
-        if not jacobian:
-            none = np.zeros((0, 3, len(self.free)))
-            return rotations, points, none, none
-        lines = np.where(own[:, None, None], axes[joints], frames[joints, :, :, targets % 3])
-        turning = np.where(own, poses.turns[joints], targets >= 3)[:, None, None]
-        turn = np.where(turning, lines, 0.0)
-        move = np.where(turning, np.cross(lines, tip - origins[joints]), lines)
-        scale = features[rows].T[:, :, None]
-        moves = (scale * move @ base.T).transpose(1, 2, 0)
-        turns = (scale * turn @ base.T).transpose(1, 2, 0)
-        eye, none = np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3, 3))
-        about = np.cross((tip @ base.T)[:, None], np.eye(3))
-        moves = np.concatenate([eye, about, base @ body, none, moves], axis=2)
-        turns = np.concatenate([none, eye, none, rotations, turns], axis=2)
-        return rotations, points, moves[:, :, self.free], turns[:, :, self.free]
-
-    def errors(
-        self, state: State, rows: np.ndarray, jacobian: bool = False
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Measured less modelled points (n, 3) [m] and rotations (n, 3) [rad], and derivatives of
-        what is modelled by the unknowns; in closure, means of the points less each of their rows.
-        """
-        rotations, points, moves, turns = self.place(state, rows, jacobian)
-        measured, turned = self.poses.measured, np.zeros((len(rows), 3))
-        if measured.position is None:
-            slopes = moves - self._means(moves, rows)[0] if jacobian else moves
-            return self._means(points, rows)[0] - points, turned, slopes, turns
-        if measured.orientation is not None:
-            turned = rotation_vectors(measured.orientation[rows] @ np.swapaxes(rotations, 1, 2))
-        return measured.position[rows] - points, turned, moves, turns
-
-    def _means(
-        self, values: np.ndarray, rows: np.ndarray
-    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Means of the rows of each point: for each row, and by point."""
-        names = np.array(self.poses.measured.point)[rows]
-        means = {str(name): values[names == name].mean(axis=0) for name in dict.fromkeys(names)}
-        each = [means[str(name)] for name in names]
-        return np.asarray(each), means
-
-    def residual(
-        self, state: State, rows: np.ndarray, jacobian: bool = False
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted residuals (m,) and their derivatives (m, unknowns), with the opposite sign."""
-        position, turned, moves, turns = self.errors(state, rows, jacobian)
-        (sp, so), unknowns = self.error, len(self.free)
-        parts, slopes = [position.ravel() / sp], [moves.reshape(-1, unknowns) / sp]
-        if self.turned:
-            parts.append(turned.ravel() / so)
-            slopes.append(turns.reshape(-1, unknowns) / so)
-        if self.closure and self.poses.measured.distances:
-            _, points, moves, _ = self.place(state, rows, jacobian)
-            means = self._means(points, rows)[1]
-            slope = self._means(moves, rows)[1] if jacobian else {}
-            for (one, other), (length, deviation) in self.poses.measured.distances.items():
-                if one not in means or other not in means:
-                    continue
-                apart = means[one] - means[other]
-                size = float(np.linalg.norm(apart))
-                parts.append(np.array([(length - size) / deviation]))
-                if jacobian:
-                    way = apart / max(size, 1e-12) / deviation
-                    slopes.append((way @ (slope[one] - slope[other]))[None])
-        return np.concatenate(parts), np.concatenate(slopes)
-
-    def moved(self, state: State, step: np.ndarray) -> State:
-        """A state after a step of the unknowns: rotations turn by their rotation vectors."""
-        every = np.zeros(12 + len(self.columns))
-        every[self.free] = step
-        (base, at), (grip, reach) = state.base, state.tool
-        return State(
-            (rotations_of(every[3:6]) @ base, at + every[:3]),
-            (grip @ rotations_of(every[9:12]), reach + every[6:9]),
-            state.c + every[12:],
-        )
-
-    def about(self, state: State, rows: np.ndarray) -> LeastSquares:
-        """The measurement at some rows, by steps of the unknowns from a state."""
-        nominal = -self.from_priors(state)
-        frame = [
-            Unknown("", "base or tool", "", value, 1.0, spread=width, least=-np.inf)
-            for value, width in zip(nominal, self.priors[: self.first], strict=False)
-        ]
-        columns = [
-            replace(one.unknown, nominal=-c) for one, c in zip(self.columns, state.c, strict=True)
-        ]
-
-        def slopes(step: np.ndarray) -> np.ndarray:
-            _, slope = self.residual(self.moved(state, step), rows, jacobian=True)
-            # Steps of rotations do not add: what one more step does, by a change of the whole.
-            every, more = np.zeros(12), np.eye(12 + len(self.columns))
-            every[self.free[: self.first]] = step[: self.first]
-            more[3:6, 3:6], more[9:12, 9:12] = pin.Jexp3(-every[3:6]), pin.Jexp3(every[9:12])
-            return np.asarray(slope @ more[np.ix_(self.free, self.free)])
-
-        def predicted(step: np.ndarray) -> np.ndarray:
-            return -self.residual(self.moved(state, step), rows)[0]
-
-        none = np.zeros(len(predicted(np.zeros(len(nominal)))))
-        return LeastSquares((*frame, *columns), predicted, none, none + 1.0, jacobian=slopes)
-
-    def from_priors(self, state: State) -> np.ndarray:
-        """Unknowns that have a prior, from its middle, shape (unknowns,)."""
-        off = [np.zeros(6), state.tool[1] - self.nominal, np.zeros(3), state.c]
-        return np.asarray(np.concatenate(off)[self.free])
-
-    def start(self, rows: np.ndarray) -> State:
-        """Base and tool without any errors of the chain, from whatever frames."""
-        none, eye = np.zeros(len(self.columns)), np.eye(3)
-        if self.closure:
-            return State((eye, np.zeros(3)), (eye, self.nominal), none)
-        body, origin, *_ = self.poses.forward(self.poses.q[rows], None)
-        measured = self.poses.measured
-        assert measured.position is not None
-        position, n = measured.position[rows], len(rows)
-        centred = position - position.mean(axis=0)
-        seen = None if measured.orientation is None else measured.orientation[rows]
-        back = np.swapaxes(body, 1, 2)
-        found = []
-        for base in _grid():
-            grip = eye
-            # Without orientations the base turns to where the points are; else the grid is enough
-            # for what follows.
-            for _ in range(1 if seen is not None else 4):
-                mixed = base @ body.sum(axis=0)
-                matrix = np.block([[n * eye, mixed], [mixed.T, n * eye]]) + 1e-9 * np.eye(6)
-                goal = position - origin @ base.T
-                inner = np.einsum("nab,nb->a", back, goal @ base)
-                solved = np.linalg.solve(matrix, np.concatenate([goal.sum(axis=0), inner]))
-                at, reach = solved[:3], solved[3:]
-                tip = origin + body @ reach
-                if seen is None:
-                    base = nearest_rotation(centred.T @ (tip - tip.mean(axis=0)))
-                    at = position.mean(axis=0) - base @ tip.mean(axis=0)
-            cost = float(np.sum((position - at - tip @ base.T) ** 2)) / self.error[0] ** 2
-            if seen is not None:
-                own = back @ base.T @ seen
-                grip = nearest_rotation(own.sum(axis=0))
-                # Half of the Frobenius norm's square is the angle's, where that is small.
-                cost += 0.5 * float(np.sum((own - grip) ** 2)) / self.error[1] ** 2
-            found.append((cost, State((base, at), (grip, reach), none)))
-        return min(found, key=lambda one: one[0])[1]
-
-    def fit(self, rows: np.ndarray, start: State | None = None) -> Fitted:
-        """Least squares of some rows, from a state or from wherever base and tool roughly are."""
-        state = self.start(rows) if start is None else start
-        if len(state.c) != len(self.columns):
-            state = replace(state, c=np.zeros(len(self.columns)))
-        step = minimum(self.about(state, rows), np.zeros(len(self.free)))
-        state = self.moved(state, step)
-        return Fitted(self, state, rows, *self.residual(state, rows, jacobian=True))
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """Where least squares ended."""
-
-    problem: Problem
-    state: State
-    rows: np.ndarray
-    residual: np.ndarray
-    """Weighted, shape (m,)."""
-    jacobian: np.ndarray
-    """Of the weighted residuals, shape (m, unknowns)."""
-
-    @cached_property
-    def covariance(self) -> np.ndarray:
-        precision = np.diag(self.problem.priors**-2.0)
-        return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian + precision))
-
-    @cached_property
-    def freedom(self) -> float:
-        """Residuals less, of each unknown, what the poses determine."""
-        free = len(self.residual) - float(np.sum((self.jacobian @ self.covariance) * self.jacobian))
-        if self.problem.closure:
-            points = self.problem.poses.measured.point or ()
-            free -= 3.0 * len({points[i] for i in self.rows})
-        return max(free, 3.0)
-
-    @property
-    def stretch(self) -> float:
-        """The residuals' mean square, in the weights' units."""
-        return float(self.residual @ self.residual) / self.freedom
-
-    def informed(self, i: int) -> tuple[float, float, str]:
-        """Part of the i-th coefficient's prior variance that the poses took away; its largest
-        correlation with another coefficient, and that one's label if it is large."""
-        first, covariance = self.problem.first, self.covariance
-        k, spread = first + i, np.sqrt(np.diag(covariance))
-        told = 1.0 - covariance[k, k] / self.problem.priors[k] ** 2
-        together = np.abs(covariance[k] / spread[k] / spread)
-        together[k] = 0.0
-        most = float(together[first:].max(initial=0.0))
-        other = self.problem.columns[int(together[first:].argmax())].unknown.label
-        return told, most, other if most >= TOGETHER else ""
-
-
-@cache
-def _grid() -> list[np.ndarray]:
-    """Rotations no more than some 40 degrees apart: those of a cube, each with four yaws."""
-    yaws = Rotation.from_rotvec(np.outer(np.arange(4) * np.pi / 8.0, [0.0, 0.0, 1.0]))
-    return [(one * yaw).as_matrix() for one in Rotation.create_group("O") for yaw in yaws]

@@ -17,7 +17,7 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
   causes:
     --term TERM ...  cause to try, such as "compliance", "play elbow,wrist", "rail shoulder by lift"
         (default: offset, placement, compliance, eccentricity, play; others: second-harmonic,
-        link-encoder, rail, suspension)
+        sawtooth, hysteresis, link-encoder, rail, suspension)
     --always TERM ...  cause that is in every model
     --link JOINT ...  joint whose encoder on the link's side is read instead of the motor's
   fit:
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     from jointplay.estimate import Term, calibrate, encoder_differences
     from jointplay.estimate.calibration import TERMS, read_poses
-    from jointplay.estimate.encoders import table
+    from jointplay.estimate.unknowns import data
     from jointplay.model.payload import Payload
 
     terms = [Term.parse(text) for text in options.term or TERMS]
@@ -71,8 +71,8 @@ def run(options: argparse.Namespace) -> int:
         notes.append(f"tool: {robot.tool!r} (chosen: {robot.tool_reason}; see --tool)")
     if poses.link is not None:
         found = encoder_differences(mechanism, poses, payloads)
-        notes += ["encoders, link less motor:", *map(str, found), ""]
-        contents[ENCODERS] = table(found).csv(6)
+        notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
+        contents[ENCODERS] = data([row for one in found for row in one.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
     elif options.link:
         (joint, *_) = options.link
