@@ -22,7 +22,7 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.estimate.kinematic_model import Column, Poses, Term
-from jointplay.estimate.least_squares import LeastSquares, basis, minimum, sandwich
+from jointplay.estimate.least_squares import LeastSquares, basis, information, minimum, sandwich
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
 
@@ -139,7 +139,7 @@ class Fitted:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        return np.asarray(np.linalg.pinv(self._slope.T @ self._slope, hermitian=True))
+        return information(self._slope)[0]
 
     @cached_property
     def freedom(self) -> float:
@@ -486,22 +486,18 @@ class Selection:
         unknowns: by how much the cost falls, and the coefficient, shape (choices,) each."""
         column, k = problem.columns[i], len(problem.frame) + i
         bare = replace(column, feature=np.ones(len(self.rows)))
-        one = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]])
-        least, m = one.at(rows), 0
-        m, theta = len(least.measured), np.where(np.arange(len(theta)) == k, 0.0, theta)
-        now = problem.at(rows)
-        slope, size = least.effects(theta), least.unknowns[k].scale
-        others = now.project(np.delete(slope, k, axis=1))
-        owner, options = least.groups[0], column.options
+        least = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]]).at(rows)
+        owner, m, options = least.groups[0], len(least.measured), column.options
         assert options is not None
-        features = np.where(owner[:, None] < 0, 0.0, options[rows][owner])
-        own = np.concatenate(
-            [slope[:m, k, None] * features, np.tile(slope[m:, k, None], features.shape[1])]
-        )
-        own, left, span = now.project(own), now.residual(theta), basis(others)
+        theta = np.where(np.arange(len(theta)) == k, 0.0, theta)
+        slope, left = least.effects(theta), least.residual(theta)
+        span = basis(least.project(np.delete(slope, k, axis=1)))
+        features = np.ones((len(slope), options.shape[1]))  # also of what was known before
+        features[:m] = np.where(owner[:, None] < 0, 0.0, options[rows][owner])
+        own = least.project(slope[:, k, None] * features)
         own = own - span @ (span.T @ own)
         along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), 1e-300)
-        return along**2 / square, size * along / square
+        return along**2 / square, least.scale[k] * along / square
 
     def tried(self, terms: Sequence[Term]) -> Step:
         """A set of terms, fitted to all rows and to each fold."""
@@ -541,22 +537,17 @@ class Selection:
         self.steps.append(now)
         left = [one for one in candidates if any(map(self.base.poses.columns, one))]
         while True:
-            new = [[one for one in more if one not in now.terms] for more in left]
-            made = [
-                replace(
-                    self.tried([*now.terms, *more]),
-                    added=f"+ {' + '.join(one.short for one in more)}",
-                    kept=False,
-                )
-                for more in new
-                if more and fits(now.terms, more)
-            ]
-            gains = [improves(now.loss, one.loss, self.units) for one in made]
-            made = [
-                replace(one, gain=gain, margin=margin)
-                for one, (_, gain, margin) in zip(made, gains, strict=True)
-            ]
-            better = [one for one, gain in zip(made, gains, strict=True) if gain[0]]
+            made: list[Step] = []
+            better: list[Step] = []
+            for many in left:
+                more = [one for one in many if one not in now.terms]
+                if not more or not fits(now.terms, more):
+                    continue
+                words = f"+ {' + '.join(one.short for one in more)}"
+                new = replace(self.tried([*now.terms, *more]), added=words)
+                good, gain, margin = improves(now.loss, new.loss, self.units)
+                made.append(replace(new, kept=False, gain=gain, margin=margin))
+                better += made[-1:] if good else []
             best = min(better, key=lambda one: float(one.loss.mean()), default=None)
             self.steps += [one for one in made if one is not best]
             if best is None:
