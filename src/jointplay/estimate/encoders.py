@@ -34,7 +34,7 @@ _EXCLUSIVE = (
     ({"eccentricity", "second-harmonic"}, {"sawtooth"}),
     ({"play"}, {"hysteresis"}),  # play with friction has the other in it
 )
-_WIDE = 10.0
+_WIDE = 100.0
 """Prior widths of effects, in standard deviations of the difference."""
 _OF_ANGLES = ("eccentricity", "sawtooth")
 
