@@ -14,8 +14,7 @@ from truth import elastic
 from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identify
 from jointplay.cli import main
 from jointplay.estimate import Measurement
-from jointplay.estimate.identification import apply
-from jointplay.estimate.machine import compliances
+from jointplay.estimate.machine import apply, compliances
 from jointplay.estimate.measurement import visits
 from jointplay.estimate.unknowns import Estimate, Unknown
 from jointplay.physics.contact import Ambrosio

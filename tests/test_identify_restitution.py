@@ -16,15 +16,14 @@ from truth.restitution import arm
 from jointplay import JointplayError, RevoluteClearance, identify, shipped
 from jointplay.cli import main
 from jointplay.estimate import Measurement
+from jointplay.estimate.machine import delivered, nominal_of
 from jointplay.estimate.restitution import (
     by_likelihood,
     by_simulation,
     channels,
-    delivered,
     design,
     flights,
     impacts,
-    nominal_of,
     record_noise,
 )
 from jointplay.estimate.verification import verify

@@ -20,16 +20,16 @@ from jointplay.estimate.machine import (
     WOUND,
     Given,
     Machine,
+    apply,
     compliances,
     friction_of,
     known_gears,
-    with_clearance,
 )
 from jointplay.estimate.measurement import Measurement, Observed, TooLittle, Visits
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import DRIFT, REFERENCES, nuisances
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.restitution import by_flights, by_simulation, channels, nominal_of
+from jointplay.estimate.restitution import by_flights, by_simulation, channels
 from jointplay.estimate.unknowns import LARGEST_SHARE, Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction
@@ -355,17 +355,11 @@ def identify(
             )
         own = replace(machine, mechanism=found.mechanism, motion=motion)
         simulated = by_simulation(
-            own, measured, spreads(found), runs=runs, jobs=jobs, progress=progress
+            own, measured, found.estimates, runs=runs, jobs=jobs, progress=progress
         )
         pairs = zip(bounced, simulated, strict=True)
         bounced = tuple(other if one.reason else one for one, other in pairs)
-    joints = dict(found.mechanism.clearance)
-    for one in bounced:  # what its law can deliver
-        joint = joints[one.joint]
-        if one.identified and np.isfinite(nominal := nominal_of(joint, one.value)):
-            joints[one.joint] = joint.with_restitution(nominal)
-    bouncing = found.mechanism.with_clearance(joints) if joints else found.mechanism
-    return replace(found, restitutions=bounced, mechanism=bouncing)
+    return replace(found, restitutions=bounced, mechanism=apply(found.mechanism, bounced))
 
 
 def _by_means(
@@ -432,15 +426,6 @@ def _by_means(
         excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
         elasticity=elasticity(problem, fit, model),
     )
-
-
-def spreads(found: Identification) -> dict[str, dict[str, float]]:
-    """Standard deviations of identified clearances and friction, by joint and name."""
-    known: dict[str, dict[str, float]] = {}
-    for one in found.estimates:
-        if one.joint in found.mechanism.clearance and one.identified:
-            known.setdefault(one.joint, {})[one.unknown.name] = one.deviation
-    return known
 
 
 def _read(
@@ -518,22 +503,6 @@ def _problem(
     )
 
 
-def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
-    """The mechanism with those values that are identified."""
-    joints, gears = dict(mechanism.clearance), known_gears(mechanism)
-    for one in found:
-        joint, name, value = one.joint, one.unknown.name, one.value
-        if one.reason or not joint:
-            continue
-        if name == "gear_play":
-            gears[joint] = replace(gears[joint], play=value)
-        elif name == "gear_compliance":
-            gears[joint] = replace(gears[joint], stiffness=1.0 / max(value, 1e-12))
-        elif joint in joints and name in (*joints[joint].clearances, "friction"):
-            joints[joint] = with_clearance(joints[joint], {name: value})
-    return mechanism.with_clearance(joints, gears)
-
-
 _IDEAL = {
     "place": "the tool's ideal place is the same at each visit of a place",
     "frame": "the tool's ideal place is known except for the tracker's frame",
@@ -596,26 +565,22 @@ def _assumptions(
 
 
 def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
-    mechanism, taken = machine.mechanism, []
+    mechanism = machine.mechanism
+    rows: list[tuple[str, str, str]] = []
     for joint, bearing in mechanism.clearance.items():
-        if (joint, "friction") not in sought:
-            value = friction_of(bearing)
-            taken.append(
-                f"{joint} bearing {'no law of friction known' if value is None else f'{value:g}'}"
-            )
+        value = friction_of(bearing)
+        words = "no law of friction known" if value is None else f"{value:g}"
+        rows.append((joint, "friction", f"bearing {words}"))
         for name, size in bearing.clearances.items():
-            if (joint, name) not in sought:
-                taken.append(f"{joint} {name.replace('_', ' ')} {told(size, 'm', fine=True)}")
+            rows.append((joint, name, f"{name.replace('_', ' ')} {told(size, 'm', fine=True)}"))
     for joint in mechanism.joints:
         own = machine.friction.get(joint, JointFriction())
-        if (joint, "dry_friction") not in sought:
-            taken.append(f"{joint} dry friction {own.coulomb:g} N m")
+        rows.append((joint, "dry_friction", f"dry friction {own.coulomb:g} N m"))
         if own.viscous:
-            taken.append(f"{joint} viscous friction {own.viscous:g} N m s/rad")
+            rows.append((joint, "", f"viscous friction {own.viscous:g} N m s/rad"))
     for joint, gear in known_gears(mechanism).items():
-        if (joint, "gear_play") not in sought:
-            taken.append(f"{joint} gear play {told(gear.play, 'rad')}")
-        given = f"{joint} torsional" in machine.compliances
-        if (joint, "gear_compliance") not in sought and not given:
-            taken.append(f"{joint} gear stiffness {gear.stiffness:.4g} N m/rad")
-    return taken
+        rows.append((joint, "gear_play", f"gear play {told(gear.play, 'rad')}"))
+        if f"{joint} torsional" not in machine.compliances:
+            words = f"gear stiffness {gear.stiffness:.4g} N m/rad"
+            rows.append((joint, "gear_compliance", words))
+    return [f"{joint} {words}" for joint, name, words in rows if (joint, name) not in sought]

@@ -8,12 +8,15 @@ the structure at the tool are unknown, too, unless they are given.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+from scipy.optimize import brentq
+
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.unknowns import Estimate, Unknown
 from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance
@@ -44,6 +47,8 @@ _LARGEST = 1e-3
 """Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
 _LEAST = 1e-9
 """Clearances below it are none [m]."""
+_SMALLEST_PART = 0.05
+"""Part of a value below which it is not drawn."""
 _SOFTEST = 100.0
 """Largest compliance of a gear or of a joint that winds up, by the expected one."""
 LINK = 1e-4
@@ -278,3 +283,50 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
         rough: dict[str, float] = dict.fromkeys(known, asked)
         changed = changed.with_friction(law or replace(joint.friction, **rough))
     return changed
+
+
+def delivered(joint: Clearance, nominal: float) -> float:
+    """Restitution that impacts have with a nominal one."""
+    value = joint.normal.effective_restitution(nominal)
+    return nominal if value is None else float(value)
+
+
+def nominal_of(joint: Clearance, value: float) -> float:
+    """The nominal restitution with which the joint's law delivers a value; nan if it cannot."""
+    ends = [delivered(joint, end) - value for end in (1e-3, 1.0)]
+    if ends[0] * ends[1] > 0.0:
+        return np.nan
+    return float(brentq(lambda nominal: delivered(joint, nominal) - value, 1e-3, 1.0, xtol=1e-6))
+
+
+def apply(mechanism: Mechanism, found: Sequence[Estimate]) -> Mechanism:
+    """The mechanism with those values that are identified, and that it can have."""
+    joints, gears = dict(mechanism.clearance), known_gears(mechanism)
+    for one in found:
+        joint, name, value = one.joint, one.unknown.name, one.value
+        if one.reason or not joint:
+            continue
+        if name == "gear_play":
+            gears[joint] = replace(gears[joint], play=value)
+        elif name == "gear_compliance":
+            gears[joint] = replace(gears[joint], stiffness=1.0 / max(value, 1e-12))
+        elif name == "restitution":  # what its law can deliver
+            if math.isfinite(nominal := nominal_of(joints[joint], value)):
+                joints[joint] = joints[joint].with_restitution(nominal)
+        elif joint in joints and name in (*joints[joint].clearances, "friction"):
+            joints[joint] = with_clearance(joints[joint], {name: value})
+    return mechanism.with_clearance(joints, gears)
+
+
+def drawn(
+    mechanism: Mechanism, found: Sequence[Estimate], random: np.random.Generator
+) -> Mechanism:
+    """The mechanism with values as they may be, by the standard deviations of what was found."""
+    values = [
+        replace(one, value=max(one.value + one.deviation * random.standard_normal(),
+                               _SMALLEST_PART * one.value))
+        for one in found
+        if one.identified
+    ]  # fmt: skip
+    most = [replace(one, value=min(one.value, one.unknown.most)) for one in values]
+    return apply(mechanism, most)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.optimize import brentq
 from scipy.signal import find_peaks
 from scipy.stats import bootstrap, qmc
 from scipy.stats import t as student
@@ -17,7 +16,7 @@ from scipy.stats import t as student
 from jointplay.base.errors import JointplayError
 from jointplay.base.progress import ProgressBar
 from jointplay.estimate.least_squares import CONFIDENCE, LeastSquares, minimum
-from jointplay.estimate.machine import friction_of, with_clearance
+from jointplay.estimate.machine import delivered, drawn, nominal_of
 from jointplay.estimate.measurement import Measurement
 from jointplay.estimate.unknowns import NORMAL, Estimate, Unknown
 from jointplay.model.mechanism import Mechanism
@@ -308,8 +307,6 @@ def _goes_on(gaps: np.ndarray, impulses: np.ndarray, interval: float) -> bool:
 
 _FINER = 2.0
 """Records of a run for each of the measurement."""
-_LEAST = 0.05
-"""Part of a value below which it is not drawn."""
 
 
 class Instruments:
@@ -369,19 +366,6 @@ class Instruments:
 
 RUN = "a run to compare with the measurement"
 """For messages about one that fails."""
-
-
-def sampled_joint(
-    joint: Clearance, spread: Mapping[str, float], random: np.random.Generator
-) -> Clearance:
-    """The joint with clearances and friction as they may be, by their standard deviations."""
-    now = {**joint.clearances, "friction": friction_of(joint) or 0.0}
-    changed = {
-        name: max(now[name] + one * random.standard_normal(), _LEAST * now[name])
-        for name, one in spread.items()
-        if name in now
-    }
-    return with_clearance(joint, changed) if changed else joint
 
 
 # Values of which simulations have the same statistics as a measurement.
@@ -510,20 +494,6 @@ _WIDER = 1.5
 """By which the second half of the runs covers more than the interval of the first."""
 
 
-def delivered(joint: Clearance, nominal: float) -> float:
-    """Restitution that impacts have with a nominal one."""
-    value = joint.normal.effective_restitution(nominal)
-    return nominal if value is None else float(value)
-
-
-def nominal_of(joint: Clearance, value: float) -> float:
-    """The nominal restitution with which the joint's law delivers a value; nan if it cannot."""
-    ends = [delivered(joint, end) - value for end in (1e-3, 1.0)]
-    if ends[0] * ends[1] > 0.0:
-        return np.nan
-    return float(brentq(lambda nominal: delivered(joint, nominal) - value, 1e-3, 1.0, xtol=1e-6))
-
-
 def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Estimate, ...]:
     """Restitution of each joint with clearance by flights.
 
@@ -577,7 +547,7 @@ def _without_signal(name: str, joint: Clearance) -> str:
 def by_simulation(
     simulation: Simulation,
     measured: Measurement,
-    spreads: Mapping[str, Mapping[str, float]] | None = None,
+    known: Sequence[Estimate] = (),
     *,
     runs: int = RUNS,
     jobs: int | None = None,
@@ -590,8 +560,7 @@ def by_simulation(
         simulation: of the motion and the loads that were measured, times alike, with the
             clearances and friction that are known.
         measured: an accelerometer's or forces' records.
-        spreads: standard deviations of clearances and friction, by joint and name; each run has
-            others.
+        known: what was found of clearances and friction; each run has others within it.
         runs: half over all restitutions, half about what these say.
         jobs: processes; None takes one for each core.
         seed: of the runs' values and starts.
@@ -604,7 +573,7 @@ def by_simulation(
     least = 2 * (2 * _terms(len(joints)) + 4)
     if runs < least:
         raise JointplayError(f"at least {least} runs are needed for {len(joints)} joints: {runs}")
-    instruments, spreads = Instruments(measured), spreads or {}
+    instruments = Instruments(measured)
     own, random = instruments.settings(simulation), np.random.default_rng(seed)
     statistics = instruments.statistics(measured)
     seen = np.array(list(statistics.values()))
@@ -614,13 +583,13 @@ def by_simulation(
         reason += "quieter or faster sensor"
         return tuple(Estimate(unknown(name), reason=reason) for name in joints)
 
-    def drawn(row: np.ndarray, number: int) -> Simulation:
-        made = {}
+    def made(row: np.ndarray, number: int) -> Simulation:
+        bouncing = {}
         for (name, joint), value in zip(joints.items(), row.tolist(), strict=True):
             nominal = nominal_of(joint, value)
-            one = joint.with_restitution(value if np.isnan(nominal) else nominal)
-            made[name] = sampled_joint(one, spreads.get(name, {}), random)
-        return replace(own, mechanism=own.mechanism.with_clearance(made), seed=number)
+            bouncing[name] = joint.with_restitution(value if np.isnan(nominal) else nominal)
+        mechanism = drawn(own.mechanism.with_clearance(bouncing), known, random)
+        return replace(own, mechanism=mechanism, seed=number)
 
     def fit(
         values: np.ndarray, table: np.ndarray, low: np.ndarray, high: np.ndarray
@@ -635,7 +604,7 @@ def by_simulation(
         return found, list(statistics)[np.flatnonzero(use)[found.oddest]]
 
     def simulated(values: np.ndarray, first: int) -> np.ndarray:
-        todo = [drawn(row, number) for number, row in enumerate(values, first)]
+        todo = [made(row, number) for number, row in enumerate(values, first)]
         rows = Study(todo, instruments.statistics_of_run).run(jobs, bar)
         return np.array([[row[name] for name in statistics] for row in rows])
 
@@ -668,7 +637,8 @@ def by_simulation(
             reason += "other restitutions look the same; more drops, or a faster or quieter sensor "
             return replace(dark, reason=reason + "may tell")
         evidence = f"impacts of {int(near.sum())} runs"
-        if "clearance" not in " ".join(spreads.get(name, ())):
+        sizes = [one for one in known if one.joint == name and one.identified]
+        if not any(one.unknown.name.endswith("clearance") for one in sizes):
             evidence += ", clearance as in the scenario"
         if value - half < low[i] or value + half > high[i]:
             evidence += f", sought from {low[i]:.3g} to {high[i]:.3g}"

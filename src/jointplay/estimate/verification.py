@@ -17,12 +17,11 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Table
 from jointplay.base.units import displayed
-from jointplay.estimate.identification import Identification, spreads
+from jointplay.estimate.identification import Identification
 from jointplay.estimate.least_squares import basis
-from jointplay.estimate.machine import known_gears
+from jointplay.estimate.machine import drawn
 from jointplay.estimate.measurement import SHOWN, departures, histories
-from jointplay.estimate.restitution import RUN, Instruments, channels, sampled_joint
-from jointplay.physics.joints import SlidingClearance
+from jointplay.estimate.restitution import RUN, Instruments, channels
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.study import Study, run_to_the_end
@@ -137,9 +136,9 @@ def verify(
     instruments = Instruments(measured) if impacts else None
     if instruments is not None:
         own = instruments.settings(simulation)
-    drawn = [_perturbed(own, identification, number) for number in range(runs)]
+    made = [_perturbed(own, identification, number) for number in range(runs)]
     with ProgressBar(total=runs, desc="verify", disable=not progress, unit="run") as bar:
-        found = Study(drawn, partial(_look, identification, instruments)).run(jobs, bar)
+        found = Study(made, partial(_look, identification, instruments)).run(jobs, bar)
     means, rows = zip(*found, strict=True)
     statistics = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(statistics)
@@ -165,26 +164,10 @@ def _look(
 
 def _perturbed(simulation: Simulation, identification: Identification, number: int) -> Simulation:
     """A run with values within the intervals and a start of its own."""
-    random = np.random.default_rng(number)
-    known, mechanism = spreads(identification), identification.mechanism
-    bounced = {one.joint: one for one in identification.restitutions if not one.reason}
-    joints = {}
-    for name, joint in mechanism.clearance.items():
-        made = sampled_joint(joint, known.get(name, {}), random)
-        if name in bounced and isinstance(joint, SlidingClearance):
-            shift = bounced[name].deviation * random.standard_normal()
-            value = min(max(joint.restitution + shift, 0.02), 1.0)
-            made = made.with_restitution(value)
-        joints[name] = made
-    gears = known_gears(mechanism)
-    for one in identification.estimates:
-        if one.unknown.name == "gear_play" and one.identified:
-            shift = one.deviation * random.standard_normal()
-            play = max(gears[one.joint].play + shift, 0.0)
-            gears[one.joint] = replace(gears[one.joint], play=float(play))
-    made_of = mechanism.with_clearance(joints, gears)
-    seed = None if all(getattr(j, "ideal", False) for j in joints.values()) else number + 1
-    return replace(simulation, mechanism=made_of, seed=seed)
+    found = (*identification.estimates, *identification.restitutions)
+    mechanism = drawn(identification.mechanism, found, np.random.default_rng(number))
+    still = all(getattr(joint, "ideal", False) for joint in mechanism.clearance.values())
+    return replace(simulation, mechanism=mechanism, seed=None if still else number + 1)
 
 
 def _width(scatter: np.ndarray, checks: int) -> float:
