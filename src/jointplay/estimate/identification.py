@@ -65,8 +65,7 @@ def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Est
         size, value, half = float(own @ own), one.unknown.nominal, np.inf
         if size > _DARK * float(whole @ whole):
             value += float(own[: len(left)] @ left) / size
-            half = fit.quantile * max(fit.misfit, 1.0) / np.sqrt(size)
-            half = least_squares.SAFETY * float(np.hypot(half, least_squares.MODEL_ELSE * value))
+            half = fit.wide(1.0 / np.sqrt(size), least_squares.MODEL_ELSE * value)
         dark = half > LARGEST_SHARE * abs(value)
         found.append(Estimate(one.unknown, value, half, _VAGUE if dark else ""))
     return tuple(found)
@@ -118,13 +117,7 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
         stiff = problem.without([label for label in rigid if label in problem.elastic])
         covariance, null, _ = information(stiff.project(effect[:, kept]))
         k = kept.index(i)
-        half = (
-            fit.quantile
-            * least_squares.SAFETY
-            * max(fit.misfit, 1.0)
-            * np.sqrt(covariance[k, k])
-            * one.scale
-        )
+        half = fit.wide(float(np.sqrt(covariance[k, k])) * one.scale)
         return bool(null[k, k] <= least_squares.NULL and half <= one.widest(fit.theta[i]))
 
     if not labels or not identified(labels):

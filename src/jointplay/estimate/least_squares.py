@@ -253,6 +253,12 @@ class Fit:
     quantile: float = np.inf
     """Of Student's distribution, by which the intervals were made."""
 
+    def wide(self, deviation: float, off: float = 0.0) -> float:
+        """Half of a 95 % interval, by the standard deviation if residuals were one, and by what the
+        model itself is off."""
+        half = self.quantile * max(self.misfit, 1.0) * deviation
+        return SAFETY * float(np.hypot(half, off))
+
 
 def partners(row: np.ndarray, i: int) -> list[int]:
     """Which entries share the i-th one's null space, by its row of the projector; strongest first.
@@ -403,7 +409,7 @@ def _profiled(problem: LeastSquares, best: Fit, wide: np.ndarray, i: int) -> flo
     widest = one.widest(best.theta[i])
     if not one.sought or half > widest:
         return half  # it is not identified in any case
-    limit = problem.cost(best.theta) + (best.quantile * SAFETY * max(best.misfit, 1.0)) ** 2
+    limit = problem.cost(best.theta) + best.wide(1.0) ** 2
     for side in (1.0, -1.0):
         own = float(wide[i])
         start = best.theta

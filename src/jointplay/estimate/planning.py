@@ -103,7 +103,8 @@ class MeasurementPlan:
     unknowns: tuple[Unknown, ...]
     experiments: tuple[Experiment, ...]
     half_width: np.ndarray
-    """Expected 95 % half widths after each experiment, (experiments, unknowns) [SI]."""
+    """Expected 95 % half widths before any and after each experiment, (experiments + 1, unknowns)
+    [SI]."""
     partners: tuple[tuple[str, ...], ...]
     """Of each unknown, those that it cannot be told apart from."""
     signals: tuple[Key, ...]
@@ -111,15 +112,12 @@ class MeasurementPlan:
     gains: np.ndarray
     """Factor by which each experiment multiplies the determinant of the information about the
     unknowns that are sought, (experiments,)."""
-    before: np.ndarray
-    """Half widths before any experiment, (unknowns,) [SI]."""
     notes: tuple[str, ...] = ()
     """What was left out of the choice, a line each."""
 
     def reason(self, number: int) -> str:
         """Why an experiment was chosen: what it adds to the information, and who gains most."""
-        was = self.before if number == 0 else self.half_width[number - 1]
-        now = self.half_width[number]
+        was, now = self.half_width[number : number + 2]
         words = "tells most of all by itself"
         if number:
             words = f"information x {self.gains[number]:.3g} (its determinant)"
@@ -230,7 +228,6 @@ def plan_measurement(
         keys,
         spread,
         gains,
-        half_widths(unknowns, found.before),
         tuple(notes),
     )
 
@@ -515,10 +512,11 @@ def _greedy(
 ) -> tuple[list[int], np.ndarray, np.ndarray]:
     """Experiments, each the best after those before and `alike` (k, k) to none of them.
 
-    Besides the half widths after each, and by what it multiplies the information's determinant.
+    Besides the half widths before and after each, and by what it multiplies the determinant of the
+    information.
     """
     chosen: list[int] = []
-    widths, gains = [], []
+    widths, gains = [half_widths(unknowns, found.before)], []
     left = np.ones(len(found.gains), bool)
     scale = np.array([one.scale for one in unknowns])
     sought = np.array([one.sought for one in unknowns])
