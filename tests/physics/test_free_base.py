@@ -350,8 +350,8 @@ def test_budget_command_names_the_body(walker, tmp_path, capsys):
     assert "play: knee (" in capsys.readouterr().out
     assert main([*line, "leg"]) == 2
     assert "no body 'leg'" in capsys.readouterr().err
-    assert main([*line, "thigh", "--whole", "printed"]) == 2
-    assert "leave --relative-to out" in capsys.readouterr().err
+    assert main([*line, "thigh", "--whole", "printed"]) == 0
+    assert "seen from 'thigh', in its axes" in capsys.readouterr().out
 
 
 def test_run_command_frees_the_base_and_says_so(walker, tmp_path, capsys):
