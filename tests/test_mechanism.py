@@ -84,7 +84,7 @@ def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
     axis = journal_axis(q[at + 3 : at + 6])
     gap, point, normal = gaps(q[at : at + 3], axis, joint_b.ri, joint_b.li, joint_b.rj, joint_b.lj)
     pin.forwardKinematics(model, data, q, v)
-    parent, placement = mechanism.bearing_frame("joint_b")
+    (parent, placement), _ = mechanism.frames("joint_b")
     child = model.getJointId("joint_b")
     bearing = data.oMi[parent] * placement
     normals, tangentials = (workspace.contacts[name][0] for name in ("normal", "tangential"))

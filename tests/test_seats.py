@@ -117,10 +117,10 @@ def test_bodies_stand_where_they_stood_and_the_mounts_z_is_the_joints_axis(arm, 
     for name in ("base", "arm"):
         frames = [one.data.oMf[one.model.getFrameId(name)] for one in (plain, seated)]
         assert frames[0].isApprox(frames[1], 1e-12)
-    index, bearing = plain.bearing_frame("pin")
+    (index, bearing), _ = plain.frames("pin")
     wanted = plain.data.oMi[index] * bearing
     for name in ("pin", "pin_seat"):
-        index, place = seated.bearing_frame(name)
+        (index, place), _ = seated.frames(name)
         found = seated.data.oMi[index] * place
         assert found.translation == pytest.approx(wanted.translation, abs=1e-12)
         assert found.rotation[:, 2] == pytest.approx(wanted.rotation[:, 2], abs=1e-12)

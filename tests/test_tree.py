@@ -129,7 +129,7 @@ def test_bodies_move_as_in_pinocchio(branched, clearance):
     model = mechanism.model
     q, v, _ = states(mechanism)
     names = [*clearance, "j0", "j2", "j5"]
-    pairs = [(mechanism.bearing_frame(n), mechanism.journal_frame(n)) for n in dict.fromkeys(names)]
+    pairs = [mechanism.frames(n) for n in dict.fromkeys(names)]
     frame = model.frames[mechanism.tool_frame]
     motion = BodyMotion.of(RECORDS, len(pairs))
     for first, end in ((0, 7), (7, RECORDS)):
@@ -235,10 +235,7 @@ def test_a_result_has_what_pinocchio_says_of_its_states(make):
     result = run.finish()
     q, v, drive = (result[name].values for name in ("q", "v", "drive"))
     starts = [phase.row for phase in run.phases]
-    pairs = [
-        (mechanism.bearing_frame(name), mechanism.journal_frame(name))
-        for name in mechanism.clearance
-    ]
+    pairs = [mechanism.frames(name) for name in mechanism.clearance]
     moved, forces, drift = [], [], []
     trees, loops = mechanism.joints, list(mechanism.loops)
     effort = drive.copy()

@@ -152,7 +152,7 @@ def problem(simulation: jp.Simulation) -> Problem:
     for drive in run.workspace.drives:
         by_coordinate[:, drive["coordinate"]] = drive["column"], drive["kp"], drive["kd"]
     if planar:
-        frames = (mechanism.bearing_frame(name), mechanism.journal_frame(name))
+        frames = mechanism.frames(name)
         sites = [(i - 1, tuple(placement.translation)) for i, placement in frames]
     else:
         first = mechanism.virtual_link(name)

@@ -278,7 +278,7 @@ def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
     data = mechanism.data
     index = int(mechanism.model.getJointId(name))
     if name in mechanism.clearance:
-        (i, bearing), (j, journal) = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        (i, bearing), (j, journal) = mechanism.frames(name)
         centre = (data.oMi[j] * journal).translation
         return index, pin.SE3((data.oMi[i] * bearing).rotation, centre)
     column = pin.getJointJacobian(mechanism.model, data, index, pin.ReferenceFrame.WORLD)

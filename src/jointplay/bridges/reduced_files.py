@@ -218,7 +218,7 @@ def _put_control(
     if system is None:
         system = put(root, "ros2_control", name=mechanism.description.path.stem, type="system")
         _put_texts(put(system, "hardware"), plugin=plugin)
-        mimics = {n: mechanism.description.joints[n].mimics for n in mechanism.joints}
+        mimics = {n: mechanism.description.joints[n].mimic for n in mechanism.joints}
         for name, follows in mimics.items():
             _put_interfaces(system, name, () if follows else ("effort",))
         for name, follows in mimics.items():

@@ -130,7 +130,7 @@ class CompiledRobot:
                 put(rim, "site", site=f"{name}.{end}")
         described = self.mechanism.description.joints
         for name in self.mechanism.joints:
-            if described[name].mimics:
+            if described[name].mimic:
                 continue
             if name in servos:
                 actuator.append(ElementTree.Comment(explain(servos[name])))

@@ -67,7 +67,7 @@ def _compare_tilts(
     for i, row in enumerate(q):
         pin.forwardKinematics(model, data, row)
         _, seat = place(mechanism, joint)
-        (b, bearing), (j, journal) = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
+        (b, bearing), (j, journal) = mechanism.frames(joint)
         axis = (data.oMi[b] * bearing).rotation[:, 2]
         full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
         axes[i] = seat.rotation

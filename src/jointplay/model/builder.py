@@ -20,9 +20,6 @@ from jointplay.model.urdf import Description
 from jointplay.model.vocabulary import WORDS
 from jointplay.physics.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replacing
 
-Frame = tuple[int, pin.SE3]
-"""A Pinocchio joint, and a frame's placement in it."""
-
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
 _PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"

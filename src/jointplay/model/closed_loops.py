@@ -19,12 +19,14 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
+from jointplay.model.frames import motion_between
 from jointplay.model.loop import (
     ANGLE_ARM_M,
     ASSEMBLY_TOLERANCE_M,
     SINGULAR,
     closest,
     closing_rows,
+    closures,
     newton,
     openings,
     own_coordinates,
@@ -182,7 +184,8 @@ class ClosedLoops:
         What is not passive stays, displaced journals too; those of loops have the poses `aside` in
         their bearings, centred if not given. Unless `exactly`, as well as can be.
         """
-        q = newton(self.mechanism, start, self.passive, self._weight, aside)
+        ways = np.eye(len(start))[:, self.passive]
+        q = newton(self.mechanism, start, ways, self._weight, aside)
         if q is not None and exactly and not is_closed(self.mechanism, q):
             return None
         return q
@@ -194,39 +197,20 @@ def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
     `twist` (6, k): velocity of the world's origin and angular velocity, world axes; after
     `pin.computeJointJacobians`.
     """
+    supports = mechanism.model.supports
     rows = [np.zeros((0, twist.shape[1]))]
-    for name in mechanism.loops:
-        pair = mechanism.bearing_frame(name), mechanism.journal_frame(name)
-        held = mechanism.loop_class(name).held()
-        rows.append(_apart(mechanism, *pair, moved, twist)[held])
-    rows += [_apart(mechanism, *pair, moved, twist) for pair in mechanism.locks.values()]
+    for one in closures(mechanism):
+        (i, _), (j, _) = one.frames
+        sign = int(moved in supports[j]) - int(moved in supports[i])
+        rows.append(motion_between(mechanism.data, one.frames, sign * twist)[one.rows])
     return np.concatenate(rows)
 
 
 def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
     """What the play of the joint of a loop takes from its rows, (rows, 6)."""
-    rows = [np.zeros((0, 6))]
-    for name in mechanism.loops:
-        held = mechanism.loop_class(name).held()
-        rows.append((-np.eye(6) if name == loop else np.zeros((6, 6)))[held])
-    rows += [np.zeros((6, 6)) for _ in mechanism.locks]
-    return np.concatenate(rows)
-
-
-def _apart(
-    mechanism: Mechanism,
-    bearing: tuple[int, pin.SE3],
-    journal: tuple[int, pin.SE3],
-    moved: int,
-    twist: np.ndarray,
-) -> np.ndarray:
-    """Motion of a journal against its bearing, in bearing axes, (6, k)."""
-    model, data = mechanism.model, mechanism.data
-    sign = int(moved in model.supports[journal[0]]) - int(moved in model.supports[bearing[0]])
-    turn = (data.oMi[bearing[0]] * bearing[1]).rotation
-    centre = (data.oMi[journal[0]] * journal[1]).translation
-    along = twist[:3] + np.cross(twist[3:], centre, axisa=0, axisc=0)
-    return sign * np.concatenate([turn.T @ along, turn.T @ twist[3:]])
+    own = [-np.eye(6) if one.name == loop else np.zeros((6, 6)) for one in closures(mechanism)]
+    rows = [part[one.rows] for part, one in zip(own, closures(mechanism), strict=True)]
+    return np.concatenate([np.zeros((0, 6)), *rows])
 
 
 def is_closed(mechanism: Mechanism, q: np.ndarray) -> bool:
@@ -292,9 +276,7 @@ def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
 
 def _weights(mechanism: Mechanism) -> np.ndarray:
     """One for each row of an offset, the arm for one of an angle, shape (rows,)."""
-    held = [row for name in mechanism.loops for row in mechanism.loop_class(name).held()]
-    held += list(range(6)) * len(mechanism.locks)
-    return np.where(np.array(held, int) < 3, 1.0, ANGLE_ARM_M)
+    return np.concatenate([np.zeros(0), *(one.weights for one in closures(mechanism))])
 
 
 def _threshold(sizes: np.ndarray) -> float:

@@ -10,14 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Described, check_fields, quantity
-from jointplay.physics.joints import VIRTUAL_LINK
+from jointplay.model.frames import Frame, Frames, pose_between
+from jointplay.physics.joints import RELATIVE, VIRTUAL_LINK
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
@@ -39,6 +40,8 @@ SINGULAR = 1e-9
 _CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
 """Steps in which given positions are approached, and by how much others may move in one [rad or m].
 """
+
+_YAW = RELATIVE.index("yaw")
 
 PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 """Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
@@ -91,26 +94,47 @@ def _placement(xyz: Vector, rpy: Vector) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
 
 
+class Closure(NamedTuple):
+    """Two frames that are held together: those of a loop's joint, or of a lock."""
+
+    name: str
+    frames: Frames
+    """Bearing and journal, or carriage and what it holds."""
+    rows: list[int]
+    """Of the second's motion against the first (`RELATIVE`), those that are zero."""
+
+    @property
+    def weights(self) -> np.ndarray:
+        """One for each row of an offset, the arm for one of an angle."""
+        return np.where(np.array(self.rows, int) < 3, 1.0, ANGLE_ARM_M)
+
+    def gap(self, data: pin.Data, aside: pin.SE3 | None) -> np.ndarray:
+        """By how much it is open, after `pin.forwardKinematics`; see `openings`."""
+        pose = pose_between(data, self.frames)
+        if aside is not None:
+            pose = aside.actInv(pose)
+        turn = pose.rotation
+        yaws = _YAW in self.rows
+        angles = pin.log3(turn) if yaws else np.array([-turn[1, 2], turn[0, 2], 0.0])
+        return np.concatenate([pose.translation, angles])[self.rows]
+
+
+def closures(mechanism: Mechanism, loops: Collection[str] | None = None) -> list[Closure]:
+    """All `loops` (None: every one) and all locks."""
+    names = mechanism.loops if loops is None else loops
+    kinds = {name: mechanism.loop_class(name).held() for name in names}
+    held = [Closure(name, mechanism.frames(name), rows) for name, rows in kinds.items()]
+    return held + [Closure(locked(name), one, [*range(6)]) for name, one in mechanism.locks.items()]
+
+
 def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
     """What keeps each loop from being closed in configuration q, zero if it is.
 
     Returns:
-        By loop, journal against bearing, what its kind of joint holds (`Clearance.misfit`): the
-        centre's offset [m], and angles on an arm of `ANGLE_ARM_M` [m]. By lock (`locked`), what it
-        holds against its carriage: offset and all angles.
+        By loop, and by lock (`locked`), as `openings`, angles on an arm of `ANGLE_ARM_M` [m].
     """
-    misfits = {}
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
-    for name in mechanism.loops:
-        pose = mechanism.journal_pose(name)
-        offset, angles = mechanism.loop_class(name).misfit(pose.rotation, pose.translation)
-        misfits[name] = np.concatenate([offset, ANGLE_ARM_M * angles])
-    for name in mechanism.locks:
-        pose = mechanism.lock_pose(name)
-        misfits[locked(name)] = np.concatenate(
-            [pose.translation, ANGLE_ARM_M * pin.log3(pose.rotation)]
-        )
-    return misfits
+    return {one.name: one.weights * one.gap(mechanism.data, None) for one in closures(mechanism)}
 
 
 def locked(name: str) -> str:
@@ -181,7 +205,8 @@ def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarr
 
     By Newton's method, which takes a few tenths of the time.
     """
-    moved = newton(mechanism, q, np.setdiff1d(np.arange(mechanism.model.nv), held))
+    free = np.setdiff1d(np.arange(mechanism.model.nv), held)
+    moved = newton(mechanism, q, np.eye(mechanism.model.nv)[:, free])
     if moved is not None and np.abs(openings(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
         return moved
     return assemble(mechanism, q, held)
@@ -190,50 +215,44 @@ def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarr
 def newton(
     mechanism: Mechanism,
     q: np.ndarray,
-    free: np.ndarray,
+    ways: np.ndarray,
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
+    loops: Collection[str] | None = None,
 ) -> np.ndarray | None:
-    """q (nq,) with its `free` coordinates moved until the loops are as closed as can be, or None.
+    """q (nq,) moved along `ways` (nv, k) until the loops are as closed as can be, or None.
 
-    `weight`: of each row of `openings`, where not all of them can be zero; `aside`: see there.
+    `weight`: of each row of `openings`, where not all of them can be zero; `aside` and `loops`:
+    see there.
     """
     moved, weights = q.copy(), np.reshape(weight, (-1, 1))
     for _ in range(_NEWTON_STEPS):
-        left = weight * openings(mechanism, moved, aside)
-        rows = (weights * closing_rows(mechanism, moved))[:, free]
+        left = weight * openings(mechanism, moved, aside, loops)
+        rows = (weights * closing_rows(mechanism, moved, loops)) @ ways
         change = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
         size = float(np.abs(change).max(initial=0.0))
         if not size < _NEWTON_REACH:
             return None
-        moved[free] += change
+        moved += ways @ change
         if size < _NEWTON_CHANGE:
             return moved
     return None
 
 
 def openings(
-    mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, pin.SE3] | None = None
+    mechanism: Mechanism,
+    q: np.ndarray,
+    aside: Mapping[str, pin.SE3] | None = None,
+    loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """By how much loops and locks are open, in the order of `closing_rows` [m, rad].
+    """By how much `loops` and all locks are open, in the order of `closing_rows` [m, rad].
 
     Journals of loops have the poses `aside` in their bearings; centred if not given.
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
-    parts = [np.zeros(0)]
-    for name in mechanism.loops:
-        pose = mechanism.journal_pose(name)
-        if aside and name in aside:
-            pose = aside[name].actInv(pose)
-        kind, turn = mechanism.loop_class(name), pose.rotation
-        angles = pin.log3(turn)
-        if "yaw" in kind.ideal_freedoms:
-            angles = np.array([-turn[1, 2], turn[0, 2], 0.0])
-        parts.append(np.concatenate([pose.translation, angles])[kind.held()])
-    for name in mechanism.locks:
-        pose = mechanism.lock_pose(name)
-        parts.append(np.concatenate([pose.translation, pin.log3(pose.rotation)]))
-    return np.concatenate(parts)
+    places = aside or {}
+    parts = [one.gap(mechanism.data, places.get(one.name)) for one in closures(mechanism, loops)]
+    return np.concatenate([np.zeros(0), *parts])
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
@@ -339,11 +358,8 @@ def closing_rows(
     Relative velocities of journal and bearing that are zero while the loops stay closed, journals
     resting in their bearings.
     """
-    rows = [np.zeros((0, mechanism.model.nv))]
-    for name in mechanism.loops if loops is None else loops:
-        rows.append(mechanism.relative_jacobian(name, q)[mechanism.loop_class(name).held()])
-    rows += [mechanism.lock_jacobian(name, q) for name in mechanism.locks]
-    return np.concatenate(rows)
+    rows = [mechanism.motion(one.frames, q)[one.rows] for one in closures(mechanism, loops)]
+    return np.concatenate([np.zeros((0, mechanism.model.nv)), *rows])
 
 
 def consistent_velocity(
@@ -443,8 +459,8 @@ class Lock:
         name: str,
         freedoms: tuple[str, ...],
         model: pin.Model,
-        bearing: tuple[int, pin.SE3],
-        journal: tuple[int, pin.SE3],
+        bearing: Frame,
+        journal: Frame,
     ) -> Lock:
         """For loop `name`, whose joint leaves `freedoms`, between two frames of `model`.
 
@@ -467,7 +483,7 @@ class Lock:
             )
         return cls(model.names[carrier[0]], carrier[1], freedoms, model.names[held[0]], held[1])
 
-    def share(self, model: pin.Model, carriage: int) -> tuple[int, pin.SE3]:
+    def share(self, model: pin.Model, carriage: int) -> Frame:
         """Move part of the inertia of what is held to the carriage; its joint and frame."""
         at = int(model.getJointId(self.held))
         whole = model.inertias[at].copy()  # what Pinocchio gives changes with the model

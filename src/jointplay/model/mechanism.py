@@ -32,9 +32,10 @@ from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable
 from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
-from jointplay.model.builder import Frame, build, parse
+from jointplay.model.builder import build, parse
 from jointplay.model.fixing import with_fixed
 from jointplay.model.flexible import cut_links, end_of_tool, hinges_of
+from jointplay.model.frames import Frame, Frames, motion_between, pose_between, signs_between
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.loop import Lock, Loop, refuse_name
@@ -57,17 +58,6 @@ from jointplay.physics.joints import (
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
-
-
-def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
-    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
-    signs = np.zeros(model.nv)
-    for index, sign in ((second, 1.0), (first, -1.0)):
-        while index > 0:
-            member = model.joints[index]
-            signs[member.idx_v : member.idx_v + member.nv] += sign
-            index = model.parents[index]
-    return signs
 
 
 def frame_index(
@@ -234,7 +224,7 @@ class Mechanism(Overview, Described):
             with within("loops", name):
                 self._check_loop(name, loop)
         needed = {
-            name: Lock.between(name, self.clearance[name].freedoms, self.model, *self._frames(name))
+            name: Lock.between(name, self.clearance[name].freedoms, self.model, *self.frames(name))
             for name in self.loops
             if self._needs_lock(name)
         }
@@ -312,7 +302,8 @@ class Mechanism(Overview, Described):
         for link in (loop.bearing_link, loop.journal_link):
             if not self.model.existFrame(link, pin.FrameType.BODY):
                 raise MissingName(f"link for loop {name!r}:", link, self.description.links)
-        if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
+        (i, _), (j, _) = self.frames(name)
+        if i == j:
             raise JointplayError(
                 f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
                 "do not move against each other"
@@ -581,15 +572,8 @@ class Mechanism(Overview, Described):
         """Class of the joint that closes the loop `name`."""
         return type(self.given_joints[name]) if name in self.given_joints else UNNAMED_KIND
 
-    def bearing_frame(self, joint: str) -> Frame:
-        """Pinocchio joint that carries the bearing, and the bearing frame's placement in it."""
-        return self._frames(joint)[0]
-
-    def journal_frame(self, joint: str) -> Frame:
-        """Pinocchio joint that carries the journal, and the journal frame's placement in it."""
-        return self._frames(joint)[1]
-
-    def _frames(self, name: str) -> tuple[Frame, Frame]:
+    def frames(self, name: str) -> Frames:
+        """Bearing and journal of a joint: Pinocchio joint that carries it, and placement in it."""
         model = self.model
         if name in self.loops:
             loop = self.loops[name]
@@ -642,17 +626,11 @@ class Mechanism(Overview, Described):
 
     def journal_pose(self, joint: str) -> pin.SE3:
         """Journal frame in the bearing frame, after `pin.forwardKinematics`."""
-        (i, bearing), (j, journal) = self._frames(joint)
-        return (self.data.oMi[i] * bearing).actInv(self.data.oMi[j] * journal)
-
-    def lock_pose(self, joint: str) -> pin.SE3:
-        """What a lock holds in its carriage's frame, after `pin.forwardKinematics`."""
-        (i, carriage), (j, held) = self.locks[joint]
-        return (self.data.oMi[i] * carriage).actInv(self.data.oMi[j] * held)
+        return pose_between(self.data, self.frames(joint))
 
     def signs(self, joint: str) -> np.ndarray:
         """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
-        (i, _), (j, _) = self._frames(joint)
+        (i, _), (j, _) = self.frames(joint)
         return self._signs(i, j)
 
     def _signs(self, first: int, second: int) -> np.ndarray:
@@ -669,21 +647,14 @@ class Mechanism(Overview, Described):
 
         Velocity of the journal's centre and angular velocity, both in the bearing frame.
         """
-        return self._relative(*self._frames(joint), q)
+        return self.motion(self.frames(joint), q)
 
-    def lock_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
-        """Motion of what a lock holds relative to its carriage, shape (6, nv); none is allowed."""
-        return self._relative(*self.locks[joint], q)
-
-    def _relative(self, first: Frame, second: Frame, q: np.ndarray) -> np.ndarray:
+    def motion(self, frames: Frames, q: np.ndarray) -> np.ndarray:
         """`relative_jacobian` of any two frames."""
         pin.computeJointJacobians(self.model, self.data, q)
-        (i, bearing), (j, journal) = first, second
-        turn = (self.data.oMi[i] * bearing).rotation
-        centre = (self.data.oMi[j] * journal).translation
+        (i, _), (j, _) = frames
         columns = self.data.J.reshape(6, self.model.nv) * self._signs(i, j)
-        linear = columns[:3] - pin.skew(centre) @ columns[3:]
-        return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
+        return motion_between(self.data, frames, columns)
 
     def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:
         """Pinocchio's constraints for the loops without clearance, and for locks.
@@ -696,7 +667,7 @@ class Mechanism(Overview, Described):
         for name in self.loops:
             if name in self.clearance:
                 continue
-            bearing, journal = self._frames(name)
+            bearing, journal = self.frames(name)
             points = [np.zeros(3)]
             if self.loop_class(name).holds_axis():
                 jacobian = self.relative_jacobian(name, q)

@@ -65,7 +65,7 @@ class Scene:
             if joint is not None:
                 play = joint.play_words
                 words = play if joint.springs is not None else f"play {play}"
-            index, placement = mechanism.bearing_frame(name)
+            (index, placement), _ = mechanism.frames(name)
             link = carriers[index]
             place = self._frames[link][1].actInv(placement)
             found.append(MarkedJoint(name, link, place, words, joint is not None, name in hinges))

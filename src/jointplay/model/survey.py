@@ -14,7 +14,7 @@ from jointplay.base.files import is_file
 from jointplay.model.massless import massless_links, massless_motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.robots import PREFIX, urdf_of
-from jointplay.model.urdf import ALL, elements, impossible_inertias, leaders
+from jointplay.model.urdf import ALL, elements, impossible_inertias, mimics
 
 
 @dataclass(frozen=True)
@@ -80,19 +80,22 @@ def survey(place: str | Path) -> Survey:
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
     moving = {n: kind for n, kind in moving.items() if kind != "fixed"}
-    following, astray = leaders(root)
-    mimics = tuple(n for n in moving if n in following)
+    following, lost = mimics(root)
+    followers = tuple(n for n in moving if n in following)
+    astray = {n: one.leader for n, one in lost.items()}
     unphysical = tuple(impossible_inertias(root))
     try:
         mechanism = Mechanism(path, allow_unphysical=[ALL])
     except JointplayError as error:
-        return Survey(name, path, moving, False, unphysical, mimics, (), str(error), astray)
+        return Survey(name, path, moving, False, unphysical, followers, (), str(error), astray)
     moving = {n: moving[n] for n in mechanism.coordinates}
     still = pin.neutral(mechanism.model)
     free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
     massless = tuple(massless_links(mechanism, still, free).values())
     serial = mechanism.description.serial
-    return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
+    return Survey(
+        name, path, moving, serial, unphysical, followers, massless, "", astray, mechanism
+    )
 
 
 def _list(words: tuple[str, ...], most: int = 4) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.compiler import internal, njit, stamp
-from jointplay.model.builder import Frame, z_to
+from jointplay.model.builder import z_to
+from jointplay.model.frames import Frame
 from jointplay.physics.kernel import frames
 from jointplay.physics.kernel.frames import add, add_scaled, cross, dot, get_vector, scale
 

@@ -11,7 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import yourdfpy
 
 
-# What a URDF says of its joints beyond the tree: limits, mimicry, transmissions, pictures.
+# What a URDF says beyond the tree of joints: mimicry, transmissions, pictures.
 
 
 SHAPES = {
@@ -42,15 +42,6 @@ def _without_known_shape(element: ElementTree.Element) -> bool:
     geometry = element.find("geometry")
     known = geometry is not None and any(one.tag in SHAPES for one in geometry)
     return element.tag in ("visual", "collision") and not known
-
-
-class Limits(NamedTuple):
-    """Limits of a joint; None where there are none."""
-
-    lower: float | None = None
-    upper: float | None = None
-    speed: float | None = None
-    effort: float | None = None
 
 
 class Mimic(NamedTuple):
@@ -79,9 +70,9 @@ class Transmission:
 
 
 class Declared:
-    """What a URDF declares beyond its tree of joints, read by yourdfpy when it is asked for.
+    """What a URDF declares beyond its joints, read when it is asked for.
 
-    No mesh is looked for, no file opened. yourdfpy is slow to import. `root` has been checked, and
+    No mesh is looked for, no file opened; yourdfpy is slow to import. `root` has been checked, and
     is not to be changed.
     """
 
@@ -108,27 +99,6 @@ class Declared:
             return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
         except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
             raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
-
-    @cached_property
-    def _joints(self) -> dict[str, Any]:
-        return {joint.name: joint for joint in self.robot.joints}
-
-    def limits(self, name: str) -> Limits:
-        """Limits of a joint; programs that write URDFs put zeros where they know none."""
-        joint = self._joints[name]
-        limit = joint.limit
-        if limit is None or joint.type in NO_AXIS:
-            return Limits()
-        lower, upper = limit.lower or 0.0, limit.upper or 0.0
-        speed, effort = limit.velocity or None, limit.effort or None
-        if not lower < upper or joint.type == "continuous":
-            return Limits(None, None, speed, effort)
-        return Limits(lower, upper, speed, effort)
-
-    def mimic(self, name: str) -> Mimic | None:
-        """What a joint follows; None if nothing."""
-        mimic = self._joints[name].mimic
-        return None if mimic is None else Mimic(mimic.joint, mimic.multiplier, mimic.offset)
 
     @cached_property
     def transmissions(self) -> dict[str, Transmission]:
@@ -158,10 +128,16 @@ class JointEntry:
     """Dry friction torque [N m or N]."""
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
-    mimics: bool
-    """Whether it follows another joint that exists, see `mimic`."""
-    declared: Declared = field(compare=False, repr=False)
-    """Where the rest of what the URDF says is read."""
+    lower: float | None = None
+    """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
+    upper: float | None = None
+    """Upper limit of its position, likewise."""
+    speed: float | None = None
+    """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+    effort: float | None = None
+    """Limit of its effort [N m or N], likewise."""
+    mimic: Mimic | None = None
+    """The joint that it follows, and how; None if it follows none that exists."""
 
     @property
     def turns(self) -> bool:
@@ -172,31 +148,6 @@ class JointEntry:
     def slides(self) -> bool:
         """Whether it is measured in metres, and its effort in newtons; else it turns."""
         return self.kind == "prismatic"
-
-    @property
-    def lower(self) -> float | None:
-        """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
-        return self.declared.limits(self.name).lower
-
-    @property
-    def upper(self) -> float | None:
-        """Upper limit of its position, likewise."""
-        return self.declared.limits(self.name).upper
-
-    @property
-    def speed(self) -> float | None:
-        """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
-        return self.declared.limits(self.name).speed
-
-    @property
-    def effort(self) -> float | None:
-        """Limit of its effort [N m or N], likewise."""
-        return self.declared.limits(self.name).effort
-
-    @property
-    def mimic(self) -> Mimic | None:
-        """The joint that it follows, and how; None if it follows none."""
-        return self.declared.mimic(self.name) if self.mimics else None
 
 
 # Reading a URDF: what ships with the package, and whether a file describes a possible robot.
@@ -324,9 +275,9 @@ class Description:
     def astray(self) -> list[str]:
         """Joints that are to mimic one that does not exist, in words, a line each."""
         return [
-            f"{name} mimics {leader!r}, which is no joint, and moves by itself; "
-            f"{closest(leader, self.joints)}".rstrip("; ")
-            for name, leader in leaders(self.declared.root)[1].items()
+            f"{name} mimics {one.leader!r}, which is no joint, and moves by itself; "
+            f"{closest(one.leader, self.joints)}".rstrip("; ")
+            for name, one in mimics(self.declared.root)[1].items()
         ]
 
     def require_moving(self) -> None:
@@ -438,11 +389,9 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
         rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
-    declared = Declared(root)
-    followers, _ = leaders(root)
+    followers, _ = mimics(root)
     for joint in root.findall("joint"):
         name = joint.get("name", "")
-        _check_limit(joint, name)
         dynamics = joint.find("dynamics")
         joints[name] = JointEntry(
             name,
@@ -451,21 +400,25 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             _link(joint, "child", links),
             _resistance(dynamics, "friction", name),
             _resistance(dynamics, "damping", name),
-            name in followers,
-            declared,
+            mimic=followers.get(name),
+            **_limits(joint, name),
         )
     _check_tree(path, links, joints.values())
-    return Description(path, text, joints, tuple(links), declared)
+    return Description(path, text, joints, tuple(links), Declared(root))
 
 
-def _check_limit(joint: ElementTree.Element, name: str) -> None:
-    """Refuse limits that are no numbers, or the wrong way round; they may be infinite."""
-    limit = joint.find("limit")
+def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
+    """Lower, upper, speed and effort; programs that write URDFs put zeros where they know none.
+
+    Raises:
+        JointplayError: they are no numbers, or the wrong way round; they may be infinite.
+    """
+    limit, kind = joint.find("limit"), joint.get("type")
     lower, upper, effort, velocity = (
         numbers(limit, key, f"joint {name!r}: limit {key}", 1, "0", infinite=True)[0]
         for key in ("lower", "upper", "effort", "velocity")
     )
-    if lower > upper and joint.get("type") in LIMITED:
+    if lower > upper and kind in LIMITED:
         raise JointplayError(
             f"joint {name!r} has the lower limit {lower:g} above the upper one {upper:g}; "
             "exchange them"
@@ -473,6 +426,12 @@ def _check_limit(joint: ElementTree.Element, name: str) -> None:
     for key, value in (("effort", effort), ("velocity", velocity)):
         if value < 0.0:
             raise JointplayError(f"joint {name!r}: limit {key} must not be negative, got {value:g}")
+    if kind in NO_AXIS:
+        return {}
+    found = {"speed": velocity or None, "effort": effort or None}
+    if lower < upper and kind != "continuous":
+        found |= {"lower": lower, "upper": upper}
+    return found
 
 
 def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> float:
@@ -483,25 +442,26 @@ def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> fl
     return value
 
 
-def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
-    """Joint that each joint mimics: those that exist, and those that do not.
+def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic]]:
+    """What joints mimic, by name: joints that exist, and such that do not.
 
     Raises:
         JointplayError: numbers that are none, or joints that in the end follow themselves.
     """
-    followers: dict[str, str] = {}
-    astray: dict[str, str] = {}
+    followers: dict[str, Mimic] = {}
+    astray: dict[str, Mimic] = {}
     joints = {joint.get("name", "") for joint in root.findall("joint")}
     for joint in root.findall("joint"):
         name, mimic = joint.get("name", ""), joint.find("mimic")
         if mimic is None:
             continue
-        for key, default in (("multiplier", "1"), ("offset", "0")):
-            _number(mimic, key, f"joint {name!r}: mimic", default)
-        leader = mimic.get("joint", "")
-        (followers if leader in joints else astray)[name] = leader
+        what, leader = f"joint {name!r}: mimic", mimic.get("joint", "")
+        factor = _number(mimic, "multiplier", what, "1")
+        offset = _number(mimic, "offset", what, "0")
+        (followers if leader in joints else astray)[name] = Mimic(leader, factor, offset)
+    above = {name: one.leader for name, one in followers.items()}
     for name in followers:
-        _, ring = _ascend(name, followers, ())
+        _, ring = _ascend(name, above, ())
         if ring:
             raise JointplayError(f"joints mimic each other in a cycle: {ring}")
     return followers, astray

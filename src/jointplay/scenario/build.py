@@ -340,7 +340,7 @@ def complete(
         return motion, []
     entries = mechanism.description.joints
     drives: dict[str, Any] = dict(model.drives)
-    followers = {name for name, entry in entries.items() if entry.mimics}
+    followers = {name for name, entry in entries.items() if entry.mimic}
     alone = {
         name for name, draft in drives.items() if name not in followers or not draft.kind.follows
     } | set(model.start_speed)

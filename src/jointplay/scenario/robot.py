@@ -274,12 +274,12 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
 
     followers: dict[str, list[str]] = {}
     for name, entry in description.joints.items():
-        if entry.mimics:
+        if entry.mimic:
             followers.setdefault(_led_by(description, name)[0], []).append(name)
     ways = {}
     for name in list(parse(description).names)[1:]:
         entry = description.joints[name]
-        if entry.mimics:  # it follows
+        if entry.mimic:  # it follows
             continue
         low, high = entry.lower, entry.upper
         low, high = (-np.inf if low is None else low), (np.inf if high is None else high)

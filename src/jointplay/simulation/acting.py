@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName
+from jointplay.model.frames import signs_between
 from jointplay.model.loop import closing_rows
-from jointplay.model.mechanism import Mechanism, frame_index, signs_between
+from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload, velocity_after_pick
 from jointplay.model.urdf import MOST_LETTERS
 from jointplay.physics.kernel.sites import LoadSite

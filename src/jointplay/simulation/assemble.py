@@ -76,7 +76,7 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
         record["first"] = mechanism.virtual_link(name)
         return JointSite(record, parameters, joint.dimensions, holds)
     record["first"] = layout.NO_VIRTUAL_LINK
-    carriers = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+    carriers = mechanism.frames(name)
     return JointSite(record, parameters, joint.dimensions, holds, carriers, mechanism.signs(name))
 
 
@@ -85,7 +85,7 @@ def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
 
 
 def _link_masses(mechanism: Mechanism, name: str) -> str:
-    sides = mechanism.bearing_frame(name)[0], mechanism.journal_frame(name)[0]
+    sides = [index for index, _ in mechanism.frames(name)]
     if name in mechanism.loops:
         loop = mechanism.loops[name]
         links = (loop.bearing_link, loop.journal_link)

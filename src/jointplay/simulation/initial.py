@@ -218,7 +218,7 @@ def displace_journals(mechanism: Mechanism, q: np.ndarray, distance: Sequence[fl
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     aside = {}
     for name, joint in mechanism.clearance.items():
-        frames = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        frames = mechanism.frames(name)
         pose = statics.relative_pose(mechanism.data, frames)
         stiff = statics.ElasticJoint(joint).stiffness(pose)[:3, :3]
         stiffness, directions = np.linalg.eigh(0.5 * (stiff + stiff.T))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.model.builder import Frame
+from jointplay.model.frames import Frame
 from jointplay.model.loop import PROXIMAL
 from jointplay.model.tree import Tree
 from jointplay.physics.kernel import REACHED, Command, compiled, entry_of, layout

@@ -14,8 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.compiler import njit, pointer
+from jointplay.model.frames import motion_between, pose_between
 from jointplay.model.impact import elastic_energy
-from jointplay.model.loop import ANGLE_ARM_M, closing_rows, misfit
+from jointplay.model.loop import closing_rows, newton
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.contact.calls import call_normal
@@ -285,19 +286,13 @@ _NUMBERS = ctypes.POINTER(ctypes.c_double)
 
 def relative_pose(data: pin.Data, frames: Carriers) -> np.ndarray:
     """Pose of the second frame in the first: origin, then rotation row by row, (12,)."""
-    (i, first), (j, second) = frames
-    pose = (data.oMi[i] * first).actInv(data.oMi[j] * second)
+    pose = pose_between(data, frames)
     return np.concatenate([pose.translation, pose.rotation.ravel()])
 
 
 def relative_motion(data: pin.Data, frames: Carriers, signs: np.ndarray) -> np.ndarray:
     """Motion of the second frame's origin in axes of the first, per velocity, (6, nv)."""
-    (i, first), (j, second) = frames
-    turn = (data.oMi[i] * first).rotation
-    centre = (data.oMi[j] * second).translation
-    columns = data.J.reshape(6, -1) * signs
-    linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
-    return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
+    return motion_between(data, frames, data.J.reshape(6, -1) * signs)
 
 
 class StaticLoads:
@@ -513,10 +508,7 @@ class StaticEquilibrium:
         self._acceleration, self._loads = acceleration, loads
         nv = bodies.nv
         self._elastic = {name: ElasticJoint(one) for name, one in mechanism.clearance.items()}
-        self._frames = {
-            name: (mechanism.bearing_frame(name), mechanism.journal_frame(name))
-            for name in mechanism.clearance
-        }
+        self._frames = {name: mechanism.frames(name) for name in mechanism.clearance}
         self._signs = {name: mechanism.signs(name) for name in mechanism.clearance}
         self._springs, self._constant = np.zeros(nv), np.zeros(nv)
         self._rest = self._start.copy()
@@ -751,18 +743,10 @@ class StaticEquilibrium:
 
     def close(self, q: np.ndarray) -> np.ndarray:
         """q with its ideal loops closed again, which displacements open a little."""
-        for _ in range(2 if self._ideal else 0):
-            parts = misfit(self._mechanism, q)
-            rows = []
-            for name in self._ideal:
-                moves = self._mechanism.relative_jacobian(name, q)
-                # The tips of the axes; a ball has none.
-                tips = ANGLE_ARM_M * np.array([moves[4], -moves[3]])
-                rows.append(np.concatenate([moves[:3], tips])[: len(parts[name])])
-            gap = np.concatenate([parts[name] for name in self._ideal])
-            jacobian = np.concatenate(rows) @ self._movable
-            q = q - self._movable @ np.linalg.lstsq(jacobian, gap, rcond=1e-10)[0]
-        return q
+        if not self._ideal:
+            return q
+        closed = newton(self._mechanism, q, self._movable, loops=self._ideal)
+        return q if closed is None else closed
 
     def align_motors(self, q: np.ndarray) -> np.ndarray:
         """q with those motors behind their teeth whose encoders see the link."""

@@ -309,7 +309,7 @@ def _makers(
         from jointplay.bridges.usd import to_usd
 
         makers[".usda"] = lambda ones, _: to_usd(mechanism, *ones)
-    follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimics]
+    follow = [n for n in mechanism.joints if mechanism.description.joints[n].mimic]
     if follow and {".sdf", ".usda"} & set(endings):
         notes.append(f"sdf and usd: that {', '.join(follow)} mimic others is not represented")
     return {ending: makers[ending] for ending in endings if ending in makers}, meshes

@@ -477,22 +477,6 @@ class Clearance(Described, ABC):
         """Whether the axes are parallel without clearance."""
         return not {"pitch", "roll"} & set(cls.ideal_freedoms)
 
-    @classmethod
-    def misfit(cls, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What parts a pose, (3, 3) and (3,) [m], from one the joint could have if ideal.
-
-        The centre's offset where it is held [m]; the sine of the angle between the axes (2), or all
-        angles (3) [rad] where yaw is held, too.
-        """
-        offset = centre[[row for row in cls.held() if row < 3]]
-        if not cls.holds_axis():
-            return offset, np.zeros(0)
-        if "yaw" in cls.ideal_freedoms:
-            return offset, rotation[:2, 2]
-        import pinocchio as pin
-
-        return offset, pin.log3(rotation)
-
 
 @dataclass(frozen=True, kw_only=True)
 class WholeLawJoint(Clearance):

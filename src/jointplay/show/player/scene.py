@@ -154,7 +154,7 @@ def _relative_motion(
     Relative to the bearing, in bearing axes; the velocity is that of the journal's centre.
     """
     tree, ground = Tree(mechanism.model), (0, pin.SE3.Identity())
-    pair = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
+    pair = mechanism.frames(joint)
     poses = []
     for step in (-_STEP_S, 0.0, _STEP_S):
         motion = BodyMotion.of(len(q), 1)

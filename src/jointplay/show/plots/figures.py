@@ -258,7 +258,7 @@ def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
         np.array([at[model.parents[i]], at[i]]) for i in range(1, model.njoints) if model.parents[i]
     ]
     for name in mechanism.loops:
-        for i, placement in (mechanism.bearing_frame(name), mechanism.journal_frame(name)):
+        for i, placement in mechanism.frames(name):
             if i:
                 lines.append(np.array([at[i], data.oMi[i].act(placement.translation)]))
     tool = model.frames[mechanism.tool_frame].parentJoint

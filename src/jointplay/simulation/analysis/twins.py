@@ -124,7 +124,7 @@ def journal_poses(result: Result, joint: str) -> np.ndarray:
     q = np.ascontiguousarray(result["q"].values)
     motion = BodyMotion.of(len(q), 1)
     ground = (0, pin.SE3.Identity())
-    pair = (mechanism.bearing_frame(joint), mechanism.journal_frame(joint))
+    pair = mechanism.frames(joint)
     Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), ground, [pair])
     return motion.poses[0]
 

@@ -28,7 +28,7 @@ from jointplay.physics.contact.functions import Absent
 from jointplay.physics.kernel.words import NEVER
 
 if TYPE_CHECKING:
-    from jointplay.model.builder import Frame
+    from jointplay.model.frames import Frame
     from jointplay.model.mechanism import Mechanism
 
 WORLD = "world"

@@ -101,7 +101,7 @@ def _beside_loops(
     the loops, these are closed along the motion.
     """
     ideal = mechanism.ideal()
-    if not any(ideal.description.joints[name].mimics for name in missing):
+    if not any(ideal.description.joints[name].mimic for name in missing):
         return CompleteMotion(motion, {}, {})
     q = np.zeros(ideal.model.nq)
     given = dict(zip(motion.joints, motion(np.zeros(1))[0][0], strict=True))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.model.builder import Frame
+from jointplay.model.frames import Frame
 from jointplay.model.impact import elastic_energy
 from jointplay.model.loop import ANGLE_ARM_M, locked
 from jointplay.model.mechanism import Mechanism
@@ -324,7 +324,7 @@ def kinematics(
     `bearings` (n, 3, 3) and `poses` (n, 12), by name.
     """
     names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
-    pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    pairs = [mechanism.frames(name) for name in names]
     names += map(locked, mechanism.locks)
     pairs += mechanism.locks.values()
     names += more

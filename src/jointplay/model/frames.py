@@ -1,0 +1,42 @@
+"""Frames that bodies carry: how one stands and moves against another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+Frame = tuple[int, pin.SE3]
+"""A Pinocchio joint, and a frame's placement in it."""
+
+Frames = tuple[Frame, Frame]
+"""Two of them, such as bearing and journal."""
+
+
+def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
+    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    signs = np.zeros(model.nv)
+    for index, sign in ((second, 1.0), (first, -1.0)):
+        while index > 0:
+            member = model.joints[index]
+            signs[member.idx_v : member.idx_v + member.nv] += sign
+            index = model.parents[index]
+    return signs
+
+
+def pose_between(data: pin.Data, frames: Frames) -> pin.SE3:
+    """Pose of the second of two frames in the first, after `pin.forwardKinematics`."""
+    (i, first), (j, second) = frames
+    return (data.oMi[i] * first).actInv(data.oMi[j] * second)
+
+
+def motion_between(data: pin.Data, frames: Frames, columns: np.ndarray) -> np.ndarray:
+    """Velocity of the second frame's origin and angular velocity, in axes of the first, (6, k).
+
+    `columns` (6, k): twists of the second body against the first, at the world's origin in its
+    axes, such as columns of `data.J`.
+    """
+    (i, first), (j, second) = frames
+    turn = (data.oMi[i] * first).rotation
+    centre = (data.oMi[j] * second).translation
+    linear = columns[:3] - pin.skew(centre) @ columns[3:]
+    return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
