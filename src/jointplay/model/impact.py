@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.base.compiler import njit, pointer
 from jointplay.base.errors import JointplayError, require_non_negative, require_positive
@@ -90,8 +89,7 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     1 / (J M^-1 J^T), J being the motion of journal against bearing along a contact's normal, for
     all of `Clearance.directions`. Loops without clearance are left open, which makes it smaller.
     """
-    inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
-    inverse = inverse + np.triu(inverse, 1).T
+    inverse = mechanism.inverse_mass_matrix(q)
     jacobian = mechanism.relative_jacobian(joint, q)
     along = mechanism.clearance[joint].directions() @ jacobian
     softest = float(np.einsum("ki,ij,kj->k", along, inverse, along).max())
@@ -108,8 +106,8 @@ def tooth_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     """
     gear = mechanism.gears[joint]
     at = mechanism.coordinate(joint)
-    inverse = pin.computeMinverse(mechanism.model, mechanism.data, q)
-    inertia = 1.0 / (1.0 / gear.rotor_inertia + float(inverse[at, at]))
+    mobility = float(mechanism.inverse_mass_matrix(q)[at, at])
+    inertia = 1.0 / (1.0 / gear.rotor_inertia + mobility)
     return math.pi * math.sqrt(inertia / gear.steepest)
 
 

@@ -218,25 +218,36 @@ def newton(
     ways: np.ndarray,
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
-    loops: Collection[str] | None = None,
 ) -> np.ndarray | None:
     """q (nq,) moved along `ways` (nv, k) until the loops are as closed as can be, or None.
 
-    `weight`: of each row of `openings`, where not all of them can be zero; `aside` and `loops`:
-    see there.
+    `weight`: of each row of `openings`, where not all of them can be zero; `aside`: see there.
     """
-    moved, weights = q.copy(), np.reshape(weight, (-1, 1))
+    moved = q
     for _ in range(_NEWTON_STEPS):
-        left = weight * openings(mechanism, moved, aside, loops)
-        rows = (weights * closing_rows(mechanism, moved, loops)) @ ways
-        change = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
+        change = newton_step(mechanism, moved, ways, weight, aside)
         size = float(np.abs(change).max(initial=0.0))
         if not size < _NEWTON_REACH:
             return None
-        moved += ways @ change
+        moved = moved + ways @ change
         if size < _NEWTON_CHANGE:
             return moved
     return None
+
+
+def newton_step(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    ways: np.ndarray,
+    weight: np.ndarray | float = 1.0,
+    aside: Mapping[str, pin.SE3] | None = None,
+    loops: Collection[str] | None = None,
+) -> np.ndarray:
+    """How far to go along `ways` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
+    left = weight * openings(mechanism, q, aside, loops)
+    rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ ways
+    change: np.ndarray = np.linalg.lstsq(rows, -left, rcond=SINGULAR)[0]
+    return change
 
 
 def openings(

@@ -26,8 +26,7 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     model = mechanism.model
     if not model.nv:
         raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
-    mass = pin.crba(model, mechanism.data, q).reshape(model.nv, model.nv)
-    mass = np.triu(mass) + np.triu(mass, 1).T
+    mass = mechanism.mass_matrix(q)
     diagonal = mass.diagonal()
     bare = diagonal <= _NO_INERTIA
     scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))

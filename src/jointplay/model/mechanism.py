@@ -600,7 +600,15 @@ class Mechanism(Overview, Described):
 
         Pinocchio's `crba` on `model`, so with the six coordinates of each virtual link.
         """
-        upper = np.triu(pin.crba(self.model, self.data, q))
+        return self._whole(pin.crba(self.model, self.data, q))
+
+    def inverse_mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """M(q)^-1, shape (nv, nv), symmetric."""
+        return self._whole(pin.computeMinverse(self.model, self.data, q))
+
+    def _whole(self, given: np.ndarray) -> np.ndarray:
+        """A symmetric matrix, of which Pinocchio fills the upper triangle."""
+        upper = np.triu(given.reshape(self.model.nv, self.model.nv))
         return upper + np.triu(upper, 1).T
 
     def coriolis_matrix(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:

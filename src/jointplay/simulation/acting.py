@@ -69,9 +69,7 @@ def highest_frequency(
     """Frequency of the fastest swing on the loads' springs together [rad/s], 0 without springs;
     and the name of the stiffest.
     """
-    model, data = mechanism.model, mechanism.model.createData()
-    inverse = pin.computeMinverse(model, data, q)
-    inverse = np.triu(inverse) + np.triu(inverse, 1).T
+    model, data, inverse = mechanism.model, mechanism.data, mechanism.inverse_mass_matrix(q)
     rows, names = [], []
     for name, load in loads.items():
         if load.steepest() > 0.0:

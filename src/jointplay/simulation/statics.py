@@ -16,12 +16,13 @@ import pinocchio as pin
 from jointplay.base.compiler import njit, pointer
 from jointplay.model.frames import motion_between, pose_between
 from jointplay.model.impact import elastic_energy
-from jointplay.model.loop import closing_rows, newton
+from jointplay.model.loop import closing_rows, newton_step
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.contact.calls import call_normal
 from jointplay.physics.contact.compiled import MAX_PARAMETERS, address
-from jointplay.physics.geometry import classify_many, touch
+from jointplay.physics.contact.resultant import DEEPEST, ENERGY
+from jointplay.physics.geometry import touch
 from jointplay.physics.joints import VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.physics.kernel.sites import Carriers, LoadSite
 from jointplay.physics.kernel.sources import stamp
@@ -88,74 +89,37 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @njit(cache=True, error_model="numpy")
-def _wrench(shape, dimensions, count, law, parameters, pose, out):
-    """Force and moment about the journal's centre of the elastic contacts at a pose, into `out`.
+def _press(shape, dimensions, count, law, parameters, poses, nodes, weights, out):
+    """Answers of elastic contacts at many poses, in the places that a law of a whole joint has.
 
     `shape` is a `Shape` or the address of a touch, as for `geometry.touch`.
     """
-    for i in range(6):
-        out[i] = 0.0
-    for k in range(count):
-        gap, rx, ry, rz, nx, ny, nz = touch(
-            shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
-        )
-        if gap >= 0.0:
-            continue
-        own = pointer(parameters[k].ctypes.data)
-        force = max(call_normal(law, (-gap, 0.0, 1.0, own)), 0.0)
-        fx, fy, fz = force * nx, force * ny, force * nz
-        out[0] += fx
-        out[1] += fy
-        out[2] += fz
-        out[3] += ry * fz - rz * fy
-        out[4] += rz * fx - rx * fz
-        out[5] += rx * fy - ry * fx
-
-
-@njit(cache=True, error_model="numpy")
-def _energy(shape, dimensions, count, law, parameters, pose, nodes, weights):
-    total = 0.0
-    for k in range(count):
-        gap = touch(shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)[0]
-        depth = max(-gap, 0.0)
-        if depth > 0.0:
+    for i in range(poses.shape[0]):
+        pose, found = poses[i], out[i]
+        found[DEEPEST] = -np.inf
+        for k in range(count):
+            gap, rx, ry, rz, nx, ny, nz = touch(
+                shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
+            )
+            found[DEEPEST] = max(found[DEEPEST], -gap)
+            if gap >= 0.0:
+                continue
             own = pointer(parameters[k].ctypes.data)
+            force = max(call_normal(law, (-gap, 0.0, 1.0, own)), 0.0)
+            fx, fy, fz = force * nx, force * ny, force * nz
+            found[0] += fx
+            found[1] += fy
+            found[2] += fz
+            found[3] += ry * fz - rz * fy
+            found[4] += rz * fx - rx * fz
+            found[5] += rx * fy - ry * fx
             for n in range(nodes.size):
-                at = 0.5 * depth * (1.0 + nodes[n])
+                at = 0.5 * -gap * (1.0 + nodes[n])
                 force = call_normal(law, (at, 0.0, 1.0, own))
-                total += 0.5 * depth * weights[n] * force
-    return total
+                found[ENERGY] += 0.5 * -gap * weights[n] * force
 
 
-@njit(cache=True, error_model="numpy")
-def _stiffness(shape, dimensions, count, law, parameters, pose, shift, turn):
-    """Fall of the wrench per displacement and turn of the journal, in bearing axes, (6, 6).
-
-    By central differences: the error of one-sided ones exceeds what says where a journal rests
-    whose load leaves that nearly open.
-    """
-    here, there = np.zeros(6), np.zeros(6)
-    moved = np.zeros(12)
-    stiffness = np.zeros((6, 6))
-    for axis in range(6):
-        size = shift if axis < 3 else turn
-        for side in range(2):
-            out, way = (here, -size) if side == 0 else (there, size)
-            for k in range(12):  # a slice would cost a first start a second more
-                moved[k] = pose[k]
-            if axis < 3:
-                moved[axis] += way
-            else:
-                u, w = (axis - 2) % 3, (axis - 1) % 3  # rows that turn into each other
-                c, s = math.cos(way), math.sin(way)
-                for k in range(3):
-                    a, b = pose[3 + 3 * u + k], pose[3 + 3 * w + k]
-                    moved[3 + 3 * u + k] = c * a - s * b
-                    moved[3 + 3 * w + k] = s * a + c * b
-            _wrench(shape, dimensions, count, law, parameters, moved, out)
-        for r in range(6):
-            stiffness[r, axis] = (here[r] - there[r]) / (2.0 * size)
-    return stiffness
+stamp(_press, Path(__file__))
 
 
 @lru_cache(maxsize=256)
@@ -172,46 +136,75 @@ def depths(joint: Clearance, contact: int, force: np.ndarray) -> np.ndarray:
 
 
 class ElasticJoint:
-    """The elastic contacts of one joint, without friction and damping."""
+    """The elastic contacts of one joint, without friction and damping.
 
-    def __new__(cls, joint: Clearance) -> ElasticJoint:
-        return object.__new__(cls if joint.resultant is None else _ElasticElements)
+    Those of its surfaces; or the elements of a rolling bearing, its cage where it starts; or
+    springs.
+    """
 
     def __init__(self, joint: Clearance) -> None:
-        count = len(joint.contacts)
-        parameters = np.zeros((count, MAX_PARAMETERS))
-        for k in range(count):
-            values = joint.normal.parameters(joint.contact_properties(k))
-            parameters[k, : len(values)] = values
-        dimensions = np.array([*joint.dimensions, *(0.0,) * 4])
-        self._of = (int(joint.shape), dimensions, count, address(joint.normal), parameters)
+        self._joint = joint
         self.reach = float(np.linalg.norm(joint.outline.size))
         """Farthest point of the journal from its centre [m]."""
+        self._holds = joint.law in resultant.HOLDING
+        if joint.resultant is None:
+            count = len(joint.contacts)
+            parameters = np.zeros((count, MAX_PARAMETERS))
+            for k in range(count):
+                values = joint.normal.parameters(joint.contact_properties(k))
+                parameters[k, : len(values)] = values
+            dimensions = np.array([*joint.dimensions, *(0.0,) * 4])
+            law = address(joint.normal)
+            self._of = int(joint.shape), dimensions, count, law, parameters
+
+    def _look(self, poses: np.ndarray) -> np.ndarray:
+        """Answers at poses (n, 12) of the journal in its bearing, see `elastic.answers`."""
+        numbers = self._joint.resultant
+        if numbers is not None:
+            return elastic.answers(self._joint.law, numbers, poses, numbers[resultant.CAGE])
+        found = np.zeros((len(poses), resultant.ANSWERS))
+        _press(*self._of, poses, _NODES, _WEIGHTS, found)
+        return found
 
     def energy(self, pose: np.ndarray) -> float:
         """Energy stored at a pose (12,) of the journal in its bearing [J]."""
-        return float(_energy(*self._of, pose, _NODES, _WEIGHTS))
+        return float(self._look(pose[None])[0, ENERGY])
 
     def smallest_gap(self, pose: np.ndarray) -> float:
         """At a pose (12,) of the journal in its bearing; negative in penetration [m]."""
-        shape, dimensions, count, *_ = self._of
-        gaps, _, _ = classify_many(shape, dimensions, count, pose[None])
-        return float(gaps.min())
+        return -float(self._look(pose[None])[0, DEEPEST])
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
-        """Force on the journal and moment about its centre, bearing axes, (6,) [N, N m]."""
-        out = np.zeros(6)
-        _wrench(*self._of, pose, out)
-        return out
+        """Force on the journal and moment about its centre, bearing axes, (6,) [N, N m].
+
+        Of a rolling bearing no moment about the axis: its cage may go.
+        """
+        wrench = self._look(pose[None])[0, :6]
+        if self._joint.resultant is not None and not self._holds:
+            axis = pose[[5, 8, 11]]
+            wrench[3:] -= (wrench[3:] @ axis) * axis
+        return wrench
 
     def inner_load(self, pose: np.ndarray) -> float:
-        """With what its contacts press against each other; the wrench does not show it [N]."""
-        return 0.0
+        """With what its contacts press against each other; the wrench does not show it [N].
+
+        The sum of all element loads, or springs' moment at hand: the load of a mount that gives way
+        in rotations only.
+        """
+        found = self._look(pose[None])[0]
+        moment = float(np.linalg.norm(found[3:6])) / self.reach if self._holds else 0.0
+        return max(float(found[resultant.SUM]), moment)
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
-        """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
-        stiffness: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
-        return stiffness
+        """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6).
+
+        By central differences: the error of one-sided ones exceeds what says where a journal rests
+        whose load leaves that nearly open.
+        """
+        size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
+        ends = self._look(_around(pose, size))[:, :6]
+        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * size[:, None])).T
+        return given
 
 
 def _around(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -222,57 +215,12 @@ def _around(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
         if axis < 3:
             moved[axis] += way
         else:
-            turn = pin.exp3(way * np.eye(3)[axis - 3])
-            moved[3:] = (turn @ pose[3:].reshape(3, 3)).ravel()
+            rows = moved[3:].reshape(3, 3)
+            u, w = (axis - 2) % 3, (axis - 1) % 3  # rows that turn into each other
+            a, b = rows[[u, w]]
+            c, s = math.cos(way), math.sin(way)
+            rows[u], rows[w] = c * a - s * b, s * a + c * b
     return poses
-
-
-class _ElasticElements(ElasticJoint):
-    """The elements of a rolling bearing, its cage where it starts; or springs."""
-
-    def __init__(self, joint: Clearance) -> None:
-        assert joint.resultant is not None
-        self._law, self._numbers = joint.law, joint.resultant
-        self._holds = joint.law in resultant.HOLDING
-        self._cage = joint.resultant[resultant.CAGE]
-        self.reach = float(np.linalg.norm(joint.outline.size))
-
-    def _look(self, poses: np.ndarray) -> np.ndarray:
-        return elastic.answers(self._law, self._numbers, poses, self._cage)
-
-    def energy(self, pose: np.ndarray) -> float:
-        return float(self._look(pose[None])[0, resultant.ENERGY])
-
-    def smallest_gap(self, pose: np.ndarray) -> float:
-        return -float(self._look(pose[None])[0, resultant.DEEPEST])
-
-    def wrench(self, pose: np.ndarray) -> np.ndarray:
-        """See `ElasticJoint.wrench`; of a bearing no moment about the axis: its cage may go."""
-        found = self._look(pose[None])[0]
-        axis = pose[[5, 8, 11]]
-        wrench = found[:6].copy()
-        if not self._holds:
-            wrench[3:] -= (wrench[3:] @ axis) * axis
-        return wrench
-
-    def inner_load(self, pose: np.ndarray) -> float:
-        """See `ElasticJoint.inner_load`: the sum of all element loads, or springs' moment at hand.
-
-        The latter is the load of a mount that gives way in rotations only.
-        """
-        found = self._look(pose[None])[0]
-        moment = float(np.linalg.norm(found[3:6])) / self.reach if self._holds else 0.0
-        return max(float(found[resultant.SUM]), moment)
-
-    def stiffness(self, pose: np.ndarray) -> np.ndarray:
-        size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
-        ends = self._look(_around(pose, size))[:, :6]
-        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * size[:, None])).T
-        return given
-
-
-for _compiled in (_wrench, _energy, _stiffness):
-    stamp(_compiled, Path(__file__))
 
 
 # What loads do to a machine that stands: energies of springs and stops, and given forces.
@@ -743,10 +691,11 @@ class StaticEquilibrium:
 
     def close(self, q: np.ndarray) -> np.ndarray:
         """q with its ideal loops closed again, which displacements open a little."""
-        if not self._ideal:
-            return q
-        closed = newton(self._mechanism, q, self._movable, loops=self._ideal)
-        return q if closed is None else closed
+        for _ in range(2 if self._ideal else 0):
+            q = q + self._movable @ newton_step(
+                self._mechanism, q, self._movable, loops=self._ideal
+            )
+        return q
 
     def align_motors(self, q: np.ndarray) -> np.ndarray:
         """q with those motors behind their teeth whose encoders see the link."""

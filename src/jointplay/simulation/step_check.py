@@ -16,7 +16,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.base import signals
 from jointplay.base.errors import JointplayError
@@ -130,8 +129,7 @@ def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
         return _UNBOUNDED
     mechanism = run.mechanism
     q = result["q"].values
-    mass = pin.crba(mechanism.model, mechanism.data, q[0])
-    mass = np.triu(mass) + np.triu(mass, 1).T
+    mass = mechanism.mass_matrix(q[0])
     for name in mechanism.gears:  # where in its play a motor rattles is no error of the motion
         mass[mechanism.motor(name)] = 0.0
 

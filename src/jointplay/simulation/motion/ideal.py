@@ -89,10 +89,9 @@ class IdealMotion:
         q[self._at] = motion(np.zeros(1))[0][0, self._order]
         if ideal.loops:
             self._closed[0] = q = assemble(ideal, q, self._at)
-        mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, ideal.model.nv)
+        mass = ideal.mass_matrix(q)
         self.inertia = mass.diagonal()[self._at]
         if ideal.loops:
-            mass = np.triu(mass) + np.triu(mass, 1).T
             first = driven_map(ideal, q, self._at)
             self.inertia = np.einsum("vd,vw,wd->d", first, mass, first)
         self._momentum = np.zeros(3)
@@ -104,7 +103,6 @@ class IdealMotion:
             self._free_base(q, mass, first)
 
     def _free_base(self, q: np.ndarray, mass: np.ndarray, speed: np.ndarray) -> None:
-        mass = np.triu(mass) + np.triu(mass, 1).T
         moved = mass[_BASE, self._at]
         self.inertia = self.inertia - np.einsum(
             "bd,bd->d", moved, np.linalg.solve(mass[_BASE, _BASE], moved)
@@ -176,8 +174,8 @@ class IdealMotion:
         for i in _shown(range(len(times)), progress):
             q, v, a = self._free_state(times[i], turn)
             lacking = pin.rnea(model, data, q, v, a)[_BASE].copy()
-            mass = pin.crba(model, data, q).reshape(model.nv, model.nv)[_BASE, _BASE]
-            a[_BASE] = -np.linalg.solve(np.triu(mass) + np.triu(mass, 1).T, lacking)
+            mass = self._ideal.mass_matrix(q)[_BASE, _BASE]
+            a[_BASE] = -np.linalg.solve(mass, lacking)
             effort[i] = pin.rnea(model, data, q, v, a)[at]
             turn = self._turned(times[i], times[1] - times[0], turn)
         return effort
