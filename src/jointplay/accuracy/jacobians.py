@@ -99,7 +99,7 @@ def link_ends(
     data, model = mechanism.data, mechanism.model
     ends: list[tuple[int, str, np.ndarray, np.ndarray]] = []
     for name in joints:
-        bearing, journal = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        bearing, journal = mechanism.frames(name)
         if name in mechanism.loops:
             back = (data.oMi[bearing[0]] * bearing[1]).rotation.T
             for (index, frame), sign in ((bearing, 1.0), (journal, -1.0)):
