@@ -1,5 +1,7 @@
 """Processes that work for another end with it, or when they are told to."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -8,7 +10,7 @@ import pytest
 from test_kills import gone, needs_proc
 from warm import PYTHON
 
-from jointplay.base import processes
+from jointplay.base import processes, signals
 
 
 @needs_proc
@@ -20,9 +22,44 @@ def test_a_pool_that_is_closed_leaves_no_process():
     gone(left)
 
 
+def endless(path):
+    """Work that can end early."""
+    with signals.keeping("it"):
+        path.write_text("begun")
+        while not signals.stop_requested():
+            time.sleep(0.01)
+        path.write_text("saved")
+
+
+def begun(path):
+    """A pool that is at such work."""
+    pool = processes.Pool(endless, 1, early=True)
+    pool.start([("one", path)])
+    while not path.exists() or not path.read_text():
+        time.sleep(0.01)
+    return pool
+
+
+@needs_proc
+def test_work_that_can_end_early_is_saved_where_its_pool_is_closed(tmp_path):
+    begun(tmp_path / "it").close()
+    assert (tmp_path / "it").read_text() == "saved"
+
+
+@needs_proc
+def test_told_to_stop_once_more_a_pool_gives_up_its_work_and_says_which(tmp_path, monkeypatch):
+    pool = begun(tmp_path / "it")
+    (process,) = pool.processes.values()
+    monkeypatch.setattr(process, "terminate", lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(signals.GivenUp, match="discarded without saving: one"):
+        pool.close()
+    gone([process.pid])
+    assert (tmp_path / "it").read_text() == "begun"
+
+
 PARENT = """
 import os, sys, time
-from jointplay.base import processes
+from jointplay.base import processes, signals
 if sys.argv[1] == "watch":
     processes.end_with_parent = lambda number: None
 if __name__ == "__main__":

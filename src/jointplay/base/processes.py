@@ -83,6 +83,7 @@ def begin(early: bool = False) -> None:
     With `early` SIGTERM, and the end of its parent, are to it what Ctrl-C is to its parent: what it
     does ends early and is saved.
     """
+    signals.forget()
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     if early:
@@ -340,7 +341,7 @@ def _serve(
     bar = progress.tell_elsewhere(connection.send if told else None)
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
     with one_thread(), suppress(*ends):
-        while True:
+        while not signals.stop_requested():
             content = connection.recv_bytes()
             try:
                 sent = ForkingPickler.dumps((None, work(pickle.loads(content))))

@@ -51,6 +51,11 @@ def listening() -> Iterator[None]:
         _state.requests = 0
 
 
+def forget() -> None:
+    """Forget what the process that this one is a copy of was asked, and what it was to save."""
+    _state.requests, _state.keeping = 0, ""
+
+
 def _handle(*_: Any) -> None:
     stop()
     say(f"stopping; saving {_state.keeping} (interrupt again to discard it)")

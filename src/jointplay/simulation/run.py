@@ -8,7 +8,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -238,8 +238,6 @@ class Run:
         self._elapsed = 0.0
         self._since: float | None = None
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
-        self.guards: list[Callable[[], AbstractContextManager[object]]] = []
-        """Contexts in which the time loop runs, such as one that takes signals."""
         self.stop_checks: list[Callable[[], bool]] = []
         """Called between stretches; the run stops, to be continued or not, if one says True."""
         self._loop: loop.TimeLoop = (loop.SingleRate if self.method.single_rate else kind)(
@@ -375,12 +373,6 @@ class Run:
                 result.amend(step_error=error[0], relative_step_error=error[1])
         return result
 
-    def share_stop_request(self, other: Run) -> Run:
-        """Let `other`, a run within this one, stop when this one is told to; returns it."""
-        other.guards += self.guards
-        other.stop_checks += self.stop_checks
-        return other
-
     def result(
         self,
         status: Status | None = None,
@@ -422,8 +414,6 @@ class Run:
         with ExitStack() as stack:
             stack.callback(bar.close)
             stack.callback(self._stop_clock)
-            for guard in self.guards:
-                stack.enter_context(guard())
             try:
                 for now in self._stretches():
                     bar.reach(now)
@@ -433,6 +423,8 @@ class Run:
             except signals.GivenUp:
                 raise
             except KeyboardInterrupt:
+                if not workspace.rows:  # stopped before its first record
+                    raise
                 return Status.INTERRUPTED
         if workspace.status != Status.COMPLETED:
             warnings.warn(self.message(workspace.status), RuntimeWarning, stacklevel=3)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +66,9 @@ def run_and_save(
     kept = working_paths(path)[1]
     result: Result | None = None
     with signals.keeping(str(path)):
-        _stop_on_request(run)
+        if signals.stop_requested():  # before it began
+            raise KeyboardInterrupt
+        run.stop_checks.append(signals.stop_requested)
         if on_disk is not None:
             run.stop_checks.append(_checkpoints(run, kept))
         with warnings.catch_warnings():
@@ -87,20 +89,6 @@ def run_and_save(
             on_disk.remove()
             working_files.remove(path)
     return status, result
-
-
-def _stop_on_request(run: Run) -> None:
-
-    @contextmanager
-    def guard() -> Iterator[None]:
-        if signals.stop_requested():  # before it began
-            raise KeyboardInterrupt
-        yield
-        if run.workspace.rows == 0:  # stopped before its first record
-            raise KeyboardInterrupt
-
-    run.guards.append(guard)
-    run.stop_checks.append(signals.stop_requested)
 
 
 def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:

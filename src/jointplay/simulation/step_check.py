@@ -107,13 +107,14 @@ def _difference(
             return _UNBOUNDED  # half the step decides
         raise
     other.label = "checking the step "
+    other.stop_checks += run.stop_checks
     mine, theirs = run.workspace, other.workspace
     theirs.drives[:] = mine.drives
     other.share_reference(run)
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        comparison = run.share_stop_request(other).finish(progress, check_step=False)
+        comparison = other.finish(progress, check_step=False)
     if comparison.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if comparison.status != Status.COMPLETED:
