@@ -2,8 +2,8 @@
 
 What a page takes for granted - a user's robot, results of an earlier command - lies in the folder
 that it runs in. Commands that set up a machine are `.ci/run`'s business. What an earlier page has
-already is not run again, only the first run and the first report draw their figures for print, the
-60 cases of the shipped sweep are simulated for a shorter time, and a test of a pose has 3 cycles.
+already is not run again, figures for print are not drawn, the README's runs and the 60 cases of the
+shipped sweep are simulated for a shorter time, and a test of a pose has 3 cycles.
 """
 
 import os
@@ -147,18 +147,15 @@ def serve(command):
     process.communicate(timeout=600)
 
 
-FIRST = "--set integration.duration=0.2"
-"""The README's runs; those of other pages are whole."""
-DRAWN = 'jointplay run ur5 --joint elbow_joint --clearance "0.1 mm" --out ur5'
-REPORTED = "jointplay report ur5"
 SWEEP = "jointplay:scara_sweep.toml"
 
 
-def shorter(command):
-    """What a command shows in less time: the README's first run and report alone draw figures."""
-    if command.startswith("jointplay run") and command != DRAWN:
-        return f"{command} --no-figures"
-    if command.startswith("jointplay report") and command != REPORTED:
+def shorter(command, page):
+    """What a command shows in less time."""
+    if command.startswith("jointplay run"):
+        short = " --set integration.duration=0.2" if page is PAGES[0] else ""
+        return f"{command} --no-figures{short}"
+    if command.startswith("jointplay report"):
         return f"{command} --no-pdf"
     if command.startswith("jointplay iso9283"):
         assert "--cycles 10" in command
@@ -167,7 +164,7 @@ def shorter(command):
         return command
     text = jp.shipped("scara_sweep.toml").read_text().replace('"scara', '"jointplay:scara')
     assert text.count("[integration]") == 1
-    text = text.replace("[integration]", '[integration]\nduration = "50 ms"')
+    text = text.replace("[integration]", '[integration]\nduration = "20 ms"')
     Path("scara_sweep.toml").write_text(text)
     return command.replace(SWEEP, "scara_sweep.toml")
 
@@ -220,8 +217,7 @@ def test_commands_run_as_they_are_written(page, folder):
             if plain.startswith(("python3 -m venv", "mkdocs", *NIGHTLY)):
                 continue
             fresh(plain)
-            first = page is PAGES[0] and plain.startswith("jointplay run")
-            run(f"{shorter(plain)} {FIRST}" if first else shorter(plain))
+            run(shorter(plain, page))
 
 
 def same(shown, printed):
