@@ -12,7 +12,7 @@ from browsing import browser, open_page  # noqa: F401
 from hypothesis import HealthCheck, Phase, settings
 from scipy.spatial.transform import Rotation
 from sweep_scenario import GRID, SCENARIO
-from warm import System, compile_in_turn, end
+from warm import System, close, compile_in_turn
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.physics.geometry import touch_cylinder
@@ -78,7 +78,7 @@ def warm():
 
 
 def pytest_sessionfinish():
-    end()
+    close()
 
 
 def checkpoint_arrays(path):

@@ -2,21 +2,15 @@
 
 import math
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
-from warm import JOINTPLAY
+from warm import call
 
 import jointplay as jp
 from jointplay import analysis
 from jointplay.paper import scara
 from jointplay.simulation.analysis import comparison
-
-
-def call(*arguments):
-    command = [JOINTPLAY, "compare", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +52,7 @@ def test_a_difference_within_the_numerical_errors_is_said_to_be(folder):
 
 def test_the_command_prints_the_answer_first_and_draws(folder, tmp_path):
     out = tmp_path / "difference"
-    done = call(folder / "ideal.nc", folder / "loose.nc", "--quiet", "--out", out)
+    done = call("compare", folder / "ideal.nc", folder / "loose.nc", "--quiet", "--out", out)
     assert done.returncode == 0, done.stderr
     first = done.stdout.splitlines()[0]
     assert first.startswith("the two tools are up to ")
@@ -68,12 +62,15 @@ def test_the_command_prints_the_answer_first_and_draws(folder, tmp_path):
 
 
 def test_what_cannot_be_compared_is_refused(folder, tmp_path):
-    done = call(folder, folder / "ideal.nc")
+    done = call("compare", folder, folder / "ideal.nc")
     assert done.returncode == 2
     assert "has 3 results; name one: ideal.nc, loose.nc, tight.nc" in done.stderr
-    done = call(folder / "ideal.nc", folder / "ideal.nc")
+    done = call("compare", folder / "ideal.nc", folder / "ideal.nc")
     assert "twice: give two results" in done.stderr
-    done = call(folder / "ideal.nc", tmp_path / "no.nc")
+    done = call("compare", folder / "ideal.nc", tmp_path / "no.nc")
     assert "no result file" in done.stderr
     shutil.copy(folder / "tight.nc", tmp_path / "same.nc")
-    assert "1 times as much" in call(folder / "tight.nc", tmp_path / "same.nc", "--quiet").stdout
+    assert (
+        "1 times as much"
+        in call("compare", folder / "tight.nc", tmp_path / "same.nc", "--quiet").stdout
+    )

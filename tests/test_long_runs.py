@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import checkpoint_arrays, save_checkpoint
-from warm import JOINTPLAY, PYTHON, Process
+from warm import PYTHON, end, start, until
 
 import jointplay as jp
 from jointplay import cli
@@ -23,9 +23,6 @@ from jointplay.simulation.analysis import certification
 from jointplay.simulation.loads import ComputedTorque, tables
 from jointplay.simulation.result import audit, netcdf
 from jointplay.simulation.working_files import working_paths
-
-PATIENCE_S = 900.0
-"""A deadline for broken code, not a measure of its speed."""
 
 
 @pytest.fixture
@@ -325,26 +322,6 @@ def test_memory_of_the_command_does_not_grow_with_the_length_of_a_run(tmp_path):
     assert peaks[1] - peaks[0] < GROWTH
 
 
-def start(*arguments):
-    command = [JOINTPLAY, *map(str, arguments)]
-    return Process(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def ended(process):
-    out, err = process.communicate(timeout=PATIENCE_S)
-    return out, err, process.returncode
-
-
-def stopped_once_it_steps(process, number=signal.SIGTERM):
-    seen = ""
-    while not re.search(r" \d+\.\d*[1-9]\d*/\d+.*left", seen):
-        read = process.stderr.read(1)
-        assert read, seen
-        seen += read
-    process.send_signal(number)
-    return ended(process)
-
-
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
@@ -354,7 +331,10 @@ LONG = ("--duration", "2", "--no-figures", "--no-error-estimate")
 
 def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_path):
     out = tmp_path / "o"
-    said, err, status = stopped_once_it_steps(start("run", *LONG, "--out", out))
+    process = start("run", *LONG, "--out", out)
+    until(process)
+    process.send_signal(signal.SIGTERM)
+    said, err, status = end(process)
     assert status == 130, err
     assert "checkpoint at t = " in err
     assert "the same command with --resume continues" in err
@@ -362,14 +342,14 @@ def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_
     assert {"result.checkpoint", "result.nc"} <= set(names(out))
     part = jp.Result.load(out / "result.nc")
     assert part.status == Status.INTERRUPTED
-    _, err, status = ended(start("run", *LONG, "--out", out))
+    _, err, status = end(start("run", *LONG, "--out", out))
     assert (status, "--resume continues it" in err) == (2, True)
-    _, err, status = ended(start("run", *LONG, "--step", "8e-6", "--out", out, "--resume"))
+    _, err, status = end(start("run", *LONG, "--step", "8e-6", "--out", out, "--resume"))
     assert (status, "step is 8e-06 instead of 1e-05" in err) == (2, True)
-    _, err, status = ended(start("run", *LONG, "--out", out, "--resume"))
+    _, err, status = end(start("run", *LONG, "--out", out, "--resume"))
     assert status == 0, err
     assert names(out) == ["result.nc"]
-    _, err, status = ended(start("run", *LONG, "--out", tmp_path / "whole", "--quiet"))
+    _, err, status = end(start("run", *LONG, "--out", tmp_path / "whole", "--quiet"))
     assert status == 0, err
     found = jp.Result.load(out / "result.nc")
     same(found, jp.Result.load(tmp_path / "whole" / "result.nc"))
@@ -379,7 +359,7 @@ def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_
 @pytest.mark.thorough
 def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     """Of two cases one is done, of the other a checkpoint is left."""
-    _, err, status = ended(start("init", tmp_path / "study"))
+    _, err, status = end(start("init", tmp_path / "study"))
     assert status == 0, err
     path = tmp_path / "study.toml"
     text = path.read_text(encoding="utf-8").replace("# duration = ", 'duration = "0.1 s" # ')
@@ -387,17 +367,17 @@ def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     scenario = jp.Scenario.load(path)
     first, second = scenario.cases[:2]
     chosen = ("--case", first, "--case", second, "--no-error-estimate", "--no-figures", "--quiet")
-    _, err, status = ended(start("run", path, *chosen, "--out", tmp_path / "whole"))
+    _, err, status = end(start("run", path, *chosen, "--out", tmp_path / "whole"))
     assert status == 0, err
     out = tmp_path / "o"
-    _, err, status = ended(start("run", path, *chosen[:2], *chosen[4:], "--out", out))
+    _, err, status = end(start("run", path, *chosen[:2], *chosen[4:], "--out", out))
     assert status == 0, err
     (done,) = out.iterdir()
     before = done.stat().st_mtime_ns
     (other,) = set(names(tmp_path / "whole")) - {done.name}
     records, kept = working_paths(out / other)
     stepped(scenario.ready_run(second, records=records), 0.05).checkpoint(kept)
-    _, err, status = ended(start("run", path, *chosen, "--out", out, "--resume"))
+    _, err, status = end(start("run", path, *chosen, "--out", out, "--resume"))
     assert status == 0, err
     assert done.stat().st_mtime_ns == before
     assert names(out) == names(tmp_path / "whole")
@@ -412,7 +392,7 @@ def test_files_of_ones_own_beside_a_result_stay_and_the_run_is_refused_before_it
         mine.write_text("precious")
         for more in ((), ("--resume",)):
             short = ("--duration", "0.02", "--no-figures", "--quiet")
-            said, err, status = ended(start("run", *short, "--out", out, *more))
+            said, err, status = end(start("run", *short, "--out", out, *more))
             assert (status, said) == (2, ""), err
             assert f"result{suffix}' is not a {what} of jointplay" in err
             with pytest.raises(jp.JointplayError, match=f"is not a {what} of jointplay"):

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import subprocess
 from io import BytesIO
 from xml.etree import ElementTree
 
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 from browsing import until
 from conftest import body, joint
-from warm import JOINTPLAY
+from warm import call
 
 import jointplay as jp
 from jointplay.paper import scara
@@ -32,11 +31,6 @@ def page(folder):
     done = call("report", folder, "--quiet", "--impacts", "2")
     assert done.returncode == 0, done.stderr
     return folder / "report.html"
-
-
-def call(*arguments):
-    command = [JOINTPLAY, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
 
 
 def test_results_of_the_same_name_are_called_by_their_folders(folder, tmp_path):

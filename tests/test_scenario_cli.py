@@ -1,28 +1,20 @@
 """Commands on scenario files, through the real entry point."""
 
 import re
-import subprocess
 
 import pytest
 import trimesh
-from warm import JOINTPLAY
+from warm import call
 
 from jointplay import Result
 from jointplay.cli.commands.run_scenario import file_names
 from jointplay.model.urdf import shipped
 
 
-def jointplay(*arguments, cwd=None):
-    command = [JOINTPLAY, *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=900, check=False, cwd=cwd
-    )
-
-
 @pytest.fixture
 def short(tmp_path):
     """A scenario with three cases of 20 ms."""
-    assert jointplay("init", "study", cwd=tmp_path).returncode == 0
+    assert call("init", "study", cwd=tmp_path).returncode == 0
     path = tmp_path / "study.toml"
     text = path.read_text(encoding="utf-8").replace("# duration = ", 'duration = "20 ms" # ')
     path.write_text(text, encoding="utf-8")
@@ -30,18 +22,18 @@ def short(tmp_path):
 
 
 def test_init_writes_what_check_and_run_take_and_never_overwrites(tmp_path):
-    done = jointplay("init", cwd=tmp_path)
+    done = call("init", cwd=tmp_path)
     assert done.returncode == 0
     path = tmp_path / "scenario.toml"
     assert path.read_text(encoding="utf-8").startswith("#:schema")
     path.write_text("mine")
-    refused = jointplay("init", "scenario", cwd=tmp_path)
+    refused = call("init", "scenario", cwd=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr == (
         "jointplay init: error: 'scenario.toml' already exists; choose another name\n"
     )
     assert path.read_text() == "mine"
-    assert jointplay("init", "no/where.toml", cwd=tmp_path).returncode == 2
+    assert call("init", "no/where.toml", cwd=tmp_path).returncode == 2
 
 
 def test_what_the_template_shows_as_defaults_are_the_defaults(short):
@@ -58,7 +50,7 @@ def test_what_the_template_shows_as_defaults_are_the_defaults(short):
         flags=re.M,
     )
     short.write_text(text, encoding="utf-8")
-    done = jointplay("check", short, "--no-picture")
+    done = call("check", short, "--no-picture")
     assert done.returncode == 0, done.stderr
     assert "gear joint_a" in done.stdout
     assert "friction joint_a" in done.stdout
@@ -66,7 +58,7 @@ def test_what_the_template_shows_as_defaults_are_the_defaults(short):
 
 
 def test_check_says_what_it_understood(short):
-    done = jointplay("check", short, "--no-picture")
+    done = call("check", short, "--no-picture")
     assert done.returncode == 0, done.stderr
     for words in (
         "SCARA, clearance in joint B",
@@ -87,20 +79,20 @@ def test_check_says_nothing_of_a_mechanism_that_it_cannot_draw(tmp_path):
     robot = shipped("scara.urdf").read_text().replace("<visual>", f"{far}<visual>", 1)
     (tmp_path / "r.urdf").write_text(robot)
     (tmp_path / "s.toml").write_text('robot.urdf = "r.urdf"\nintegration.duration = 1e-4\n')
-    done = jointplay("check", "s.toml", cwd=tmp_path)
+    done = call("check", "s.toml", cwd=tmp_path)
     assert done.returncode == 2
     assert "cannot be drawn" in done.stderr
     assert done.stdout == ""
 
 
 def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
-    done = jointplay("check", short)
+    done = call("check", short)
     assert done.returncode == 0, done.stderr
     picture = short.with_suffix(".png")
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    assert "(replaced)" in jointplay("check", short).stdout
+    assert "(replaced)" in call("check", short).stdout
     picture.write_bytes(b"mine")
-    refused = jointplay("check", short)
+    refused = call("check", short)
     assert refused.returncode == 2
     assert "already exists; choose another name (--picture" in refused.stderr
     assert picture.read_bytes() == b"mine"
@@ -108,7 +100,7 @@ def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
 
 def test_run_saves_every_case(short, tmp_path):
     out = tmp_path / "out"
-    done = jointplay("run", short, "--out", out, "--jobs", 2, "--quiet", "--no-figures")
+    done = call("run", short, "--out", out, "--jobs", 2, "--quiet", "--no-figures")
     assert done.returncode == 0, done.stderr
     assert {path.name for path in out.iterdir()} == {"ideal.nc", "0.2_mm.nc", "0.5_mm.nc"}
     result = Result.load(out / "0.5_mm.nc")
@@ -116,14 +108,14 @@ def test_run_saves_every_case(short, tmp_path):
     assert result.dataset.attrs["case"] == "0.5 mm"
     assert result.dataset.attrs["scenario"] == short.read_text(encoding="utf-8")
     assert not done.stderr
-    again = jointplay("run", short, "--out", out, "--quiet", "--no-figures")
+    again = call("run", short, "--out", out, "--quiet", "--no-figures")
     assert again.returncode == 2
     assert "already holds results" in again.stderr
 
 
 def test_run_draws_figures_of_chosen_cases(short, tmp_path):
     out = tmp_path / "out"
-    done = jointplay("run", short, "--out", out, "--case", "0.2 mm", "--case", "ideal")
+    done = call("run", short, "--out", out, "--case", "0.2 mm", "--case", "ideal")
     assert done.returncode == 0, done.stderr
     names = {path.name for path in out.iterdir()}
     assert {"ideal.nc", "0.2_mm.nc", "fig12.png", "fig12.pdf"} <= names
@@ -135,7 +127,7 @@ def test_a_mistake_is_found_before_anything_runs(short):
     short.write_text(text, encoding="utf-8")
     out = short.parent / "o"
     for command in (["check", short], ["run", short, "--out", out]):
-        done = jointplay(*command)
+        done = call(*command)
         assert done.returncode == 2
         assert re.fullmatch(
             r'jointplay \w+: error: .*study.toml, line \d+, cases."0.5 mm".joints.joint_b.'
@@ -202,12 +194,12 @@ def test_gears_of_every_kind_run_from_a_scenario(tmp_path):
     path = tmp_path / "geared.toml"
     (tmp_path / "scara.urdf").write_text(shipped("scara.urdf").read_text())
     path.write_text(GEARED)
-    done = jointplay("check", path)
+    done = call("check", path)
     assert done.returncode == 0, done.stderr
     assert "from memory, to be checked: ratio, torque_1, torque_2" in done.stdout
     assert "stages ([ratio 4" in done.stdout
     assert "servo (catalogue STS3215, voltage 7.4 V" in done.stdout
-    done = jointplay("run", path, "--no-error-estimate", "--out", tmp_path / "out")
+    done = call("run", path, "--no-error-estimate", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     (file,) = (tmp_path / "out").rglob("*.nc")
     result = Result.load(file)
@@ -215,4 +207,4 @@ def test_gears_of_every_kind_run_from_a_scenario(tmp_path):
     assert result.audit.energy_residual < 1e-4 * result.audit.energy_exchanged
     for right, wrong in (("CSF-17-50", "CSF-17-5"), ("train", "trian")):
         path.write_text(GEARED.replace(f'"{right}"', f'"{wrong}"'))
-        assert f'did you mean "{right}"' in jointplay("check", path).stderr
+        assert f'did you mean "{right}"' in call("check", path).stderr

@@ -10,6 +10,7 @@ import fcntl
 import functools
 import importlib.util
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -21,6 +22,8 @@ from pathlib import Path
 
 from numba.core.dispatcher import Dispatcher
 
+PATIENCE_S = 900.0
+"""A deadline for broken code, not a measure of its speed."""
 CLIENT = """#!{python} -IS
 import json, os, signal, socket, sys
 streams = [int(n) for n in os.listdir("/dev/fd")]
@@ -78,7 +81,7 @@ def folder() -> Path:
     return Path(begin()[1].name)
 
 
-def end() -> None:
+def close() -> None:
     """End the process that is copied, if there is one."""
     if begin.cache_info().currsize:
         server, made = begin()
@@ -125,6 +128,35 @@ class Process(subprocess.Popen):
         with suppress(ProcessLookupError):
             if self.poll() is None:
                 os.kill(self.copy, sig)
+
+
+def call(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    """What becomes of a command of `jointplay`."""
+    command = [folder() / "jointplay", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, **options
+    )
+
+
+def start(*arguments: object, **options: object) -> Process:
+    """A command of `jointplay`, begun at once."""
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
+    return Process([folder() / "jointplay", *map(str, arguments)], **options)
+
+
+def until(process: subprocess.Popen[str], words: str = r" \d+\.\d*[1-9]\d*/\d+.*left") -> None:
+    """Wait until the process says these words, by default that it steps."""
+    seen = ""
+    while not re.search(words, seen):
+        read = process.stderr.read(1)
+        assert read, seen
+        seen += read
+
+
+def end(process: subprocess.Popen[str]) -> tuple[str, str, int]:
+    """Standard output, standard error, and exit status."""
+    out, err = process.communicate(timeout=PATIENCE_S)
+    return out, err, process.returncode
 
 
 class System:

@@ -19,9 +19,9 @@ import pytest
 from conftest import body, joint, tip
 from sweep_scenario import SCENARIO
 from test_identify import MASS, REACH, seen
-from test_kills import PATIENCE_S, end, gone, needs_proc, start
+from test_kills import gone, needs_proc
 from test_sweep_kills import descendants
-from warm import JOINTPLAY, PYTHON, Process
+from warm import JOINTPLAY, PATIENCE_S, PYTHON, Process, end, start
 
 pytestmark = pytest.mark.thorough
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
-from warm import JOINTPLAY, PYTHON, Process
+from warm import PATIENCE_S, PYTHON, Process, end, start, until
 
 import jointplay as jp
 from jointplay.base import signals
@@ -21,37 +21,13 @@ from jointplay.physics.kernel import Status
 
 pytestmark = pytest.mark.thorough
 
-PATIENCE_S = 900.0
-"""A deadline for broken code, not a measure of its speed."""
-
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs Linux's /proc")
-
-
-def start(*arguments, **options):
-    """A command, begun at once."""
-    command = [JOINTPLAY, *map(str, arguments)]
-    return Process(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
 
 def begin(*arguments):
     """A command as users begin it."""
     command = [Path(sys.executable).with_name("jointplay"), *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def until(process, words=r" \d+\.\d*[1-9]\d*/\d+.*left"):
-    """Wait until the process says these words, by default that it steps."""
-    seen = ""
-    while not re.search(words, seen):
-        read = process.stderr.read(1)
-        assert read, seen
-        seen += read
-
-
-def end(process):
-    """Standard output, standard error, and exit status."""
-    out, err = process.communicate(timeout=PATIENCE_S)
-    return out, err, process.returncode
 
 
 def scenario(folder, duration="100 s"):

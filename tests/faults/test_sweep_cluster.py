@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 import xarray as xr
 from sweep_scenario import SCENARIO
-from test_kills import end, gone, needs_proc, start
+from test_kills import gone, needs_proc
 from test_sweep_kills import AXES, CASES, descendants, grown, resume, same
-from warm import PYTHON, Process
+from warm import PYTHON, Process, end, start
 
 import jointplay as jp
 from jointplay.study import plan_of

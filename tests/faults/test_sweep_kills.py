@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from sweep_scenario import SCENARIO
-from test_kills import alive, begin, children, end, gone, needs_proc, small_disk, start
-from warm import JOINTPLAY, PYTHON
+from test_kills import alive, begin, children, gone, needs_proc, small_disk
+from warm import JOINTPLAY, PATIENCE_S, PYTHON, end, start
 
 import jointplay as jp
 from jointplay.study import plan_of
@@ -34,7 +34,6 @@ mu = { key = "joints.joint_b.friction.mu_d", from = 0.0, to = 0.2, number = 10 }
 cr = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "1 nm"] }
 """
 CASES = 30
-PATIENCE_S = 900.0
 REAL = {**os.environ, "REAL_PYTHON": ""}
 """For a command whose workers are to be its children."""
 
