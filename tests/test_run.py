@@ -10,7 +10,7 @@ import pytest
 from conftest import body, checkpoint_arrays, joint, save_checkpoint
 
 import jointplay as jp
-from jointplay.cli.commands import name_and_value
+from jointplay.base.pairs import name_and_number
 from jointplay.physics.kernel import Status
 from jointplay.scenario.places import dotted
 from jointplay.scenario.settings import parse
@@ -401,8 +401,8 @@ def test_names_of_joints_are_never_parsed(urdf, name):
     key = ("joints", name, "radial_clearance")
     assert path_of(dotted(key)) == key
     assert parse(f"{dotted(key)}=3").key == key
-    assert name_and_value(f"{name}=0.1 mm", [name]) == (name, "0.1 mm")
-    assert name_and_value(name, [name]) == (name, None)
+    assert name_and_number(f"{name}=0.1 mm", [name]) == (name, "0.1 mm")
+    assert name_and_number(name, [name]) == (name, None)
 
 
 def test_a_joint_called_like_a_coordinate_of_another_is_refused(urdf):

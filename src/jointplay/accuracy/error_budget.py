@@ -41,7 +41,7 @@ _DECIDES = 0.5
 _PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _TRUE = 0.25
 """Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
-FOLLOW = ComputedTorque()
+FOLLOW: Drive = ComputedTorque()
 """Drives of a run that says nothing of them."""
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 """Components of the tool's error, in world axes [m, rad]."""

@@ -6,15 +6,19 @@ the positions `near` on, which choose the branch.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import qmc
 
+from jointplay.accuracy.error_budget import FOLLOW
 from jointplay.base.errors import JointplayError, require_finite, require_known, require_whole
 from jointplay.model.closed_loops import ClosedLoops
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.initial import position_and_speed
+from jointplay.simulation.loads.drive import Drive
 from jointplay.simulation.motion.cartesian import joint_limits
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
@@ -24,6 +28,105 @@ ALONG = 60
 MOST_POSES = 1_000_000
 _SLACK = 1e-6
 """How far beyond its limits a position may be, for what was rounded [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """A machine that stands, its base held and its loops closed, at one pose or at several."""
+
+    mechanism: Mechanism
+    q: np.ndarray
+    """Configurations, (n, nq)."""
+    kind: str
+    """``pose``, ``motion`` or ``workspace``."""
+    words: str
+    """Which they are."""
+    names: tuple[str, ...] = ()
+    """Of several that were given one by one."""
+    times: np.ndarray | None = None
+    """Of those along a motion, (n,) [s]."""
+    driven: tuple[str, ...] | None = None
+    """Joints of closed loops that stand; None without loops."""
+    drive: Drive = FOLLOW
+    """What holds them."""
+
+    @property
+    def loops(self) -> str:
+        """Which joints of the loops stand and which follow, in words; empty without loops."""
+        if self.driven is None:
+            return ""
+        passive = ClosedLoops(self.mechanism, self.q[0], self.driven).passive
+        follow = [n for n in moving(self.mechanism) if self.mechanism.coordinate(n) in passive]
+        driven = ", ".join(self.driven) or "none"
+        return f"loops: driven {driven}; following {', '.join(follow) or 'none'}"
+
+    def positions(self, row: int = 0) -> dict[str, float]:
+        """Joint positions at a pose by name [rad or m]."""
+        at = self.mechanism.coordinate
+        return {name: float(self.q[row, at(name)]) for name in moving(self.mechanism)}
+
+
+def poses_of(
+    machine: Mechanism | Simulation,
+    given: Mapping[str, Mapping[str, float]] | None = None,
+    workspace: int | None = None,
+    motion: Motion | None = None,
+) -> Poses:
+    """Poses of a machine that stands: those given, or spread, or along its motion, or else one.
+
+    Args:
+        machine: its motion and drive are those of a simulation, and its loops are closed where that
+            begins.
+        given: joint positions by the name of the pose [rad or m]; others are as in `middle`.
+        workspace: number of poses spread over the limits of all joints.
+        motion: along which they are; None: that of the simulation.
+
+    Raises:
+        JointplayError: see `at_pose`, `along_motion`, `over_workspace`.
+        MissingName: no such joint.
+    """
+    drive, near, driven = FOLLOW, dict[str, float](), None
+    if isinstance(machine, Mechanism):
+        mechanism = machine.bolted()
+    else:
+        mechanism, motion = machine.mechanism.bolted(), motion or machine.motion
+        if isinstance(machine.drive, Drive) and machine.drive.follows:
+            drive = machine.drive
+        near = start_of(machine) if mechanism.loops else {}
+    if mechanism.loops:
+        driven = standing(mechanism, motion, near)
+    if workspace is not None:
+        q = over_workspace(mechanism, workspace, driven=driven, near=near)
+        words = f"{len(q)} poses over the workspace"
+        if out := workspace - len(q):
+            words += f" ({out} others were left out because the loops do not close there)"
+        return Poses(mechanism, q, "workspace", words, driven=driven, drive=drive)
+    if given is None and motion is not None:
+        q, times = along_motion(mechanism, motion, near=near), times_along(motion)
+        words = f"{len(q)} poses along the motion"
+        return Poses(mechanism, q, "motion", words, (), times, driven, drive)
+    asked, rows = given or {"": {}}, []
+    for name, positions in asked.items():
+        with _of_pose(name):
+            rows.append(at_pose(mechanism, positions, driven, near))
+    q = np.concatenate(rows)
+    if len(asked) > 1:
+        words = f"{len(asked)} poses"
+        return Poses(mechanism, q, "pose", words, tuple(asked), None, driven, drive)
+    at, shown = {**middle(mechanism), **next(iter(asked.values()))}, driven or mechanism.movers()
+    words = "pose " + ", ".join(f"{name} {x:.4g}" for name, x in at.items() if name in shown)
+    if not given:
+        words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
+    return Poses(mechanism, q, "pose", words, driven=driven, drive=drive)
+
+
+@contextmanager
+def _of_pose(name: str) -> Iterator[None]:
+    """Say of errors in the block at which pose they are, if it has a name."""
+    try:
+        yield
+    except JointplayError as error:
+        raise JointplayError(f"pose {name}: {error}" if name else str(error)) from None
 
 
 def at_pose(

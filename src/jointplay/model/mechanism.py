@@ -400,14 +400,20 @@ class Mechanism(Overview, Described):
         coordinate = self.coordinates[index]
         return coordinate.part in VIRTUAL_LINK and coordinate.joint in self.clearance
 
-    def moves_tool(self, joints: Collection[str]) -> bool:
-        """Whether the tool moves with one of these joints; in closed loops it does with each."""
+    def movers(self, relative_to: str | None = None) -> list[str]:
+        """Joints that move the tool, or move it as seen from a link or frame; with loops all.
+
+        Raises:
+            MissingName: no such link or frame.
+        """
         if self.loops:
-            return True
-        moving = self.model.supports[self.model.frames[self.tool_frame].parentJoint]
-        held = (self.model.joints[i] for i in moving if i > 0)
-        indices = (i for joint in held for i in range(joint.idx_v, joint.idx_v + joint.nv))
-        return any(self.coordinates[i].joint in joints for i in indices)
+            return [*dict.fromkeys(one.joint for one in self.coordinates), *self.loops]
+        between = {*self.model.supports[self.model.frames[self.tool_frame].parentJoint]}
+        if relative_to is not None:
+            body = self.model.frames[frame_index(self.model, relative_to, "body")]
+            between ^= {*self.model.supports[body.parentJoint]}
+        owners = dict.fromkeys(self.owner(index) for index in sorted(between))
+        return [name for name in owners if name not in (None, self.free_base)]
 
     def has_virtual_link(self, joint: str) -> bool:
         """Whether the pose of the journal is that of six coordinates of the tree."""
@@ -455,16 +461,25 @@ class Mechanism(Overview, Described):
         self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing] | None = None
     ) -> Mechanism:
         """The same mechanism with other joints with clearance, and other gears if given."""
+        return self._like(clearance, self.gears if gears is None else gears, self.base)
+
+    def bolted(self) -> Mechanism:
+        """The same with its base held to the ground; itself if it is."""
+        return self if self.base == HELD else self._like(self.given_joints, self.gears, HELD)
+
+    def _like(
+        self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing], base: str
+    ) -> Mechanism:
         return Mechanism(
             self.description,
             clearance,
             loops=self.loops,
-            gears=self.gears if gears is None else gears,
+            gears=gears,
             gravity=self.gravity,
             tool=self.tool,
             allow_unphysical=self.allow_unphysical,
             fix=self.fix,
-            base=self.base,
+            base=base,
         )
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from jointplay.base.schema import fields_of
@@ -11,6 +11,7 @@ from jointplay.physics.contact.law import FrictionLaw
 from jointplay.physics.joints import Clearance, SlidingClearance
 
 if TYPE_CHECKING:
+    from jointplay.accuracy.poses import Poses
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.load import Scenario
     from jointplay.simulation.simulation import Simulation
@@ -42,12 +43,73 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
     return [*common, *own, *scenario.assumptions]
 
 
+def standing(
+    scenario: Scenario,
+    case: str,
+    poses: Poses,
+    *,
+    named: Collection[str] = (),
+    play: bool = True,
+    relative_to: str | None = None,
+) -> list[str]:
+    """What to know of a robot that is looked at where it stands, a line each.
+
+    Args:
+        scenario, case: what was given.
+        poses: where it stands.
+        named: joints whose play was asked for, of which is said if it does not count.
+        play: whether the play of all joints is told.
+        relative_to: see `budget`.
+    """
+    mechanism = scenario.mechanism(case)
+    lines = [mechanism.held] if mechanism.held else []
+    if mechanism.free_base is not None:
+        root = mechanism.description.root
+        lines.append(
+            f"the base {root!r} is free in the scenario; here it is held, as if bolted to the "
+            "ground"
+        )
+    if reason := mechanism.tool_reason or tool_reason(scenario):
+        lines.append(f"tool: {mechanism.tool!r} (chosen: {reason}; see --tool)")
+    movers = mechanism.movers(relative_to)
+    seen = "" if relative_to is None else f" as seen from {relative_to!r}"
+    for name in named:
+        if name not in movers:
+            tool = f"{mechanism.tool!r}{seen}"
+            lines.append(f"note: {name} does not move {tool}, so it adds nothing to the error")
+    if play and mechanism.clearance:
+        parts: dict[str, list[str]] = {}
+        for name, joint in mechanism.clearance.items():
+            parts.setdefault(joint.words, []).append(name)
+        alike = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
+        lines.append(f"play: {'; '.join(alike)}")
+    lines += [*scenario.notes, *scenario.assumptions]
+    return [*dict.fromkeys(lines), *([poses.loops] if poses.loops else [])]
+
+
+def tool_reason(scenario: Scenario) -> str:
+    """Why a tool was chosen before the joints with play were known; empty if none was."""
+    chosen = (one for one in scenario.settings if one.assumed and one.key == ("robot", "tool"))
+    return next((one.source for one in chosen), "")
+
+
+def unsized(scenario: Scenario, case: str) -> list[str]:
+    """Joints with clearance of which nobody gave a size, nor a bearing, which has one."""
+    given = scenario.given(case).get("joints", {})
+    found = []
+    for name, joint in scenario.mechanism(case).clearance.items():
+        sizes = joint.clearance_fields
+        if sizes and not {*sizes, *sizes.values(), "designation"}.intersection(given.get(name, ())):
+            found.append(name)
+    return found
+
+
 def _robot(mechanism: Mechanism) -> list[str]:
     why = f" (chosen: {mechanism.tool_reason}; --tool FRAME selects another)"
     lines = [f"tool: {mechanism.tool}{why if mechanism.tool_reason else ''}"]
     lines += [f"link {name}: {words}" for name, words in mechanism.flexible.items()]
     loose = [*mechanism.clearance, *mechanism.gears]
-    if loose and not mechanism.moves_tool(loose):
+    if loose and set(loose).isdisjoint(mechanism.movers()):
         lines.append(
             f"note: no joint with play moves the tool {mechanism.tool!r}: play in "
             f"{', '.join(loose)} shows in it only through the drives; --tool selects another frame"

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from jointplay.accuracy.robot_errors import RobotErrors
     from jointplay.model.mechanism import Mechanism
     from jointplay.scenario.build import Built
+    from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
@@ -198,10 +199,20 @@ class Scenario(Overview):
 
     def robot_errors(self, case: str | None = None) -> RobotErrors | None:
         """Errors besides play of a case's robot; None if the file has none. See `simulation`."""
-        mechanism = self.simulation(case).mechanism
+        mechanism = self.mechanism(case)
         from jointplay.scenario.build import errors_of
 
-        return errors_of(self.model(self.cases[0] if case is None else case), mechanism)
+        case = self._chosen(case)
+        with self._building(case):
+            return errors_of(self.model(case), mechanism)
+
+    def motion(self, case: str | None = None) -> Motion | None:
+        """The motion that a case gives, no joint added to it; None if it has none."""
+        case, mechanism = self._chosen(case), self.mechanism(case)
+        from jointplay.scenario.build import motion_of
+
+        with self._building(case):
+            return motion_of(self.model(case), mechanism, self.path.parent, {})
 
     def ready_run(
         self, case: str | None = None, progress: bool = False, records: Path | None = None

@@ -72,7 +72,8 @@ def robot_scenario(
         joints: names of those with clearance; by default the SCARA's joint B.
         settings: keys that count more than what is taken for granted.
         ideal: none has clearance; those named still say which frame is the tool.
-        still: for who looks at poses only: no steps are chosen, and play is not needed.
+        still: for who looks at poses only: no motion and no steps are chosen, and play is not
+            needed.
 
     Returns:
         The scenario; its `assumptions` are what was chosen that nobody gave.
@@ -138,7 +139,7 @@ def _of_robot(
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
-        else:
+        elif not still:
             text["motion"], words = _there_and_back(description)
             assumptions.append(words)
     named = [

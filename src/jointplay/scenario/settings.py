@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import copy
 import json
-import re
 import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import divided
 from jointplay.base.units import not_lost, toml_text
 from jointplay.scenario.places import Key, dotted
 
@@ -35,8 +35,8 @@ def parse(text: str) -> Setting:
     Raises:
         JointplayError: there is no key, or no value.
     """
-    name, equals, value = divided(text)
-    if "\n" in name or not equals or not name.strip() or not value.strip():
+    name, value = divided(text)
+    if "\n" in name or not name.strip() or value is None or not value.strip():
         raise JointplayError(
             f"--set {toml_text(text)}: give KEY=VALUE, such as "
             'joints.joint_b.radial_clearance="0.3 mm" or integration.step=5e-6'
@@ -75,16 +75,6 @@ def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Sett
             rest = rest[len(parts) :]
         found.append(replace(setting, key=tuple(key)))
     return found
-
-
-_KEY = re.compile(r"""(?:"(?:[^"\\]|\\.)*"|'[^']*'|[^="'])*""")
-
-
-def divided(text: str) -> tuple[str, str, str]:
-    """Key, sign and value of ``KEY=VALUE``; what is quoted in the key may have such a sign."""
-    found = _KEY.match(text)
-    end = 0 if found is None else found.end()
-    return (text[:end], "=", text[end + 1 :]) if text[end : end + 1] == "=" else text.partition("=")
 
 
 def _value(text: str) -> Any:

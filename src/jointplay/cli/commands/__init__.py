@@ -17,15 +17,14 @@ it, or all.
 
 import argparse
 import csv
-import json
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import misread, name_and_number
 
 MODULES = (
     *("scara", "run", "init", "check", "schema", "play", "live", "compare", "report", "export"),
@@ -128,29 +127,6 @@ def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def name_and_value(
-    text: str, names: Collection[str] = (), is_value: Callable[[str], Any] | None = None
-) -> tuple[str, str | None]:
-    """Name and number of ``NAME=NUMBER``; None if there is no number.
-
-    What `is_value` is true for counts as one, too.
-
-    Names may have signs of equality of their own: the number comes after the last one. A name that
-    would be mistaken may stand in double quotes.
-    """
-    quoted = re.fullmatch(r'("(?:[^"\\]|\\.)*")(?:=(.*))?', text)
-    if text in names:
-        return text, None
-    if quoted:
-        with suppress(ValueError):
-            return str(json.loads(quoted[1])), quoted[2]
-    name, equals, value = text.rpartition("=")
-    given = re.match(r"\s*[+-]?\.?\d", value) or (is_value is not None and is_value(value))
-    if equals and (name in names or given):
-        return name, value
-    return text, None
-
-
 def numbers_by_name(
     entries: Iterable[str], words: str, unit: str | Mapping[str, str] = ""
 ) -> dict[str, float]:
@@ -160,16 +136,14 @@ def numbers_by_name(
         JointplayError: an entry without a number, or a number of another unit; or a name that is
             none of those whose units are given.
     """
-    option, _, form = words.partition(" ")
+    of = "" if isinstance(unit, str) else f" with one of {', '.join(unit)}"
     numbers = {}
     for text in entries:
-        name, value = name_and_value(text)
-        known = isinstance(unit, str) or name in unit
-        if value is None or not known:
-            of = "" if isinstance(unit, str) else f" with one of {', '.join(unit)}"
-            raise JointplayError(f"{option} must read {form}{of}, got {text!r}")
-        own = unit if isinstance(unit, str) else unit[name]
-        numbers[name] = quantity(value, own, f"{option} {name}")
+        name, value = name_and_number(text)
+        own = unit if isinstance(unit, str) else unit.get(name)
+        if value is None or own is None:
+            raise misread(text, f"{words}{of}")
+        numbers[name] = quantity(value, own, f"{words.partition(' ')[0]} {name}")
     return numbers
 
 

@@ -34,8 +34,14 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs, given, numbers_by_name
-from jointplay.cli.commands.inputs import chosen_preset, is_scenario
-from jointplay.cli.commands.mechanism import Task, error_class, load_on_tool, task
+from jointplay.cli.commands.inputs import (
+    Standing,
+    chosen_preset,
+    is_scenario,
+    load_on_tool,
+    standing,
+    whole_errors,
+)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -50,10 +56,10 @@ def run(options: argparse.Namespace) -> int:
     named = is_scenario(options) or any("bearing" in one for one in tables)
     if options.clearance is None and not named and not whole:
         options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
-    work = task(options)
-    if options.verify is not None and work.motion is None:
+    stands = standing(options)
+    if options.verify is not None and stands.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    joints = [one for one in work.mechanism.clearance.values() if one.clearances]
+    joints = [one for one in stands.mechanism.clearance.values() if one.clearances]
     rolling = [one for one in joints if isinstance(one, RollingBearing)]
     if rolling and len(rolling) == len(joints) and not whole:
         for name in (*_OF_CLEARANCES, "weight"):
@@ -61,26 +67,22 @@ def run(options: argparse.Namespace) -> int:
                 raise JointplayError(f"--{name}: bearings have classes only (--price CLASS=X)")
     more: dict[str, Any] = {}
     if whole:
-        from jointplay.accuracy.causes import CAUSES
-
         more = {
-            "causes": options.causes or CAUSES,
             "statistical": options.statistical,
             "keep": options.keep or (),
-            "force": load_on_tool(options, work.mechanism.gravity),
-            "errors": work.errors,
-            "kind": error_class(options, work),
+            "force": load_on_tool(options, stands.mechanism.gravity),
+            **whole_errors(options, stands.scenario),
         }
     prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
     weights = numbers_by_name(options.weight, "--weight JOINT=X")
     limits = numbers_by_name(options.limit, "--limit CAUSE=X")
     out.claim()
     allotment = allocate(
-        work.mechanism,
-        work.q,
+        stands.mechanism,
+        stands.poses.q,
         options.target,
         quantile=options.quantile,
-        driven=work.driven,
+        driven=stands.poses.driven,
         progress=not options.quiet,
         prices=prices,
         weights=weights,
@@ -88,12 +90,12 @@ def run(options: argparse.Namespace) -> int:
         **more,
         **given(options, "cost", "least", "most"),
     )
-    notes = [note for note in work.notes if whole or rolling or not note.startswith("play:")]
-    print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
+    notes = [note for note in stands.notes if whole or rolling or not note.startswith("play:")]
+    print("\n".join([*notes, f"at: {stands.poses.words}", str(allotment)]))
     if rolling and not options.price and not whole:
         print("prices of the classes are assumed; give your own with --price CLASS=X")
     if options.verify is not None:
-        _verify(options, work, allotment)
+        _verify(options, stands, allotment)
     if options.out:
         from jointplay.show.plots import design as plots
 
@@ -106,14 +108,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _verify(options: argparse.Namespace, work: Task, allotment: Any) -> None:
+def _verify(options: argparse.Namespace, stands: Standing, allotment: Any) -> None:
     from jointplay.study.courses import dynamic_error
 
-    assert work.motion is not None
+    assert stands.motion is not None
     error = dynamic_error(
         allotment.mechanism,
-        work.motion,
-        work.simulation,
+        stands.motion,
+        stands.simulation,
         runs=options.verify,
         jobs=options.jobs,
         progress=not options.quiet,

@@ -22,38 +22,34 @@ import argparse
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs
-from jointplay.cli.commands.mechanism import error_class, load_on_tool, task
+from jointplay.cli.commands.inputs import load_on_tool, standing, whole_errors
 
 
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["budget.csv" if options.whole is None else "errors.csv"])
-    from jointplay.accuracy.error_budget import FOLLOW, budget
-    from jointplay.simulation.loads.drive import Drive
+    from jointplay.accuracy.error_budget import budget
 
     if options.causes is not None and options.whole is None:
         words = f"--causes {','.join(options.causes)} selects causes of the whole error"
         raise JointplayError(f"{words}: give --whole CLASS, too")
-    work = task(options)
-    force = load_on_tool(options, work.mechanism.gravity)
-    at = "\n".join([*work.notes, f"at: {work.poses}"])
+    stands = standing(options)
+    mechanism, poses = stands.mechanism, stands.poses
+    force = load_on_tool(options, mechanism.gravity)
     body = options.relative_to
-    seen = "" if body is None else f"\nseen from {body!r}, in its axes"
+    seen = [] if body is None else [f"seen from {body!r}, in its axes"]
+    at = "\n".join([*stands.notes, f"at: {poses.words}", *seen])
     if options.whole is not None:
-        from jointplay.accuracy.causes import CAUSES
-
         out.names.append("errors.png")
         out.claim()
         whole = budget(
-            work.mechanism,
-            work.q,
-            causes=options.causes or CAUSES,
+            mechanism,
+            poses.q,
             force=force,
-            errors=work.errors,
-            kind=error_class(options, work),
-            driven=work.driven,
+            driven=poses.driven,
             relative_to=body,
+            **whole_errors(options, stands.scenario),
         )
-        print(f"{at}{seen}\n{whole.table()}")
+        print(f"{at}\n{whole.table()}")
         if options.out:
             from jointplay.show.plots.design import cause_bars
 
@@ -62,28 +58,28 @@ def run(options: argparse.Namespace) -> int:
     # Figures of the robot are in the world.
     out.names += ["bars.png", *([] if body else ["robot.png", "reach.png"])]
     of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
-    out.names += of_kind.get(work.kind, [])
+    out.names += of_kind.get(poses.kind, [])
     out.claim()
-    own = None if work.simulation is None else work.simulation.drive
     errors = budget(
-        work.mechanism,
-        work.q,
+        mechanism,
+        poses.q,
         force=force,
-        driven=work.driven,
+        driven=poses.driven,
         friction=options.friction,
-        drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
+        drive=poses.drive,
         relative_to=body,
     )
-    print(f"{at}{seen}")
-    if work.names:
-        print(errors.by_pose(work.names))
+    print(at)
+    if poses.names:
+        print(errors.by_pose(poses.names))
     if len(errors.worst) > 1:
         k = errors.worst_pose
+        name = poses.names[k] if poses.names else k
         place = ", ".join(f"{x:.3f}" for x in errors.positions[k])
         print(
             f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
             f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose "
-            f"{work.names[k] if work.names else k}, tool at {place} m), which is made up like this:"
+            f"{name}, tool at {place} m), which is made up like this:"
         )
     print(errors.table())
     print(errors.ranking)
@@ -94,16 +90,13 @@ def run(options: argparse.Namespace) -> int:
 
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
-    contents = {"budget.csv": errors.data(work.names or ()).csv(), "bars.png": plots.bars(errors)}
+    contents = {"budget.csv": errors.data(poses.names).csv(), "bars.png": plots.bars(errors)}
     if not body:
-        contents["robot.png"] = plots.robot(work.mechanism, errors, work.q)
+        contents["robot.png"] = plots.robot(mechanism, errors, poses.q)
         contents["reach.png"] = plots.reachable(errors)
-    if work.kind == "motion":
-        from jointplay.accuracy.poses import times_along
-
-        assert work.motion is not None
-        contents["course.png"] = plots.course(errors, times_along(work.motion))
-    if work.kind == "workspace" and not body:
+    if poses.times is not None:
+        contents["course.png"] = plots.course(errors, poses.times)
+    if poses.kind == "workspace" and not body:
         contents["map.png"] = plots.workspace_map(errors)
     out.write(contents)
     return 0

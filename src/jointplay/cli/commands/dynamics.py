@@ -34,117 +34,33 @@ Example: jointplay dynamics jointplay:slider_crank.toml bifurcation --case "0.5 
 """
 
 import argparse
-from dataclasses import replace
-from typing import Any
 
-from jointplay.base.errors import JointplayError, MissingName
-from jointplay.cli.commands import given
+from jointplay.base.errors import JointplayError
 from jointplay.cli.commands.inputs import scenario_of
-
-TURNS = {
-    "turns": (20, 2),
-    "bifurcation": (60, 60),
-    "poincare": (60, 200),
-    "lyapunov": (30, 100),
-    "recurrence": (60, 10),
-    "waterfall": (30, 20),
-    "runup": (10, 200),
-    "basin": (60, 30),
-}
-"""Turns that settle, and turns that are looked at, by kind; motions other than cranks: `CYCLES`."""
-CYCLES = (1, 8)
 
 
 def run(options: argparse.Namespace) -> int:
     from jointplay.base import files, processes
 
     processes.number_of(options.jobs)
-    if options.kind not in TURNS:
-        raise MissingName("kind of study", options.kind, TURNS)
-    study = _study(options)
+    from jointplay.study.nonlinear import Analysis, Varied
+
+    names = ("settle", "keep", "phase", "records", "orders", "window", "threshold", "joint", "grid")
+    analysis = Analysis.of(
+        scenario_of(options),
+        options.kind,
+        options.case,
+        Varied.parse(options.vary) if options.vary else None,
+        options.of,
+        **{name: getattr(options, name) for name in names},
+    )
     out, mark = files.claim(options.out, []), f"jointplay dynamics {options.kind}"
     path = out / f"{options.kind}.png"
     if path.exists() and not files.holds(path, mark):
         raise JointplayError(f"{str(path)!r} is no figure of this command; choose another folder")
-    from jointplay.cli.commands.dynamics_figures import FIGURES, FigureJob
+    from jointplay.show.plots.nonlinear import figure
 
-    figure = FIGURES[options.kind](FigureJob(study, options, out))
-    files.picture(path, figure, mark=mark)
+    found = analysis.run(out, options.jobs, not options.quiet)
+    files.picture(path, figure(found), mark=mark)
     print(f"written to {options.out}: {options.kind}.csv, {path.name}")
     return 0
-
-
-def _study(options: argparse.Namespace) -> Any:
-    """Checks all before anything runs."""
-    from jointplay.study.nonlinear import observables, steady_motion
-    from jointplay.study.nonlinear.rows import Observation, Varied
-
-    scenario = scenario_of(options)
-    if options.kind in ("bifurcation", "waterfall", "runup") and not options.vary:
-        raise JointplayError(f"{options.kind} needs --vary KEY=FROM:TO:COUNT")
-    if options.vary and options.kind not in ("bifurcation", "waterfall", "lyapunov", "runup"):
-        raise JointplayError(f"{options.kind} takes no --vary: it analyses a single motion")
-    varied = Varied.parse(options.vary) if options.vary else None
-    study = Observation(
-        scenario, options.case, 0, 1, options.records, options.phase, (), varied, options.orders,
-        options.joint or "",
-    )  # fmt: skip
-    simulation = study.simulation(None if varied is None else varied.values[0])
-    mechanism = simulation.mechanism
-    crank = simulation.motion is not None and simulation.motion.interpolation == "constant-speed"
-    settle, keep = TURNS[options.kind] if crank else CYCLES
-    study = replace(
-        study,
-        **{"settle": settle, "keep": keep} | given(options, "settle", "keep"),
-        joint=_joint(options, simulation),
-        names=_names(options, simulation),
-    )
-    for name in study.names:
-        observables.check(name, mechanism)
-    if not 0.0 <= options.phase < 1.0:
-        raise JointplayError(f"--phase must be in [0, 1) turns, got {options.phase:g}")
-    if options.kind == "runup":
-        study = replace(study, window=options.window)
-        assert varied is not None
-        study.run_up().windows(len(varied.values), study.window)
-    else:
-        steady_motion.Turning.of(simulation, study.settle, study.keep, study.records)
-    return study
-
-
-def _joint(options: argparse.Namespace, simulation: Any) -> str:
-    clearance = simulation.mechanism.clearance
-    if options.kind != "basin":
-        return ""
-    if options.joint is None and not clearance:
-        raise JointplayError("a basin needs a joint with clearance")
-    return str(options.joint or next(iter(clearance)))
-
-
-def _names(options: argparse.Namespace, simulation: Any) -> tuple[str, ...]:
-    from jointplay.study.nonlinear.observables import usual
-
-    kind, asked = options.kind, tuple(options.of)
-    first = usual(simulation.mechanism)
-    most = {"poincare": 2, "bifurcation": 1, "waterfall": 1, "runup": 1, "lyapunov": 0, "basin": 0}
-    if len(asked) > most.get(kind, len(asked)):
-        raise JointplayError(f"{kind} takes {most[kind] or 'no'} --of, got {len(asked)}")
-    if kind == "lyapunov":
-        return ()
-    if kind == "basin":
-        joint = _joint(options, simulation)
-        return f"{joint}.x", f"{joint}.y"
-    if kind == "poincare" and len(asked) < 2:
-        thing, _, what = (asked[0] if asked else first).rpartition(".")
-        pairs = {"acceleration": ("acceleration", "speed"), "position": ("position", "speed")}
-        a, b = pairs.get(what, ("x", "y"))
-        if thing not in simulation.mechanism.clearance and what not in pairs:
-            raise JointplayError("give both quantities of the map: --of NAME --of NAME")
-        return f"{thing}.{a}", f"{thing}.{b}"
-    clearance = simulation.mechanism.clearance
-    if kind == "recurrence" and not asked and clearance:
-        joint = next(iter(clearance))
-        return f"{joint}.x", f"{joint}.y"
-    if kind == "turns" and not asked and simulation.motion is not None:
-        return first, f"{simulation.motion.joints[0]}.moment"
-    return asked or (first,)

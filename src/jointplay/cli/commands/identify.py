@@ -59,8 +59,9 @@ from dataclasses import replace
 from typing import Any
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import misread, pair
 from jointplay.cli.commands import Outputs, given, numbers_by_name, quantity
-from jointplay.cli.commands.mechanism import task
+from jointplay.cli.commands.inputs import standing
 
 
 def run(options: argparse.Namespace) -> int:
@@ -75,9 +76,9 @@ def run(options: argparse.Namespace) -> int:
     data = options.data if options.plan else _recording(options)
     names = ["identified.csv", "identified.json", "identified.png"]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
-    work = task(options)
+    stands = standing(options)
     for option in ("verify", "runs"):
-        if getattr(options, option) and work.simulation is None:
+        if getattr(options, option) and stands.simulation is None:
             raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
     from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
@@ -93,37 +94,37 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.estimate import identify, plan_measurement
 
     if options.plan:
-        friction = None if work.simulation is None else work.simulation.joint_friction
+        friction = None if stands.simulation is None else stands.simulation.joint_friction
         plan = plan_measurement(
-            work.mechanism,
+            stands.mechanism,
             signals=options.signal or ["tool"],
             count=options.count,
             joint_friction=friction,
             **given(options, "push"),
             **shared,
         )
-        print("\n".join([*work.notes, str(plan)]))
+        print("\n".join([*stands.notes, str(plan)]))
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0
-    machine: Any = work.mechanism
-    if work.simulation is not None:
-        machine = replace(work.simulation, mechanism=machine)
+    machine: Any = stands.mechanism
+    if stands.simulation is not None:
+        machine = replace(stands.simulation, mechanism=machine)
     shown = {"jobs": options.jobs, "progress": not options.quiet}
-    about = {"motion": work.motion, "reference": options.reference, "drift": options.drift}
+    about = {"motion": stands.motion, "reference": options.reference, "drift": options.drift}
     fit = identify(machine, data, lag=lag, runs=options.runs or 0, **about, **shown, **shared)
-    notes = list(work.notes)
-    if options.gear and work.simulation is None:
+    notes = list(stands.notes)
+    if options.gear and stands.simulation is None:
         notes.append(
             "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
             "it, it is sought from 1e+04 N m/rad on"
         )
     print("\n".join([*notes, str(fit)]))
     found = fit.describe()
-    if options.verify and work.simulation is not None:
+    if options.verify and stands.simulation is not None:
         from jointplay.estimate.verification import verify
 
-        checked = verify(work.simulation, fit, runs=options.verify, **shown)
+        checked = verify(stands.simulation, fit, runs=options.verify, **shown)
         print(checked)
         found["verification"] = checked.describe()
     if options.out:
@@ -153,33 +154,28 @@ def _recording(options: argparse.Namespace) -> Any:
 
 def _pairs(entries: list[str], form: str) -> dict[str, str]:
     """What stands before and after the sign of equality of a repeatable option."""
-    option, _, words = form.partition(" ")
     pairs: dict[str, str] = {}
     for text in entries:
-        first, equals, second = (part.strip() for part in text.partition("="))
-        if not (first and equals and second):
-            raise JointplayError(f"{option} must read {words}, got {text!r}")
+        first, second = pair(text, form)
         if first in pairs:
-            raise JointplayError(f"{option} {first!r} appears twice")
+            raise JointplayError(f"{form.partition(' ')[0]} {first!r} appears twice")
         pairs[first] = second
     return pairs
 
 
 def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:
     """Stiffness by label and its relative standard deviation [SI]."""
+    words = '--stiffness PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad"'
     given = {}
     for text in entries:
-        label, equals, value = (part.strip() for part in text.partition("="))
+        label, value = pair(text, words)
         value, plus, part = (one.strip() for one in value.partition("+-"))
+        if plus and not part.endswith("%"):
+            raise misread(text, words)
         try:
             deviation = float(part.removesuffix("%")) / 100.0 if plus else 0.0
         except ValueError:
-            equals = ""
-        if not equals or (plus and not part.endswith("%")):
-            raise JointplayError(
-                f'--stiffness must read PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad", '
-                f"got {text!r}"
-            )
+            raise misread(text, words) from None
         lengthwise = label.endswith((" radial", " axial")) or label == "tool"
         unit = "N/m" if lengthwise else "N*m/rad"
         given[label] = (_size(value, unit, f"--stiffness {label}"), deviation)

@@ -8,23 +8,29 @@ default come from the field that the scenario's tables have for it.
 from __future__ import annotations
 
 import argparse
+import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.base import streams
-from jointplay.base.errors import JointplayError
-from jointplay.cli.commands import UNITS, Entry, name_and_value, numbers_by_name, read_help
+from jointplay.base import files, streams
+from jointplay.base.errors import JointplayError, require_non_negative
+from jointplay.base.pairs import misread, name_and_number
+from jointplay.cli.commands import UNITS, Entry, numbers_by_name, quantity, read_help, vector
 
 if TYPE_CHECKING:
+    from jointplay.accuracy.poses import Poses
     from jointplay.base.schema import Field
+    from jointplay.model.mechanism import Mechanism
     from jointplay.model.urdf import Description
     from jointplay.physics.joints import Clearance
     from jointplay.scenario import Scenario
     from jointplay.scenario.presets import Preset
     from jointplay.scenario.settings import Setting
+    from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.simulation import Simulation
 
 _STATIC_GEAR = {"rotor_inertia": 0.1, "stiffness": 1e4}
@@ -274,7 +280,8 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     from jointplay.scenario.settings import Setting, parse, tree
 
     ideal, file = bool(_value(options, "ideal")), None
-    wanted = [parse(text) for text in options.set]
+    named = [] if ideal or not still else _name_all_loose(options)
+    wanted = [*named, *(parse(text) for text in options.set)]
     for key in ("fix", "allow_unphysical"):
         if names := _value(options, key):
             wanted.insert(0, Setting(("robot", key), list(names), f"--{key.replace('_', '-')}"))
@@ -313,6 +320,161 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
     return scenario
 
 
+def _name_all_loose(options: argparse.Namespace) -> list[Setting]:
+    """Have options for joints be for all that move the tool, where nothing says for which.
+
+    Returns:
+        Which tool was chosen before they had play, if it was.
+    """
+    from jointplay.physics.joints import replacing
+    from jointplay.scenario.settings import Setting
+
+    if "joints with clearance" not in options.groups or options.joint or not for_joints(options):
+        return []
+    plain = argparse.Namespace(**vars(options))
+    for flag in (_CLEARANCE, *FLAGS):
+        if flag.keys[0][0] != "robot":
+            setattr(plain, flag.attribute, None)
+    plain.gear = []
+    mechanism = scenario_of(plain, still=True).mechanism(options.case)
+    if mechanism.clearance and options.clearance is None:
+        return []
+    mechanism, entries = mechanism.ideal(), mechanism.description.joints
+    movers = mechanism.movers(_value(options, "relative_to"))
+    able = [n for n in movers if n not in entries or replacing(entries[n].kind)]
+    options.joint = [json.dumps(name) for name in able]
+    if options.tool is not None or not mechanism.tool_reason:
+        return []
+    return [Setting(("robot", "tool"), mechanism.tool, mechanism.tool_reason, assumed=True)]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What the options say of a machine that stands."""
+
+    scenario: Scenario
+    simulation: Simulation | None
+    """Of a scenario file."""
+    mechanism: Mechanism
+    motion: Motion | None
+    poses: Poses
+    notes: list[str]
+    """What was chosen for the user, a line each."""
+
+
+def standing(options: argparse.Namespace) -> Standing:
+    """The machine that the options describe, and the poses at which it is to be looked at.
+
+    Raises:
+        JointplayError: see `scenario_of`; a joint with clearance of which nobody says the size.
+    """
+    from jointplay.accuracy.poses import poses_of
+    from jointplay.scenario import assumptions
+
+    ways = {name: _value(options, name) for name in ("pose", "poses", "motion", "workspace")}
+    chosen = [name for name, value in ways.items() if value not in (None, [])]
+    if len(chosen) > 1:
+        raise JointplayError(f"give one of --{' and --'.join(chosen)}")
+    scenario = scenario_of(options, still=True)
+    case = options.case or scenario.cases[0]
+    simulation = scenario.simulation(options.case) if is_scenario(options) else None
+    mechanism = scenario.mechanism(options.case)
+    named = named_joints(options)
+    for name in assumptions.unsized(scenario, case):
+        if name in named:
+            words = f'--clearance is missing: the radial clearance of {name!r}, such as "0.1 mm"'
+            raise JointplayError(words)
+    motion = scenario.motion(case) if simulation is None else simulation.motion
+    given = _given_poses(options, mechanism)
+    poses = poses_of(simulation or mechanism, given, ways["workspace"], motion)
+    notes = assumptions.standing(
+        scenario,
+        case,
+        poses,
+        named=named,
+        play=bool(named or for_joints(options)),
+        relative_to=_value(options, "relative_to"),
+    )
+    return Standing(scenario, simulation, poses.mechanism, motion, poses, notes)
+
+
+def _given_poses(
+    options: argparse.Namespace, mechanism: Mechanism
+) -> dict[str, dict[str, float]] | None:
+    """Joint positions of the poses that are given one by one, by name; None if none are."""
+    file, texts = _value(options, "poses"), _value(options, "pose")
+    if file is None:
+        several = len(texts or ()) > 1  # else its name need not be said
+        return {text * several: _positions(mechanism, text) for text in texts or ()} or None
+    (_, header), *rows = files.csv_rows(Path(file), "poses")
+    header = [cell.strip() for cell in header]
+    named = header[0] == "name"
+    found: dict[str, dict[str, float]] = {}
+    for number, row in rows:
+        line, cells = f"{file}, line {number}", [cell.strip() for cell in row]
+        name = cells[0] if named else str(len(found) + 1)
+        if name in found:
+            raise JointplayError(f"{line}: there are two poses {name!r}")
+        pairs = [*zip(header, cells, strict=True)][named:]
+        found[name] = {
+            joint: _position(mechanism, joint, cell, f"{line}, {joint}") for joint, cell in pairs
+        }
+    if not found:
+        raise JointplayError(f"{file} has no poses: give a line of joint positions for each")
+    return found
+
+
+def _positions(mechanism: Mechanism, text: str) -> dict[str, float]:
+    positions = {}
+    names = mechanism.description.joints
+    longest = sorted(map(re.escape, names), key=len, reverse=True)
+    ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
+    for part in re.split(f",{ahead}", text) if text else ():
+        name, value = name_and_number(part.strip(), names)
+        name = name if name in names else name.strip()
+        if value is None:
+            raise misread(part, "--pose JOINT=X,JOINT=X,...")
+        positions[name] = _position(mechanism, name, value, f"--pose {name}")
+    return positions
+
+
+def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
+    """Position of a joint [rad or m]; errors begin with `where`."""
+    entry = mechanism.description.joints.get(joint)
+    return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
+
+
+def load_on_tool(
+    options: argparse.Namespace, gravity: Sequence[float]
+) -> tuple[float, float, float]:
+    """Force on the tool in world axes [N]: what --force and --payload say."""
+    force = (0.0, 0.0, 0.0)
+    if options.force is not None:
+        force = vector(options.force, "N", "--force")
+    require_non_negative("--payload", options.payload or 0.0, "kg")
+    x, y, z = (f + (options.payload or 0.0) * g for f, g in zip(force, gravity, strict=True))
+    return x, y, z
+
+
+def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, Any]:
+    """What budgets of the whole error take: its causes, errors that are known, class of the rest.
+
+    Raises:
+        JointplayError: neither --whole nor the scenario nor the preset names a class.
+    """
+    from jointplay.accuracy.causes import CAUSES
+    from jointplay.accuracy.robot_errors import CLASSES
+
+    errors, preset = scenario.robot_errors(options.case), chosen_preset(options)
+    said = (options.whole, errors and errors.assumed, preset and preset.errors)
+    for kind in filter(None, said):
+        return {"causes": options.causes or CAUSES, "errors": errors, "kind": kind}
+    raise JointplayError(
+        f"--whole needs a class of robots, from which is taken what is not given: "
+        f'{", ".join(CLASSES)}; or [errors] of the scenario, such as assumed = "{CLASSES[1]}"'
+    )
+
+
 def simulation_of(options: argparse.Namespace) -> Simulation:
     """The one simulation that these options describe.
 
@@ -338,7 +500,7 @@ def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
 
     if "joints with clearance" not in options.groups:
         return {}
-    return dict(name_and_value(entry, is_value=is_designation) for entry in options.joint)
+    return dict(name_and_number(entry, is_number=is_designation) for entry in options.joint)
 
 
 def for_joints(options: argparse.Namespace) -> list[Flag]:
@@ -510,10 +672,10 @@ def _other_settings(options: argparse.Namespace) -> list[Setting]:
     if any(one.key[0] == "drive" for one in settings):
         settings.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
     for entry in _value(options, "joint_friction") or ():
-        name, _, values = entry.rpartition("=")
-        parts = [number(value.strip()) for value in values.split(",")]
-        if not name or len(parts) != 2:
-            raise JointplayError(f"--joint-friction must read JOINT=COULOMB,VISCOUS, got {entry!r}")
+        name, values = name_and_number(entry)
+        parts = [number(value.strip()) for value in (values or "").split(",")]
+        if len(parts) != 2:
+            raise misread(entry, "--joint-friction JOINT=COULOMB,VISCOUS")
         for key, value in zip(("coulomb", "viscous"), parts, strict=True):
             settings.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
     return settings

@@ -16,6 +16,7 @@ import argparse
 from pathlib import Path
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import divided
 
 WORDS = ("x", "y", "hue", "z")
 
@@ -25,8 +26,8 @@ def run(options: argparse.Namespace) -> int:
 
     given: dict[str, str] = {}
     for word in options.words:
-        name, equals, value = word.partition("=")
-        if not equals or not value or name in given:
+        name, value = divided(word)
+        if not value or name in given:
             forms = ", ".join(f"{one}=NAME" for one in WORDS)
             raise JointplayError(f"{word!r} must be one of {forms} or DIMENSION=VALUE, each once")
         given[name] = value

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.accuracy import poses
-from jointplay.accuracy.error_budget import FOLLOW, PlayBudget, budget
+from jointplay.accuracy.error_budget import PlayBudget, budget
+from jointplay.accuracy.poses import Poses, poses_of
 from jointplay.base.errors import JointplayError
 from jointplay.base.units import readable
 from jointplay.model.scene import tool_places
@@ -28,7 +28,6 @@ from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
 from jointplay.simulation.analysis.tool_error import deviation
 from jointplay.simulation.analysis.twins import COMPARED, ideal_simulation
-from jointplay.simulation.loads.drive import Drive
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
 from jointplay.simulation.run import Run
@@ -67,7 +66,7 @@ class Machine:
         self.state = state
         self.superseded: Callable[[], bool] = lambda: False
         self._twins: OrderedDict[str, Result] = OrderedDict()
-        self._worst: np.ndarray | None = None
+        self._worst: Poses | None = None
 
     def simulation(self, values: Mapping[str, float]) -> Simulation:
         """The case with these numbers; errors as of `jointplay run`."""
@@ -100,24 +99,15 @@ class Machine:
 
     def _budget(self, simulation: Simulation, whole: bool) -> Message:
         """The static budget, as `jointplay budget FILE` computes it, or at its worst pose."""
-        mechanism, motion = simulation.mechanism, simulation.motion
-        driven, near = None, {}
-        if mechanism.loops:
-            near = poses.start_of(simulation)
-            driven = poses.standing(mechanism, motion, near)
-        if not whole and self._worst is not None:
-            q = self._worst
-        elif motion is None:
-            q = poses.at_pose(mechanism, {}, driven, near)
+        if whole or self._worst is None:
+            poses = poses_of(simulation)
         else:
-            q = poses.along_motion(mechanism, motion, near=near)
-        own = simulation.drive
-        drive = own if isinstance(own, Drive) and own.follows else FOLLOW
-        errors = budget(mechanism, q, driven=driven, drive=drive)
+            poses = replace(self._worst, mechanism=simulation.mechanism.bolted())
+        errors = budget(poses.mechanism, poses.q, driven=poses.driven, drive=poses.drive)
         at = errors.worst_pose
-        if not whole and len(q) > 1:  # from now on at this pose
-            self._worst = q[at : at + 1]
-        return budget_message(errors, whole, motion is not None), b""
+        if not whole and len(poses.q) > 1:  # from now on at this pose
+            self._worst = replace(poses, q=poses.q[at : at + 1])
+        return budget_message(errors, whole, simulation.motion is not None), b""
 
     def _to_end(self, run: Run) -> Status:
         """How a run ended that no newer question did."""

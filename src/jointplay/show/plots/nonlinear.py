@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Dots, Map, Panel, Rule
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import COLOURS, LINE, many
+from jointplay.study.nonlinear.analyses import Findings
 from jointplay.study.nonlinear.lyapunov import Exponent
 
 _WIDE_PT = 480.0  # width of a bifurcation diagram between its axes, about [points]
@@ -153,3 +154,15 @@ def basin(
     x, y = Axis(f"start of the journal of {joint}, x", "m"), Axis("y", "m")
     panel = Panel(x, y, marks, title, equal="box", legend="beside")
     return draw(Chart([[panel]], (6.4, 4.6)))
+
+
+_DRAWN = {
+    one.__name__: one
+    for one in (turns, bifurcation, poincare, exponent, exponents, recurrence, waterfall, basin)
+}
+
+
+def figure(found: Findings) -> Figure:
+    """What an analysis found."""
+    made: Figure = _DRAWN[found.figure](**found.data)  # type: ignore[operator]
+    return made

@@ -1,3 +1,5 @@
+from .analyses import Analysis as Analysis
+from .analyses import Findings as Findings
 from .lyapunov import Exponent as Exponent
 from .lyapunov import exponent as exponent
 from .lyapunov import growths as growths
@@ -7,6 +9,7 @@ from .poincare import once_per_turn as once_per_turn
 from .poincare import rate as rate
 from .poincare import recurrence as recurrence
 from .poincare import repeats_after as repeats_after
+from .rows import Varied as Varied
 from .run_up import RunUp as RunUp
 from .steady_motion import Turning as Turning
 from .steady_motion import orders as orders

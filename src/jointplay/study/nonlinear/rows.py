@@ -15,9 +15,10 @@ import numpy as np
 
 from jointplay.base import files
 from jointplay.base.errors import JointplayError
+from jointplay.base.pairs import misread, pair
 from jointplay.base.tables import Column, Table
 from jointplay.scenario import Scenario
-from jointplay.scenario.settings import Setting, divided, parse, tree
+from jointplay.scenario.settings import Setting, parse, tree
 from jointplay.simulation.analysis import ideal_simulation
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.journal import Lines
@@ -48,22 +49,22 @@ class Varied:
         Raises:
             JointplayError: it reads otherwise.
         """
-        key, _, rest = divided(text)
-        span, _, unit = rest.strip().partition(" ")
+        words = (
+            "--vary KEY=FROM:TO:COUNT and a unit, such as "
+            "'motion.speeds.crank_pin=1000:5000:400 rpm'"
+        )
+        key, rest = pair(text, words)
+        span, _, unit = rest.partition(" ")
         try:
             first, last, number = span.split(":")
             low, high, count = float(first), float(last), int(number)
-            good = count >= 1 and bool(key.strip()) and np.isfinite(high - low)
         except ValueError:
-            good = False
-        if not good:
-            raise JointplayError(
-                f"--vary must read KEY=FROM:TO:COUNT and a unit, such as "
-                f"'motion.speeds.crank_pin=1000:5000:400 rpm', got {text!r}"
-            )
+            raise misread(text, words) from None
+        if count < 1 or not np.isfinite(high - low):
+            raise misread(text, words)
         parse(f"{key}=0")  # is it a key?
         values = np.linspace(low, high, count)
-        return cls(key.strip(), tuple(float(f"{value:.12g}") for value in values), unit.strip())
+        return cls(key, tuple(float(f"{value:.12g}") for value in values), unit.strip())
 
     def setting(self, value: float) -> Setting:
         text = f'"{value!r} {self.unit}"' if self.unit else repr(value)
@@ -112,6 +113,11 @@ class Observation:
     @property
     def end(self) -> int:
         return self.settle + self.keep
+
+    def orders(self, turns: int) -> np.ndarray:
+        """Orders of a spectrum of so many turns, shape (m,)."""
+        highest = min(self.highest, self.records / 2)
+        return np.arange(int(highest * turns + 1e-6) + 1) / turns
 
     def simulation(self, value: float | None = None) -> Simulation:
         varied = self.varied if value is not None else None

@@ -1,0 +1,240 @@
+"""A robot whose joints' play is reduced: the files of all simulators, random copies, a check."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from jointplay.accuracy.error_budget import PlayBudget
+from jointplay.base.errors import JointplayError
+from jointplay.base.tables import Column, Table
+from jointplay.bridges import random_copies, reduced_files
+from jointplay.bridges.reduced_formats import FORMATS
+from jointplay.bridges.reduced_mjcf import (
+    CompiledRobot,
+    compile_robot,
+    find_play,
+    find_reach,
+    follow,
+)
+from jointplay.bridges.reduction import Reduction
+from jointplay.model.mechanism import Mechanism
+from jointplay.simulation.loads.drive import Servo
+
+
+def refuse_without_play(
+    mechanism: Mechanism, joints: Collection[str], formats: Collection[str], tilt: bool
+) -> None:
+    """Refuse to write files without any play of a robot that has some.
+
+    A journal has no play about its own axis, which is all that a dead band can say; JSON has the
+    numbers of its tilt and travel, too.
+
+    Raises:
+        JointplayError: no file but JSON would have any.
+    """
+    bands = any(mechanism.gears[name].unloaded_range > 0.0 for name in joints
+                if name in mechanism.gears)  # fmt: skip
+    reach = {
+        name: mechanism.clearance[name].play(second_order=False).reach
+        for name in dict.fromkeys(joints)
+        if name in mechanism.clearance and mechanism.clearance[name].hinge is not None
+    }
+    loose = [name for name, far in reach.items() if max(far) > 0.0]
+    tilts = tilt and any(turn > 0.0 for _, turn in reach.values())
+    empty = [name for name in dict.fromkeys(formats) if name != "json"]
+    if not empty or not loose or tilts or bands:
+        return
+    remedy = "a gear's play (--gear NAME=ANGLE)"
+    if not tilt:
+        remedy = f"--tilt for the tilt, or {remedy}"
+    raise JointplayError(
+        f"{', '.join(empty)} would have no play: the clearance of {', '.join(loose)} gives none "
+        f"about a journal's own axis, only tilt and travel, which move the tool; add {remedy}; "
+        "--format json has all numbers"
+    )
+
+
+@dataclass(frozen=True)
+class ReducedRobot:
+    """A robot with these joints reduced, as files have it; MuJoCo compiles it if it is asked for.
+
+    Raises:
+        MissingName: no such format or place for an encoder.
+        JointplayError: a package that a format needs is missing.
+    """
+
+    mechanism: Mechanism
+    reductions: Sequence[Reduction]
+    pose: Mapping[str, float]
+    """Joint positions about which they were fitted [rad or m]."""
+    formats: Collection[str] = tuple(FORMATS)
+    tilt: bool = False
+    """Whether axes tilt in the files, too."""
+    encoder: str = "motor"
+    servos: Mapping[str, Servo] = field(default_factory=dict)
+    """By joint; only MJCF has them."""
+    spread: float = reduced_files.SPREAD
+    """Half width of the ranges of what is not measured, relative."""
+    plugin: str = reduced_files.PLUGIN
+    """Hardware of ros2_control's tags."""
+
+    @property
+    def tilting(self) -> list[str]:
+        """Joints whose axes tilt in the files."""
+        return [one.joint for one in self.reductions if self.tilt and one.tilt > 0.0]
+
+    @cached_property
+    def _compiled(self) -> CompiledRobot:
+        return compile_robot(self.mechanism, self.reductions, self.pose, self.tilt)
+
+    @property
+    def meshes(self) -> dict[str, bytes]:
+        """Shapes that the MJCF needs, by file, for a folder of `model.meshes` beside it."""
+        return dict(self._compiled.meshes) if "mjcf" in self.formats else {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What the files have not as the URDF has it, a line each."""
+        lines = [*self._compiled.notes] if "mjcf" in self.formats else []
+        entries = self.mechanism.description.joints
+        mimics = [name for name in self.mechanism.joints if entries[name].mimic]
+        if mimics and {"sdf", "usd"}.intersection(self.formats):
+            lines.append(f"sdf and usd: that {', '.join(mimics)} mimic others is not represented")
+        return lines
+
+    def table(self) -> Table:
+        """Numbers of the joints, a row each."""
+        heads = ("joint", ""), ("half play", "rad"), ("friction", "N*m"), ("stiffness", "N*m/rad")
+        rows = [
+            (one.joint, 0.5 * one.dead_band, one.friction, one.stiffness, one.rotor_inertia)
+            for one in self.reductions
+        ]
+        table = Table.of([*heads, ("rotor", "kg*m^2")], rows)
+        if not self.tilting:
+            return table
+        tilts = [one.tilt if one.joint in self.tilting else 0.0 for one in self.reductions]
+        return Table([*table.columns, Column("tilt", tilts, "rad")])
+
+    def files(self, stem: str) -> dict[str, str]:
+        """Texts of the files by their names."""
+        texts = {f"{stem}{e}": text for e, text in self._simulated(self.reductions, self.servos)}
+        if "urdf" in self.formats:
+            texts[f"{stem}.yaml"] = reduced_files.to_yaml(self.reductions, self.encoder)
+        if "json" in self.formats:
+            text = reduced_files.to_json(self.reductions, self.encoder, self.spread)
+            texts[f"{stem}.json"] = text
+        return texts
+
+    def _simulated(
+        self, ones: Sequence[Reduction], servos: Mapping[str, Servo]
+    ) -> Iterator[tuple[str, str]]:
+        """Texts of simulators' files with these numbers, by ending."""
+        if "sdf" in self.formats:
+            yield ".sdf", reduced_files.to_sdf(self.mechanism, *ones)
+        if "urdf" in self.formats:
+            yield ".urdf", reduced_files.to_urdf(self.mechanism, *ones, plugin=self.plugin)
+        if "mjcf" in self.formats:
+            yield ".xml", self._compiled.mjcf(ones, encoder=self.encoder, servos=servos)
+        if "usd" in self.formats:
+            from jointplay.bridges.usd import to_usd
+
+            yield ".usda", to_usd(self.mechanism, *ones)
+
+    def copies(
+        self, names: Sequence[str], seed: int = 0, identified: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, str], Table, str]:
+        """Copies whose numbers are drawn at random; see `random_copies`.
+
+        Args:
+            names: of the copies.
+            seed: of the random numbers.
+            identified: what `random_copies.intervals` takes.
+
+        Returns:
+            Texts of their files by name, a table of the numbers, and from where to where they are
+            drawn, in words.
+        """
+        tilting = self.tilting if "mjcf" in self.formats else ()
+        ranges = random_copies.intervals(
+            self.mechanism, self.reductions, self.spread, identified, self.servos, tilting
+        )
+        values, texts = random_copies.draw(ranges, len(names), seed), dict[str, str]()
+        for name, row in zip(names, values, strict=True):
+            ones = random_copies.drawn(self.reductions, ranges, row)
+            servos = random_copies.drawn_servos(self.servos, ranges, row)
+            texts |= {f"{name}{ending}": text for ending, text in self._simulated(ones, servos)}
+        known = [one.label for one in ranges if one.origin == "identified"]
+        words = f"within +-{100.0 * self.spread:g} %, assumed"
+        if known:
+            words = f"within the intervals of {', '.join(known)}, all others {words}"
+        return texts, random_copies.table(ranges, values, names), words
+
+    @cached_property
+    def reach(self) -> tuple[float, PlayBudget]:
+        """How far the files' play lets the tool be off at the pose [m], and the robot's budget."""
+        return reduced_files.reach(self.mechanism, self.reductions, self.pose, self.tilting)
+
+    @property
+    def coverage(self) -> list[str]:
+        """What of the robot's play the files have, and which tilt they overstate, a line each."""
+        written, own = self.reach
+        left = dict.fromkeys([*self.mechanism.clearance, *self.mechanism.gears])
+        for one in self.reductions:
+            left.pop(one.joint)
+        missing = [f"all play of {', '.join(left)}"] if left else []
+        tilted = [one.joint for one in self.reductions if one.tilt > 0.0]
+        if upright := [name for name in tilted if name not in self.tilting]:
+            missing.append(f"the tilt of {', '.join(upright)} (--tilt writes it)")
+        if any(max(one.lateral, one.axial) > 0.0 for one in self.reductions):
+            missing.append("the journals' travel aside and along")
+        more = f"; not written: {', '.join(missing)}" if missing else ""
+        lines = [
+            f"the play written moves the tool by up to {1e3 * written:.5g} mm at the pose; the "
+            f"budget's worst case is {1e3 * own.worst[0]:.5g} mm{more}"
+        ]
+        return lines + [
+            f"note: the error of the tilt of {one.joint} exceeds its dead band: its load does "
+            "not turn the journal to the rim (a side force presses both rims to one side, or "
+            "nothing does); leave --tilt out"
+            for one in self.reductions
+            if one.joint in self.tilting and one.tilt_error > one.tilt
+        ]
+
+    def check(self) -> Iterator[str]:
+        """Run the MJCF in MuJoCo: how it differs from the full model, and which play it has."""
+        mjcf = self._compiled.mjcf(self.reductions, encoder=self.encoder, servos=self.servos)
+        for one in self.reductions:
+            seen = follow(mjcf, one, self.meshes)
+            kept = "within" if seen.error <= one.angle_error else "beyond"
+            yield (
+                f"MuJoCo: {one.joint}: link's angle off by up to {1e6 * seen.error:.4g} µrad, "
+                f"{kept} the stated {1e6 * one.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} µs "
+                f"a step of {1e3 * seen.step:.3g} ms"
+            )
+            if seen.tilt_error is not None:
+                kept = "within" if seen.tilt_error <= one.tilt_error else "beyond"
+                yield (
+                    f"MuJoCo: {one.joint}: axis' tilt off by up to {1e3 * seen.tilt_error:.4g} "
+                    f"mrad, {kept} the stated {1e3 * one.tilt_error:.4g}"
+                )
+        found = find_play(mjcf, self.meshes)
+        for one in self.reductions:
+            if one.joint in found:
+                pushed = found[one.joint]
+                yield (
+                    f"MuJoCo: {one.joint} turns freely by {1e3 * pushed.dead_band:.5g} mrad "
+                    f"(written: {1e3 * one.dead_band:.5g}), then {pushed.stiffness:.5g} N m/rad "
+                    f"(written: {one.stiffness:.5g})"
+                )
+        if not found:
+            yield "MuJoCo: no joint has a dead band about its axis"
+        if self.tilting:
+            direction = self.reach[1].direction[0]
+            moved = find_reach(mjcf, self.meshes, self.mechanism.tool, self.pose, direction)
+            yield (
+                f"MuJoCo: the axes' tilt moves the tool by {1e3 * moved:.5g} mm along the "
+                "budget's worst direction"
+            )

@@ -1,0 +1,413 @@
+"""Analyses of settled motion by kind: what of a scenario is computed, and what it tells."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base.errors import JointplayError, MissingName, require_whole
+from jointplay.scenario import Scenario
+from jointplay.scenario.settings import words
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.nonlinear import lyapunov, observables, poincare
+from jointplay.study.nonlinear.rows import Key, Observation, Varied, rows
+from jointplay.study.nonlinear.steady_motion import RECORDS, Turning, room, turn
+
+TURNS = {
+    "turns": (20, 2),
+    "bifurcation": (60, 60),
+    "poincare": (60, 200),
+    "lyapunov": (30, 100),
+    "recurrence": (60, 10),
+    "waterfall": (30, 20),
+    "runup": (10, 200),
+    "basin": (60, 30),
+}
+"""Kinds of analyses: turns that settle, and turns that are looked at; see `CYCLES`."""
+CYCLES = (1, 8)
+"""The same of motions other than cranks at constant speed."""
+OVER_VALUES = ("bifurcation", "waterfall", "runup")
+"""Kinds that are of several values of a key; a Lyapunov exponent may be."""
+MOST_NAMES = {
+    "poincare": 2,
+    "bifurcation": 1,
+    "waterfall": 1,
+    "runup": 1,
+    "lyapunov": 0,
+    "basin": 0,
+}
+"""Quantities that a kind takes, if not any number."""
+SAME = 1e-2
+"""Points of a section are the same if they are nearer than this part of all points' range."""
+MOST_PLOTTED = 1500
+"""Points of a recurrence plot."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What an analysis found, as a figure of `show.plots.nonlinear` shows it."""
+
+    figure: str
+    """Name of the function that draws it."""
+    data: dict[str, Any]
+    """Its arguments."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """An analysis of a case of a scenario, checked before anything runs; see `of`."""
+
+    kind: str
+    study: Observation
+    threshold: float = 0.1
+    grid: int = 21
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        kind: str,
+        case: str | None = None,
+        varied: Varied | None = None,
+        names: Sequence[str] = (),
+        *,
+        settle: int | None = None,
+        keep: int | None = None,
+        phase: float = 0.25,
+        records: int = RECORDS,
+        orders: float = 20.0,
+        window: int = 8,
+        threshold: float = 0.1,
+        joint: str | None = None,
+        grid: int = 21,
+    ) -> Analysis:
+        """What is to be analysed.
+
+        Args:
+            scenario, case: what moves.
+            kind: one of `TURNS`.
+            varied: a key and its values, of the kinds `OVER_VALUES`.
+            names: quantities, see `observables.names`; none: those usual for the kind.
+            settle, keep: turns that are left out at the start, and turns that are looked at.
+            phase: where in the turn a section is, in turns.
+            records: in a turn.
+            orders: largest order of spectra.
+            window: turns of a spectrum in a run-up.
+            threshold: distance that counts as near in a recurrence, as a share of all distances.
+            joint: whose journal starts off centre, of a basin.
+            grid: starting positions of a basin along each of x and y.
+
+        Raises:
+            JointplayError: what does not go together, or a motion that does not repeat itself.
+            MissingName: no such kind, case, joint or quantity.
+        """
+        if kind not in TURNS:
+            raise MissingName("kind of study", kind, TURNS)
+        if kind in OVER_VALUES and varied is None:
+            raise JointplayError(f"{kind} needs --vary KEY=FROM:TO:COUNT")
+        if varied is not None and kind not in (*OVER_VALUES, "lyapunov"):
+            raise JointplayError(f"{kind} takes no --vary: it analyses a single motion")
+        study = Observation(scenario, case, 0, 1, records, phase, (), varied, orders, joint or "")
+        simulation = study.simulation(None if varied is None else varied.values[0])
+        mechanism, motion = simulation.mechanism, simulation.motion
+        crank = motion is not None and motion.interpolation == "constant-speed"
+        usual = TURNS[kind] if crank else CYCLES
+        if kind == "basin" and not joint and not mechanism.clearance:
+            raise JointplayError("a basin needs a joint with clearance")
+        joint = (joint or next(iter(mechanism.clearance))) if kind == "basin" else ""
+        study = replace(
+            study,
+            settle=usual[0] if settle is None else settle,
+            keep=usual[1] if keep is None else keep,
+            joint=joint,
+            names=_names(kind, tuple(names), simulation, joint),
+        )
+        for name in study.names:
+            observables.check(name, mechanism)
+        if not 0.0 <= phase < 1.0:
+            raise JointplayError(f"--phase must be in [0, 1) turns, got {phase:g}")
+        if varied is not None and kind == "runup":
+            study = replace(study, window=window)
+            study.run_up().windows(len(varied.values), study.window)
+        else:
+            Turning.of(simulation, study.settle, study.keep, study.records)
+        return cls(kind, study, threshold, require_whole("--grid", grid, 1))
+
+    def run(
+        self,
+        folder: Path,
+        jobs: int | None = None,
+        progress: bool = False,
+        say: Callable[[str], object] = print,
+    ) -> Findings:
+        """Compute what the folder has not yet; its table is there as ``KIND.csv``.
+
+        Args:
+            folder, jobs, progress: see `rows.rows`.
+            say: takes what was found, a line each.
+
+        Raises:
+            JointplayError: no run was completed; see `rows.rows`.
+        """
+        return _KINDS[self.kind](self, partial(self._rows, folder, jobs, progress, say), say)
+
+    def _rows(
+        self,
+        folder: Path,
+        jobs: int | None,
+        progress: bool,
+        say: Callable[[str], object],
+        columns: Sequence[str],
+        work: Callable[[Key], np.ndarray],
+        keys: Sequence[Key],
+    ) -> np.ndarray:
+        """Numbers for each key, found or read; failures are said."""
+        table = folder / f"{self.kind}.csv"
+        asked = {"kind": self.kind, **self.study.asked()}
+        found, done, failures = rows(table, asked, columns, work, keys, jobs, progress)
+        say(f"{done} of {len(keys)} runs computed now, {len(keys) - done} earlier")
+        failed = [key for key in keys if key in failures]
+        for key in failed[:3]:
+            at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
+            say(f"failed{at}: {failures[key]}")
+        if len(failed) > 3:
+            say(f"... and {len(failed) - 3} more, see {table}")
+        if len(failed) == len(keys):
+            raise JointplayError(f"no run was completed: {failures[keys[0]]}")
+        return found
+
+    @property
+    def title(self) -> str:
+        study = self.study
+        case = f", case {study.case}" if study.case else ""
+        case += " changed" if case and (study.varied or study.scenario.settings) else ""
+        return f"{self.file}{case}: turns {study.settle + 1} to {study.end}"
+
+    @property
+    def file(self) -> str:
+        return Path(str(self.study.scenario.path).rpartition(":")[2]).stem
+
+    @property
+    def sampling(self) -> str:
+        """How points were sampled, for a caption."""
+        study = self.study
+        base = f" Other keys as in case {study.case}." if study.case else ""
+        changed = ", ".join(words(study.scenario.settings))
+        given = f" Changed: {changed}." if changed else ""
+        return (
+            f"One point a turn (period of the motion), {study.phase:g} of a turn after its start: "
+            f"turns {study.settle + 1} to {study.end} at each of {len(self.keys)} values, "
+            f"{study.settle} turns of settling left out.{base}{given}"
+        )
+
+    @property
+    def varied(self) -> Varied:
+        assert self.study.varied is not None
+        return self.study.varied
+
+    @property
+    def keys(self) -> list[Key]:
+        return [()] if self.study.varied is None else [(value,) for value in self.varied.values]
+
+    @property
+    def labels(self) -> list[str]:
+        first = None if self.study.varied is None else self.study.varied.values[0]
+        mechanism = self.study.simulation(first).mechanism
+        return [observables.label(name, mechanism) for name in self.study.names]
+
+    def per_turn(self, *what: str) -> list[str]:
+        """Columns of a table: these in each turn that is looked at."""
+        first, end = self.study.settle + 1, self.study.end
+        return [f"{name} turn {k}" for k in range(first, end + 1) for name in what]
+
+
+def _names(
+    kind: str, asked: tuple[str, ...], simulation: Simulation, joint: str
+) -> tuple[str, ...]:
+    """Quantities that are looked at: those asked for, or those usual for the kind."""
+    if len(asked) > (most := MOST_NAMES.get(kind, len(asked))):
+        raise JointplayError(f"{kind} takes {most or 'no'} --of, got {len(asked)}")
+    clearance, first = simulation.mechanism.clearance, observables.usual(simulation.mechanism)
+    if kind == "lyapunov":
+        return ()
+    if kind == "basin":
+        return f"{joint}.x", f"{joint}.y"
+    if kind == "poincare" and len(asked) < 2:
+        thing, _, what = (asked[0] if asked else first).rpartition(".")
+        pairs = {"acceleration": ("acceleration", "speed"), "position": ("position", "speed")}
+        a, b = pairs.get(what, ("x", "y"))
+        if thing not in clearance and what not in pairs:
+            raise JointplayError("give both quantities of the map: --of NAME --of NAME")
+        return f"{thing}.{a}", f"{thing}.{b}"
+    if kind == "recurrence" and not asked and clearance:
+        joint = next(iter(clearance))
+        return f"{joint}.x", f"{joint}.y"
+    if kind == "turns" and not asked and simulation.motion is not None:
+        return first, f"{simulation.motion.joints[0]}.moment"
+    return asked or (first,)
+
+
+Rows = Callable[[Sequence[str], Callable[[Key], np.ndarray], Sequence[Key]], np.ndarray]
+"""Gives numbers by columns, what finds a row, and its values, shape (values, columns)."""
+Say = Callable[[str], object]
+
+
+def _bifurcation(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """A quantity once a turn over the values of a key."""
+    samples = rows(job.per_turn(job.study.names[0]), job.study.section, job.keys)
+    near = SAME * float(np.nanmax(samples) - np.nanmin(samples))
+    good = [row for row in samples if np.isfinite(row).all()]
+    periods = Counter(poincare.repeats_after(row, near) for row in good)
+    counts = sorted(periods.items(), key=lambda item: (item[0] is None, item[0] or 0))
+    parts = [
+        f"{n} {'do not repeat' if p is None else f'repeat after {p} turn' + 's' * (p > 1)}"
+        for p, n in counts
+    ]
+    say(f"of {len(good)} values {', '.join(parts)} (to {near:.3g}, {100 * SAME:g} % of all)")
+    (label,) = job.labels
+    data = {
+        "values": np.array(job.varied.values),
+        "samples": samples,
+        "across": job.varied.label,
+        "up": f"{label}, once a turn",
+        "title": f"{job.file}: {label.rpartition(' [')[0]} over the {job.varied.words}",
+        "caption": job.sampling,
+    }
+    return Findings("bifurcation", data)
+
+
+def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """Two quantities once a turn against each other."""
+    points = rows(job.per_turn(*job.study.names), job.study.section, [()]).reshape(-1, 2)
+    spread = np.ptp(points, axis=0)
+    scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-300)
+    period = poincare.repeats_after(scaled, SAME)
+    word = "does not repeat itself" if period is None else f"repeats itself after {period} turn(s)"
+    say(f"the section {word} within {100 * SAME:g} %; it is {spread[0]:.3g} by {spread[1]:.3g}")
+    return Findings("poincare", {"points": points, "labels": job.labels, "title": job.title})
+
+
+def _exponents(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """The largest exponent, or one for each value of a key."""
+    growths = rows(job.per_turn("growth 1/s"), job.study.growth, job.keys)
+    found = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in growths]
+    if job.study.varied is None:
+        (one,) = found
+        assert one is not None
+        say(f"{one} [1/s]")
+        data = {"growths": growths[0], "estimate": one, "turn": turn(job.study.simulation().motion)}
+        return Findings("exponent", {**data, "title": job.title})
+    counts = Counter(one.verdict for one in found if one is not None)
+    say(", ".join(f"{number} {verdict}" for verdict, number in counts.items()))
+    data = {"values": np.array(job.varied.values), "estimates": found, "across": job.varied.label}
+    return Findings("exponents", {**data, "title": job.title})
+
+
+def _recurrence(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """When the motion comes back to where it has been."""
+    every = max(-(-job.study.keep * job.study.records // MOST_PLOTTED), 1)
+    study = replace(job.study, every=every)
+    number = -(-study.keep * study.records // every)
+    columns = [f"{name} record {every * k}" for k in range(number) for name in study.names]
+    points = rows(columns, study.course, [()]).reshape(number, len(study.names))
+    near = poincare.recurrence(points, job.threshold)
+    share, lines = poincare.rate(near), poincare.determinism(near)
+    say(f"recurrence rate {share:.4f}, determinism {lines:.4f} (of {number} points)")
+    title = f"{job.title}\n{', '.join(study.names)}: rate {share:.3f}, determinism {lines:.3f}"
+    return Findings("recurrence", {"near": near, "span": study.keep, "title": title})
+
+
+def _turns(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """Quantities over turns, beside the ideal mechanism's."""
+    study = job.study
+    number = study.keep * study.records + 1
+    columns = [f"{what} {name} record {k}" for what in ("clearance", "ideal")
+               for k in range(number) for name in study.names]  # fmt: skip
+    values, ideal = rows(columns, study.beside_ideal, [()]).reshape(2, number, len(study.names))
+    labels = job.labels
+    for name, history, plain in zip(labels, values.T, ideal.T, strict=True):
+        ratio = np.abs(history).max() / max(np.abs(plain).max(), 1e-300)
+        say(f"{name}: largest {np.abs(history).max():.4g}, {ratio:.3g} of the ideal's")
+    angle = study.settle + np.arange(number) / study.records
+    data = {"angle": angle, "values": values, "ideal": ideal, "labels": labels}
+    return Findings("turns", {**data, "title": job.title})
+
+
+def _waterfall(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """Spectra over the values of a key."""
+    study = job.study
+    order = study.orders(study.keep)
+    columns = [f"{study.names[0]} order {one:.6g}" for one in order]
+    data = {
+        "values": np.array(job.varied.values),
+        "order": order,
+        "amplitudes": rows(columns, study.spectrum, job.keys),
+        "across": job.varied.label,
+        "up": job.labels[0],
+        "title": job.title,
+    }
+    return Findings("waterfall", data)
+
+
+def _run_up(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """Spectra while the speed rises."""
+    study, number = job.study, len(job.varied.values)
+    order = study.orders(study.window)
+    columns = [
+        f"{study.names[0]} window {k + 1} order {one:.6g}" for k in range(number) for one in order
+    ]
+    amplitudes = rows(columns, study.rising, [()]).reshape(number, len(order))
+    rising = study.run_up()
+    speeds = rising.speeds(number, study.window) * 60.0 / (2.0 * np.pi)
+    k, at = np.unravel_index(int(amplitudes.argmax()), amplitudes.shape)
+    say(
+        f"{number} windows of {study.window} turns, {speeds[0]:.5g} to {speeds[-1]:.5g} rpm; "
+        f"largest amplitude {amplitudes.max():.4g} at order {order[at]:g}, {speeds[k]:.5g} rpm"
+    )
+    data = {
+        "values": speeds,
+        "order": order,
+        "amplitudes": amplitudes,
+        "across": f"speed of {rising.joint} while it rises [rpm]",
+        "up": job.labels[0],
+        "title": f"{job.title}, window {study.window} turns",
+    }
+    return Findings("waterfall", data)
+
+
+def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
+    """On which orbit the motion ends, over where a journal starts."""
+    study = job.study
+    reach = np.array(room(study.simulation(), study.joint))
+    steps = (np.arange(job.grid) + 0.5) * 2.0 / job.grid - 1.0
+    places = [(float(reach[0] * x), float(reach[1] * y)) for x in steps for y in steps
+              if np.hypot(x, y) < 1.0]  # fmt: skip
+    found = rows(job.per_turn(*(f"{name} m" for name in study.names)), study.section_from, places)
+    sections = found.reshape(len(places), study.keep, 2)
+    good = np.isfinite(found).all(axis=1)
+    labels = np.full(len(places), -2)
+    labels[good], orbits = poincare.attractors(list(sections[good]), SAME * float(reach.max()))
+    for k, orbit in enumerate(orbits):
+        share = np.count_nonzero(labels == k) / len(places)
+        say(f"orbit {k + 1}, period {len(orbit)}: from {100 * share:.3g} % of the starts")
+    say(f"does not repeat itself: from {100 * np.mean(labels == -1):.3g} % of the starts")
+    data = {"places": np.array(places), "labels": labels, "periods": [len(one) for one in orbits]}
+    return Findings("basin", {**data, "joint": study.joint, "title": job.title})
+
+
+_KINDS: dict[str, Callable[[Analysis, Rows, Say], Findings]] = {
+    "bifurcation": _bifurcation,
+    "poincare": _section,
+    "lyapunov": _exponents,
+    "recurrence": _recurrence,
+    "turns": _turns,
+    "waterfall": _waterfall,
+    "runup": _run_up,
+    "basin": _basin,
+}
