@@ -15,7 +15,7 @@ function ticks(low, high, count) {
     const step = power * ([1, 2, 5].find(n => n * power >= raw * 0.999) || 10);
     const found = [];
     for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-    return found;
+    return found.length > 1 || count > 8 ? found : ticks(low, high, count + 1);  // one alone has no scale
 }
 
 // Powers of ten, not many more than `count`; where there are no two of them, 1, 2 and 5 of each.
