@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from browsing import until
+from browsing import DRAWN, until
 from conftest import body, joint
 from warm import call
 
@@ -215,7 +215,7 @@ def show_whole_run(tab):
     tab.evaluate("document.getElementById('chart-tool_velocity').scrollIntoView()")
     tab.click("#whole")
     until(tab, "() => !document.getElementById('chart-tool_velocity').plots[0].across.range[0]")
-    tab.wait_for_timeout(300)
+    tab.evaluate(DRAWN)
 
 
 def distance(points, line):
@@ -305,7 +305,7 @@ def test_charts_zoom_name_what_is_under_the_pointer_hide_and_are_saved(page, ope
             (tab.mouse.up, None),
         ):
             act(*([] if part is None else [box["x"] + part * box["width"], box["y"] + 80]))
-        tab.wait_for_timeout(200)
+        tab.evaluate(DRAWN)
 
     drag(0.3, 0.6)
     low, high = tab.evaluate(ranges, "chart-tool_velocity")
@@ -325,6 +325,10 @@ def test_charts_zoom_name_what_is_under_the_pointer_hide_and_are_saved(page, ope
     )
     tab.mouse.move(x, y)
     assert re.search(r"(ideal|worn|loose): .* m/s at 0\.\d+ s", chart.locator(".tip").inner_text())
+    beside = chart.locator(".tip").bounding_box()
+    sides = [beside["x"] - x, x - beside["x"] - beside["width"], abs(beside["y"] - y)]
+    assert 0.0 < max(sides[:2]) < 30.0
+    assert sides[2] < 30.0
     lines = chart.locator("path.curve").count()
     chart.get_by_role("button", name="worn").click()
     assert chart.locator("path.curve").count() == lines - 3
@@ -334,7 +338,7 @@ def test_charts_zoom_name_what_is_under_the_pointer_hide_and_are_saved(page, ope
     assert picture.tag.endswith("svg")
     assert "velocity x [m/s]" in "".join(picture.itertext())
     chart.locator(".plots").dblclick(position={"x": 300, "y": 80})
-    tab.wait_for_timeout(200)
+    tab.evaluate(DRAWN)
     assert tab.evaluate(ranges, "chart-tool_velocity") == [0, pytest.approx(0.4)]
 
 

@@ -180,9 +180,10 @@ class Chart {
         const where = one.spans ? `${words(x, one.x[i])} to ${words(x, one.spans[i])}` :
             one.texts ? `${words(x, one.x[i])}, ${words(y, one.y[i])}, ${one.texts[i]}` : `${words(y, one.y[i])} at ${words(x, one.x[i])}`;
         this.tip.textContent = one.name ? `${one.name}: ${where}` : where;
-        const right = at.left > this.svg.clientWidth / 2;
-        Object.assign(this.tip.style, {top: `${this.svg.offsetTop + at.top + 14}px`, left: right ? "auto" : `${this.svg.offsetLeft + at.left + 12}px`,
-            right: right ? `${this.tip.offsetParent.clientWidth - this.svg.offsetLeft - at.left + 12}px` : "auto"});
+        const seen = this.svg.getBoundingClientRect(), whole = this.tip.offsetParent.getBoundingClientRect();
+        const left = seen.left - whole.left + at.left, right = at.left > seen.width / 2;
+        Object.assign(this.tip.style, {top: `${seen.top - whole.top + at.top + 14}px`, left: right ? "auto" : `${left + 12}px`,
+            right: right ? `${whole.width - left + 12}px` : "auto"});
     }
 
     // The chart and its key as a file, with the colours of now.
