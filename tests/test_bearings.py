@@ -60,9 +60,9 @@ def test_reference_numbers_are_met_within_their_limits(benchmark, part):
     assert cases.worst < 1.0, str(cases)
 
 
-def test_what_turns_without_loss_keeps_its_energy_while_the_cage_goes_around(benchmark, tmp_path):
+def test_what_turns_without_loss_keeps_its_energy_while_the_cage_goes_around(benchmark):
     cases = benchmark.Cases()
-    benchmark.moving_cage(cases, tmp_path, 0.2)
+    benchmark.moving_cage(cases, 0.2)
     assert cases.worst < 1.0, str(cases)
 
 
@@ -254,18 +254,16 @@ def test_at_its_dynamic_rating_a_bearing_turns_about_a_million_times():
     assert free.life(loads) == pytest.approx(1e6, rel=0.2)
 
 
-def test_friction_without_load_and_with_it(tmp_path, benchmark):
-    path = tmp_path / "rotor.urdf"
-    path.write_text(benchmark.ROTOR)
+def test_friction_without_load_and_with_it(benchmark):
     bearing = jp.BallBearing(designation="6010/C3", drag_torque=0.02, rolling_friction=0.0)
     run = {"duration": 0.2, "drive": "free", "state": {"shaft": (0.0, 20.0)}, "estimate": False}
-    robot = jp.Mechanism(path, {"shaft": bearing}, gravity=(0, 0, 0))
+    robot = jp.Mechanism(benchmark.ROTOR, {"shaft": bearing}, gravity=(0, 0, 0))
     result = jp.simulate(robot, None, start="centred", **run)
     lost = float(result["friction_dissipation"][-1])
     turned = float(result["q"].sel(coordinate="shaft.yaw")[-1])
     assert lost == pytest.approx(0.02 * turned, rel=1e-3)
     loaded = jp.BallBearing(designation="6010/C3", drag_torque=0.0, rolling_friction=0.01)
-    robot = jp.Mechanism(path, {"shaft": loaded})
+    robot = jp.Mechanism(benchmark.ROTOR, {"shaft": loaded})
     result = jp.simulate(robot, None, start="rest", **run)
     assert result.audit.relative_energy_residual < 1e-5
     mean = float(result["friction_dissipation"][-1] / result["q"].sel(coordinate="shaft.yaw")[-1])

@@ -201,8 +201,8 @@ def test_axes_of_figures_have_words_and_units(text, label):
 
 
 def test_a_bifurcation_names_quantity_unit_and_turns(tmp_path, monkeypatch):
-    drawn, made = [], plots.bifurcation
-    monkeypatch.setattr(plots, "bifurcation", lambda *a: drawn.append(made(*a)) or drawn[-1])
+    drawn, made = [], plots.figure
+    monkeypatch.setattr(plots, "figure", lambda found: drawn.append(made(found)) or drawn[-1])
     status = cli.main(
         ["dynamics", "jointplay:slider_crank.toml", "bifurcation", "--case", "0.2 mm", "--settle",
          "1", "--keep", "2", "--vary", "joints.piston_pin.radial_clearance=0.1:0.2:2 mm", "--out",

@@ -90,7 +90,7 @@ class Elements(HTMLParser):
         self.found.append((tag, dict(attrs)))
 
 
-def inert(page):
+def inert(page, scripts):
     """Whether a page has no elements but its own: its picture, no handler, no further script."""
     found = Elements(page).found
     assert not [tag for tag, _ in found if tag in ("iframe", "object", "embed", "base")]
@@ -99,7 +99,7 @@ def inert(page):
     assert all(attrs["src"].startswith("data:image/png;base64,") for attrs in pictures)
     assert len(pictures) <= 1
     assert not [a for _, attrs in found for a in attrs if a.startswith("on")]
-    assert len([tag for tag, _ in found if tag == "script"]) == 4
+    assert len([tag for tag, _ in found if tag == "script"]) == scripts
     assert "<script>owned" not in page
 
 
@@ -115,18 +115,18 @@ def pages(tmp_path_factory):
 
 
 def test_names_of_a_result_are_text_in_every_page(pages):
-    for page in pages:
+    for page, scripts in zip(pages, (3, 4), strict=True):
         text = page.read_text(encoding="utf-8")
-        inert(text)
+        inert(text, scripts)
         assert "owned=1" in text  # they are there, as text
 
 
 def test_pages_run_only_scripts_whose_hash_they_name(pages):
-    for page in pages:
+    for page, run in zip(pages, (1, 2), strict=True):
         text = page.read_text(encoding="utf-8")
         policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
         scripts = re.search(r"script-src ([^;]*);", policy)[1]
-        assert re.fullmatch(r"('sha256-[\w+/=]{44}' ?){2}", scripts)
+        assert len(re.findall(r"'sha256-[\w+/=]{44}'", scripts)) == len(scripts.split()) == run
         assert "default-src 'none'" in policy
 
 
