@@ -1,4 +1,4 @@
-"""Write into docs/assumptions.md what reports assume: src/jointplay/report/assumptions.toml."""
+"""Write into docs/assumptions.md what reports assume: `show/reports/assumptions.toml`."""
 
 from pathlib import Path
 

@@ -1,6 +1,6 @@
 """What a scenario file can say: its tables, their keys, and the units of their values.
 
-`core.schema` reads them; joints, laws, gears, drives and payloads are tables of their own classes.
+`base.schema` reads them; joints, laws, gears, drives and payloads are tables of their own classes.
 """
 
 from __future__ import annotations

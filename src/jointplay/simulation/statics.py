@@ -344,7 +344,7 @@ class _StaticLoad:
 # The potential energy of gravity, drives (springs about their reference), gears, loads and
 # contacts is made as small as can be by Newton's method in a trust region; docs/statics.md says
 # what is solved, and what rest means where the start moves. A run that begins at rest and an
-# error budget (`analysis.rest`) both ask here.
+# error budget (`accuracy.rest`) both ask here.
 
 
 TOLERANCE = 1e-4

@@ -176,8 +176,8 @@ class CustomFilm(Custom, FilmLaw):
 
     Args:
         function: takes the joint's clearance c, radius R and length L, the viscosity, and then its
-            own parameters; it returns `film.law.FilmForce`, or any tuple of its four numbers. One
-            that takes ``(eccentricity, rate, whirl, spin, p, out)`` writes them into `out`.
+            own parameters; it returns `contact.film.FilmForce`, or any tuple of its four numbers.
+            One that takes ``(eccentricity, rate, whirl, spin, p, out)`` writes them into `out`.
         parameters: its own, at most 4; see `CustomNormalForce`.
         viscosity, hybrid, transition, least_thickness: see `FilmLaw`.
 

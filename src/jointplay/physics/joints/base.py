@@ -354,7 +354,7 @@ class Clearance(Described, ABC):
         return {"x": x, "y": y, "z": z} | turns
 
     def play(self, second_order: bool = True) -> Play:
-        """The set of displacements that the clearance allows; see `analysis.statics.play`."""
+        """The set of displacements that the clearance allows; see `joints.play`."""
         return play_within(self.outline, self.freedoms, second_order)
 
     def directions(self) -> np.ndarray:

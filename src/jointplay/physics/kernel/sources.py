@@ -1,8 +1,8 @@
 """One cache stamp for all compiled code of the time loop.
 
 numba keeps compiled code beside its source and compiles again when the file of the function
-changed - that file only, not those of the functions that it calls. The kernel's one entry is
-therefore stamped with all sources that go into it.
+changed - that file only, not those of the functions that it calls. Each entry of the
+kernel is therefore stamped with all sources that go into it.
 """
 
 from __future__ import annotations

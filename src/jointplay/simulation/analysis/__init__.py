@@ -1,4 +1,4 @@
-"""What results say: accuracy, contacts, spectra, numerical error, wear."""
+"""What results say: accuracy, contacts, spectra, numerical error."""
 
 import lazy_loader
 

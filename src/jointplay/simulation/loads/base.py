@@ -61,7 +61,7 @@ class Site:
 class Load(Described, ABC):
     """Something that pushes on a mechanism. Subclasses are frozen dataclasses.
 
-    Their numbers are fields with units (`core.schema.quantity`), of revolute and of prismatic
+    Their numbers are fields with units (`base.schema.quantity`), of revolute and of prismatic
     joints where these depend on the joint that the load's `joint` names.
     """
 

@@ -1,5 +1,5 @@
 // The close-up: bearing cut open, journal, contact points and forces. Displacements are magnified,
-// sizes are not; closeup.py says how. All in bearing axes, which move with the bearing.
+// sizes are not. All in bearing axes, which move with the bearing.
 
 const SHELL = 1.16;   // outer radius of the drawn bearing, inner one being 1
 const GUIDE = 1.5;    // length of a guide that is drawn, relative to its slider
