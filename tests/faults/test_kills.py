@@ -90,7 +90,7 @@ def test_signals_end_all_processes_of_a_scenario_and_keep_their_runs(number, tmp
     process.send_signal(number)
     _, err, status = end(process)
     assert status == 130, err
-    assert "Traceback" not in err
+    assert "Traceback" not in err, err
     gone(pids)
     assert all(result.status == Status.INTERRUPTED for result in kept(tmp_path / "o"))
 

@@ -21,7 +21,7 @@ FUZZ = [Path(__file__).parents[2] / "benchmarks", "fuzz"]
 
 
 @pytest.mark.parametrize(
-    ("first", "cases"), [(0, fuzz.QUICK), pytest.param(fuzz.QUICK, 400, marks=pytest.mark.thorough)]
+    ("first", "cases"), [(0, fuzz.QUICK), pytest.param(fuzz.QUICK, 150, marks=pytest.mark.thorough)]
 )
 def test_no_input_brings_a_traceback_or_is_taken_in_silence(first, cases, tmp_path):
     """The first cases of `benchmarks/robustness/fuzz.py`."""

@@ -334,23 +334,24 @@ def _serve(
     connection: Any,
 ) -> None:
     """What a process does: the work for each item that comes; its progress is `told`."""
-    begin()
-    for module in modules:
-        import_module(module)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    bar = progress.tell_elsewhere(connection.send if told else None)
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
-    with one_thread(), suppress(*ends):
-        while not signals.stop_requested():
-            content = connection.recv_bytes()
-            try:
-                sent = ForkingPickler.dumps((None, work(pickle.loads(content))))
-            except BaseException as error:  # noqa: BLE001
-                if signals.stop_requested():
-                    return
-                sent = ForkingPickler.dumps((_portable(error), None))
-            bar.tell()
-            connection.send_bytes(sent)
+    with suppress(*ends):  # a request to stop may come anywhere, as soon as signals may
+        begin()
+        for module in modules:
+            import_module(module)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        bar = progress.tell_elsewhere(connection.send if told else None)
+        with one_thread():
+            while not signals.stop_requested():
+                content = connection.recv_bytes()
+                try:
+                    sent = ForkingPickler.dumps((None, work(pickle.loads(content))))
+                except BaseException as error:  # noqa: BLE001
+                    if signals.stop_requested():
+                        return
+                    sent = ForkingPickler.dumps((_portable(error), None))
+                bar.tell()
+                connection.send_bytes(sent)
 
 
 def _portable(error: BaseException) -> BaseException:
