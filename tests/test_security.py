@@ -215,7 +215,8 @@ def test_a_law_of_no_name_is_refused(path):
         NormalForceLaw.from_description({"law": "custom", "function": path})
 
 
-def test_a_scenario_takes_laws_of_modules_that_were_imported(tmp_path):
+def test_a_scenario_takes_laws_of_modules_that_were_imported(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where the module leaves its file
     text = (Path(jp.__file__).parent / "scenario" / "template.toml").read_text(encoding="utf-8")
     law = 'normal = { law = "custom", function = "own_laws:push", parameters = [1e8] }'
     text = text.replace('normal = "lankarani-nikravesh"', law)
