@@ -289,7 +289,8 @@ def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
     scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-300)
     period = poincare.repeats_after(scaled, SAME)
     word = "does not repeat itself" if period is None else f"repeats itself after {period} turn(s)"
-    say(f"the section {word} within {100 * SAME:g} %; it is {spread[0]:.3g} by {spread[1]:.3g}")
+    sizes = [f"{size:.3g} in {label}" for size, label in zip(spread, job.labels, strict=True)]
+    say(f"the section {word} within {100 * SAME:g} %; it spans {' and '.join(sizes)}")
     return Findings("poincare", {"points": points, "labels": job.labels, "title": job.title})
 
 
