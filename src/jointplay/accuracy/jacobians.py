@@ -337,11 +337,13 @@ def displaced(
             else:
                 index, seat = seats[name]
                 model.jointPlacements[index] = seat * move * seat.inverse() * were[index]
-        closed = q if closing is None else closing.close(q, looped, exactly=False)
-        if closed is not None:
-            tool[:] = tool_place(mechanism, closed, relative_to).translation + shift
-        for index, one in were.items():
-            model.jointPlacements[index] = one
+        try:
+            closed = q if closing is None else closing.close(q, looped, exactly=False)
+            if closed is not None:
+                tool[:] = tool_place(mechanism, closed, relative_to).translation + shift
+        finally:  # however it ends, the mechanism is as it was
+            for index, one in were.items():
+                model.jointPlacements[index] = one
     return tools
 
 
