@@ -61,10 +61,13 @@ def _from(folder: Path, name: str) -> ModuleType:
     """The module of this name, which may lie in a folder."""
     importlib.invalidate_caches()
     sys.path.append(str(folder))
+    # Bytecode counts for a file of the same size and second: one written anew may have both.
+    kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         return importlib.import_module(name)
     finally:
         sys.path.remove(str(folder))
+        sys.dont_write_bytecode = kept
 
 
 def file_of(module: ModuleType | None) -> Path | None:
