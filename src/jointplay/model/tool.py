@@ -44,10 +44,12 @@ def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[s
             break
     named = [frame for frame in _fixed(link, children) if _NAMED.search(frame)]
     named = [frame for frame in named if not _OTHER.search(frame)]
-    end = f"the end of the chain of moving joints, after {last!r}" if last else "the base"
-    if last and (moving := {one.name for one in description.above(link)}.intersection(play)):
-        names = [repr(name) for name in description.joints if name in moving]
-        end += f", which {few(names)} {'moves' if len(names) == 1 else 'move'}"
+    end = "the base"
+    if last:
+        on_way = {one.name for one in description.above(link)}
+        loose = [repr(name) for name in description.joints if name in on_way.intersection(play)]
+        with_play = f" with play in {few(loose)}" if loose else ""
+        end = f"the end of the chain of moving joints{with_play}, after {last!r}"
     if named:
         best = min(named, key=lambda frame: (_rank(frame), named.index(frame)))
         return best, f"named like a tool, at {end}"
