@@ -15,8 +15,8 @@ from jointplay import JointplayError
 from jointplay.cli import main
 from jointplay.study import plan_of, sealed
 from jointplay.study.case import Bench, job
-from jointplay.study.run import probe
-from jointplay.study.table import columns_of, measured, table
+from jointplay.study.sweep_table import columns_of, measured, table
+from jointplay.study.sweeps import probe
 
 VARYING = "cost"
 
@@ -86,8 +86,8 @@ def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
 
 def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
     before = jp.open_sweep(done[0]).load()
-    run = importlib.import_module("jointplay.study.run")
-    monkeypatch.setattr(run, "workers_for", lambda *_: pytest.fail("nothing is left"))
+    sweeps = importlib.import_module("jointplay.study.sweeps")
+    monkeypatch.setattr(sweeps, "workers_for", lambda *_: pytest.fail("nothing is left"))
     after = jp.sweep(done[1], done[0], resume=True)
     xr.testing.assert_identical(after.load(), before)
 

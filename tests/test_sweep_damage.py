@@ -18,12 +18,11 @@ from sweep_scenario import SCENARIO
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.study import journal, plan_of, sealed
-from jointplay.study import run as run_module
+from jointplay.study import journal, plan_of, sealed, sweeps
 from jointplay.study import store as store_module
 from jointplay.study.case import run_case
 from jointplay.study.journal import DONE, History, Journal, Outcome, line
-from jointplay.study.store import Store
+from jointplay.study.store import SweepStore
 
 AXES = """
 clearance = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "1 nm", "0.2 mm"] }
@@ -53,7 +52,7 @@ class Here:
 @pytest.fixture
 def here(monkeypatch):
     Here.ran = []
-    monkeypatch.setattr(run_module, "workers_for", lambda plan, *_: Here(run_module.job(plan)))
+    monkeypatch.setattr(sweeps, "workers_for", lambda plan, *_: Here(sweeps.job(plan)))
     return Here
 
 
@@ -66,7 +65,7 @@ def whole(tmp_path_factory):
     path.write_text(SCENARIO.format(axes=AXES, options=options, duration="2 ms"))
     with pytest.MonkeyPatch.context() as patched:
         Here.ran = []
-        patched.setattr(run_module, "workers_for", lambda plan, *_: Here(run_module.job(plan)))
+        patched.setattr(sweeps, "workers_for", lambda plan, *_: Here(sweeps.job(plan)))
         patched.setattr(store_module, "CHUNK", 4)  # so that there are several
         patched.setattr(store_module, "HISTORY_CHUNK", 2 * 21 * 3)
         jp.sweep(path, folder / "s")
@@ -184,7 +183,7 @@ def test_a_chunk_copied_over_another_is_refused(whole):
 def test_a_chunk_of_another_store_is_refused(whole, tmp_path):
     """Of the same sweep, array and place; and so is the metadata of that store over its chunks."""
     store = damaged(whole, tmp_path)
-    other = Store(tmp_path / "other", plan_of(whole[0]))
+    other = SweepStore(tmp_path / "other", plan_of(whole[0]))
     other.keep((0, 0, 0), Outcome((0, 0, 0), DONE, {"peak_force": 7.0}))
     other.close()
     name = "peak_force/c/0/0/0"
@@ -296,7 +295,7 @@ def test_killed_while_it_mends_a_store_it_mends_it_the_next_time(
         patched.setattr(os, "sync", counted(os.sync))
         patched.setattr(Path, "unlink", counted(Path.unlink))
         with pytest.raises(KeyboardInterrupt):
-            Store(store, plan_of(whole[0]), resume=True)
+            SweepStore(store, plan_of(whole[0]), resume=True)
     mended(whole, store)
 
 
@@ -316,7 +315,7 @@ def test_what_is_damaged_and_in_the_journal_is_filled_in_again(whole, here, tmp_
         kept = {"tool_position": History.of(reference["tool_position_history"][at])}
         lines.add(Outcome(index, DONE, values, "", kept).entry)
     lines.close()
-    Store(store, plan_of(path), resume=True).close(whole=False)  # and is killed then
+    SweepStore(store, plan_of(path), resume=True).close(whole=False)  # and is killed then
     mended(whole, store)
     assert here.ran == [(2, 0, 0), (2, 0, 1)]
 
@@ -524,7 +523,7 @@ def test_lines_of_a_journal_that_are_no_cases_are_as_good_as_changed(other, whol
     }
     lines.add({"i": [0, 1, 0], "s": 1, "v": values | {"peak_force": 7.0}})
     lines.close()
-    Store(tmp_path / "s", plan_of(path), resume=True).close()
+    SweepStore(tmp_path / "s", plan_of(path), resume=True).close()
     found = jp.open_sweep(tmp_path / "s").load()
     assert found["peak_force"].values[0, 1, 0] == 7.0
     found["peak_force"].values[0, 1, 0] = before["peak_force"].values[0, 1, 0]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.study import plan_of, run
+from jointplay.study import plan_of, sweeps
 from jointplay.study.axes import DISTRIBUTIONS, GROWING, METHODS, points, read
 from jointplay.study.keys import path_of, put, units_of
 
@@ -245,7 +245,7 @@ def test_what_a_sweep_is_changes_with_everything_that_changes_its_results(planne
 def test_a_value_that_no_case_can_take_is_refused_before_anything_runs(
     axes, said, swept, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(run, "workers_for", lambda *_: pytest.fail("a case was to run"))
+    monkeypatch.setattr(sweeps, "workers_for", lambda *_: pytest.fail("a case was to run"))
     with pytest.raises(jp.JointplayError, match=said):
         jp.sweep(swept(axes), tmp_path / "s.zarr")
     assert not (tmp_path / "s.zarr").exists()
@@ -262,7 +262,7 @@ def test_a_value_that_some_case_can_take_is_left_to_the_cases(swept):
         f'c = {{ key = "{CR}", values = ["0.1 mm", "12 mm"] }}\n'
         'r = { key = "joints.joint_b.bearing_radius", values = ["10 mm", "40 mm"] }'
     )
-    run.probe(plan_of(swept(axes)))
+    sweeps.probe(plan_of(swept(axes)))
 
 
 def test_a_payload_of_zero_is_no_payload(planned, tmp_path):

@@ -28,8 +28,8 @@ from jointplay.base.tables import Table
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
 from jointplay.study.journal import Outcome
-from jointplay.study.run import workers_for
-from jointplay.study.store import Store
+from jointplay.study.store import SweepStore
+from jointplay.study.sweeps import workers_for
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
 LONG_S, SHORT_S = 3.0, 0.05
@@ -73,7 +73,7 @@ def pairs(duration, number):
 def bookkeeping(outcome, number, folder):
     """CPU seconds of the driver for each of `number` cases, and seconds to open them."""
     made = planned(SHORT_S, number)
-    store = Store(folder / "stored", made)
+    store = SweepStore(folder / "stored", made)
     began = time.process_time()
     for index in made.cases:
         made.changes(index)

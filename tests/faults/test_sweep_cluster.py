@@ -17,7 +17,7 @@ from jointplay.study import plan_of
 from jointplay.study.case import job
 from jointplay.study.cluster import TRIES, ClusterWorkers
 from jointplay.study.journal import DONE, Outcome
-from jointplay.study.store import Store
+from jointplay.study.store import SweepStore
 
 pytest.importorskip("distributed")
 
@@ -166,7 +166,7 @@ def test_without_a_scheduler_that_is_said_and_nothing_is_left_behind(
 
 def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_path, monkeypatch):
     monkeypatch.setattr("jointplay.study.cluster.CONNECT_S", 1)
-    store = Store(tmp_path / "s", plan_of(reference[0]))
+    store = SweepStore(tmp_path / "s", plan_of(reference[0]))
     store.keep((0, 1), Outcome((0, 1), DONE, {"impacts": 7.0}))
     store.close()
     with pytest.raises(jp.JointplayError, match=f"1 of {CASES} cases are kept; --resume continues"):

@@ -25,7 +25,7 @@ import jointplay as jp
 from jointplay.study import plan_of
 from jointplay.study.journal import Journal, entries
 from jointplay.study.sealed import Contents
-from jointplay.study.store import Store
+from jointplay.study.store import SweepStore
 
 __all__ = ["small_disk"]
 
@@ -211,8 +211,8 @@ def test_two_writers_to_one_store_are_refused(there, whole, tmp_path):
     """One that makes the store, or goes on with one, and is at work as long as this test wants."""
     path, reference, _ = whole
     if there:
-        Store(tmp_path / "s", plan_of(path)).close()
-    first = Store(tmp_path / "s", plan_of(path), resume=there)
+        SweepStore(tmp_path / "s", plan_of(path)).close()
+    first = SweepStore(tmp_path / "s", plan_of(path), resume=there)
     for option in ("--resume", "--extend", "--quiet"):
         _, err, status = end(start("sweep", path, "--out", tmp_path / "s", "--quiet", option))
         assert status == 2

@@ -1,12 +1,12 @@
 from . import nonlinear as nonlinear
-from .plan import Plan as Plan
-from .plan import plan_of as plan_of
-from .run import run_plan as run_plan
-from .run import sweep as sweep
 from .shares import sensitivity as sensitivity
 from .store import open_sweep as open_sweep
 from .study import Measure as Measure
 from .study import Memory as Memory
 from .study import Store as Store
 from .study import Study as Study
+from .sweep_plan import SweepPlan as SweepPlan
+from .sweep_plan import plan_of as plan_of
+from .sweeps import run_plan as run_plan
+from .sweeps import sweep as sweep
 from .wear import worn_depth as worn_depth

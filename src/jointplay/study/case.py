@@ -37,7 +37,7 @@ from jointplay.study.measures import (
     own_measures,
     rests_of,
 )
-from jointplay.study.plan import Plan
+from jointplay.study.sweep_plan import SweepPlan
 
 Case = tuple[Index, Mapping[str, Any]]
 """A case of a sweep, and what is changed for it."""
@@ -63,10 +63,10 @@ class Job:
     tool_error: bool
     version: str
     inputs: Mapping[str, str] | None = None
-    """Texts of the files that the scenario names, where they cannot be reached; see `Plan`."""
+    """Texts of the files that the scenario names, where they cannot be reached; see `SweepPlan`."""
 
 
-def job(plan: Plan, send_files: bool = False) -> Job:
+def job(plan: SweepPlan, send_files: bool = False) -> Job:
     """What processes must know of a sweep; with `send_files` those without its folder too."""
     scenario = plan.scenario
     path = scenario.path.name if send_files else str(scenario.path.absolute())

@@ -37,7 +37,7 @@ from jointplay.study.journal import FAILED, JOURNAL, History, Index, Journal, Ou
 from jointplay.study.sealed import COPY, METADATA, Array, Contents, array_name, plain_name
 
 if TYPE_CHECKING:
-    from jointplay.study.plan import Plan
+    from jointplay.study.sweep_plan import SweepPlan
 
 ROUNDING = 1e-9
 """Times that differ by less than this, relative to the last of them, are the same."""
@@ -57,7 +57,7 @@ MOST_DIFFERENCES = 4
 """Differences that a message names."""
 
 
-class Store:
+class SweepStore:
     """A store that is being written.
 
     Args:
@@ -75,7 +75,7 @@ class Store:
     """
 
     def __init__(
-        self, path: str | Path, plan: Plan, resume: bool = False, extend: bool = False
+        self, path: str | Path, plan: SweepPlan, resume: bool = False, extend: bool = False
     ) -> None:
         self.path = Path(path)
         there = is_there(self.path, resume or extend)
@@ -217,7 +217,7 @@ class Store:
                 taken.append(name)
         return taken
 
-    def grow(self, plan: Plan) -> None:
+    def grow(self, plan: SweepPlan) -> None:
         """Make room for the cases of a larger plan; those there are stay what they are.
 
         Raises:

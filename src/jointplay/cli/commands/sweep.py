@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from jointplay.study import open_sweep, plan_of, run_plan
-    from jointplay.study.table import table
+    from jointplay.study.sweep_table import table
 
     made = plan_of(options.file)
     words = f"{made.scenario.path}: {made.words}"

@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     out = files.check_picture(options.out) if options.out else None
     from jointplay.show.plots.sweep import draw_convergence  # what comes now takes long to import
     from jointplay.study import open_sweep
-    from jointplay.study.table import uncertainty
+    from jointplay.study.sweep_table import uncertainty
 
     dataset = open_sweep(Path(options.store))
     print(uncertainty(dataset, options.measure, options.precision))

@@ -14,8 +14,8 @@ from jointplay.show.plots.draw import draw as drawn
 from jointplay.show.plots.palette import COLOURS
 from jointplay.show.plots.style import StyledFigure
 from jointplay.simulation.analysis.uncertainty import convergence, enough, estimate
-from jointplay.study.plan import SAMPLE
-from jointplay.study.table import coordinate_text, label, measured, samples_of, scale, select
+from jointplay.study.sweep_plan import SAMPLE
+from jointplay.study.sweep_table import coordinate_text, label, measured, samples_of, scale, select
 
 MOST_LINES = 12
 

@@ -26,8 +26,8 @@ from jointplay.show.reports.html import Cell, Html, by_case, joined, markup, par
 from jointplay.simulation.analysis.uncertainty import IntervalEstimate
 from jointplay.study import open_sweep
 from jointplay.study.journal import DONE, FAILED
-from jointplay.study.plan import SAMPLE
-from jointplay.study.table import (
+from jointplay.study.sweep_plan import SAMPLE
+from jointplay.study.sweep_table import (
     columns_of,
     coordinate_text,
     grid,

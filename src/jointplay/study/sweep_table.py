@@ -24,7 +24,7 @@ from jointplay.simulation.analysis.uncertainty import (
 )
 from jointplay.study.journal import FAILED
 from jointplay.study.measures import BEARING, USER
-from jointplay.study.plan import REPEAT, SAMPLE
+from jointplay.study.sweep_plan import REPEAT, SAMPLE
 
 SHOWN = (
     ("tool_error_rms_total", "µm", 1e6),

@@ -35,7 +35,7 @@ MOST_CASES = 100_000_000
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """The cases of a sweep, numbered along its dimensions."""
 
     scenario: Scenario
@@ -138,7 +138,7 @@ class Plan:
     def cases(self) -> Cases:
         return Cases(self)
 
-    def with_samples(self, samples: int) -> Plan:
+    def with_samples(self, samples: int) -> SweepPlan:
         """The same sweep with more samples, of which the first stay what they are."""
         return replace(self, samples=samples, given={**self.given, "samples": samples})
 
@@ -236,7 +236,7 @@ class Plan:
 class Cases(Mapping[Index, tuple[Index, dict[str, Any]]]):
     """The cases of a plan by index, in order, as `run_case` takes them."""
 
-    plan: Plan
+    plan: SweepPlan
 
     def __len__(self) -> int:
         return self.plan.count
@@ -276,7 +276,7 @@ def plan_of(
     source: Scenario | str | Path,
     axes: Mapping[str, Any] | None = None,
     **options: Any,
-) -> Plan:
+) -> SweepPlan:
     """Read the table [sweep] of a scenario, or what is given in its place, and check it.
 
     Args:
@@ -296,7 +296,7 @@ def plan_of(
             raise scenario.error(("sweep", word), unknown_key(str(word), WORDS))
     place = () if axes is not None else ("sweep", "axes")
     all_axes = _axes(scenario, given.get("axes", {}), place)
-    made = Plan(
+    made = SweepPlan(
         scenario,
         _case(scenario, given.get("case")),
         tuple(axis for axis in all_axes if not axis.sampled),
@@ -377,7 +377,7 @@ def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
     return fields
 
 
-def _check(made: Plan) -> None:
+def _check(made: SweepPlan) -> None:
     if not made.axes and not made.drawn and made.repeats == 1:
         raise JointplayError(
             "the sweep is empty: give repeats, or [sweep.axes], such as clearance = { key = "
@@ -407,7 +407,7 @@ def _check(made: Plan) -> None:
             raise JointplayError(f"a measure is named module:function, got {toml_text(name)}")
 
 
-def _check_keys(made: Plan) -> None:
+def _check_keys(made: SweepPlan) -> None:
     """Refuse two axes that put their values at the same place."""
     places: dict[Key, str] = {}
     for axis in (*made.axes, *made.drawn):

@@ -1,4 +1,4 @@
-"""A sweep from its plan to its store: who runs the cases, and when it ends."""
+"""A sweep from its plan to its store: which processes run the cases, and when it ends."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from jointplay.study.axes import Axis
 from jointplay.study.case import Bench, Case, job, run_case
 from jointplay.study.journal import FAILED, Index, Outcome, is_there
 from jointplay.study.measures import shipped
-from jointplay.study.plan import REPEAT, SAMPLE, Plan, plan_of
-from jointplay.study.store import Store, open_sweep, sizes_of
+from jointplay.study.store import SweepStore, open_sweep, sizes_of
 from jointplay.study.study import Study, Workers
+from jointplay.study.sweep_plan import REPEAT, SAMPLE, SweepPlan, plan_of
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
@@ -43,7 +43,7 @@ _TIMES = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "second
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 
-def cost_of(made: Plan, bench: Bench, processes: int) -> str:
+def cost_of(made: SweepPlan, bench: Bench, processes: int) -> str:
     """Time and size of a sweep in words, by the pace of the beginning of one of its cases."""
     started = time.perf_counter()
     run = _first_run(made, bench, made.cases)
@@ -63,7 +63,7 @@ def cost_of(made: Plan, bench: Bench, processes: int) -> str:
     )
 
 
-def _first_run(made: Plan, bench: Bench, indices: Iterable[Index]) -> Run:
+def _first_run(made: SweepPlan, bench: Bench, indices: Iterable[Index]) -> Run:
     """The first of some cases that can be made ready."""
     errors = []
     for index in indices:
@@ -134,7 +134,7 @@ def sweep(
 
 
 def run_plan(
-    made: Plan,
+    made: SweepPlan,
     path: str | Path,
     *,
     jobs: int | None = None,
@@ -144,7 +144,7 @@ def run_plan(
     yes: bool = False,
     progress: bool = False,
     begin: Callable[[], None] | None = None,
-) -> Plan:
+) -> SweepPlan:
     """Run what is planned; see `sweep` for what is not listed here.
 
     Args:
@@ -177,7 +177,7 @@ def run_plan(
         new = not is_there(Path(path), resume or extend)
         # Those of a cluster may not answer: then nothing is to be written.
         workers = hire(made.count) if new and scheduler is not None else None
-        store = Store(path, made, resume, extend)
+        store = SweepStore(path, made, resume, extend)
         try:
             while True:
                 left = int(np.count_nonzero(store.state == 0))
@@ -197,7 +197,9 @@ def run_plan(
     return store.plan
 
 
-def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Workers[Case, Outcome]:
+def workers_for(
+    made: SweepPlan, number: int, scheduler: str | None = None
+) -> Workers[Case, Outcome]:
     """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
         from jointplay.study.cluster import ClusterWorkers
@@ -207,7 +209,7 @@ def workers_for(made: Plan, number: int, scheduler: str | None = None) -> Worker
     return Pool(partial(run_case, job(made)), number, lost=_lost, small=True)
 
 
-def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
+def _run_all(store: SweepStore, workers: Workers[Case, Outcome], left: int, progress: bool) -> None:
     made = store.plan
     failed = int(np.count_nonzero(store.state == FAILED))
     bar = ProgressBar(
@@ -222,7 +224,7 @@ def _run_all(store: Store, workers: Workers[Case, Outcome], left: int, progress:
                 bar.postfix = f"{failed} failed"
 
 
-def _enough(store: Store) -> bool:
+def _enough(store: SweepStore) -> bool:
     """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
     made = store.plan
     if made.until is None or 2 * made.samples > made.until.most:
@@ -237,7 +239,7 @@ def _enough(store: Store) -> bool:
     return all(made.until.reached(point) for point in points if np.isfinite(point).any())
 
 
-def _largest_so_far(made: Plan, path: Path) -> Plan:
+def _largest_so_far(made: SweepPlan, path: Path) -> SweepPlan:
     """The plan with as many samples as the store has, where `until` has added some."""
     if made.until is None or (sizes := sizes_of(path)) is None:
         return made
@@ -249,7 +251,7 @@ def _largest_so_far(made: Plan, path: Path) -> Plan:
     return larger
 
 
-def _give_up(store: Store, error: BaseException) -> None:
+def _give_up(store: SweepStore, error: BaseException) -> None:
     done = int(np.count_nonzero(store.state))
     with suppress(JointplayError):  # the disk is full: the journal has it all
         store.close(whole=False)
@@ -260,7 +262,7 @@ def _give_up(store: Store, error: BaseException) -> None:
         error.args = (note,)
 
 
-def probe(made: Plan, progress: bool = False) -> Bench:
+def probe(made: SweepPlan, progress: bool = False) -> Bench:
     """Make the first case ready, and with it find out what is wrong with all of them.
 
     Where the first is refused, others are tried: a case that cannot be is no reason to stop, a
@@ -281,7 +283,7 @@ def probe(made: Plan, progress: bool = False) -> Bench:
     return bench
 
 
-def _check_values(made: Plan, bench: Bench, progress: bool) -> None:
+def _check_values(made: SweepPlan, bench: Bench, progress: bool) -> None:
     """Refuse values of axes that no case can take, by building inputs with them; nothing runs.
 
     Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
@@ -309,7 +311,7 @@ def _check_values(made: Plan, bench: Bench, progress: bool) -> None:
         )
 
 
-def _refusal(made: Plan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
+def _refusal(made: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
     """Why neither the scenario nor any of a few cases can take a value; None if one can."""
     place = list(made.sizes).index(SAMPLE if axis.sampled else axis.name)
     others = (made.taken(axis, value), *(made.changes(one) for one in _some(made, {place: number})))
@@ -330,7 +332,7 @@ def _spread(size: int, most: int) -> list[int]:
     return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, most)).astype(int))]
 
 
-def _some(made: Plan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
+def _some(made: SweepPlan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
     """A few cases from all of the sweep; `held` are indices by dimension that they have."""
     held = held or {}
     shape = tuple(1 if k in held else size for k, size in enumerate(made.shape))
@@ -339,7 +341,7 @@ def _some(made: Plan, held: Mapping[int, int] | None = None) -> Iterator[Index]:
         yield tuple(held.get(k, at) for k, at in enumerate(index))
 
 
-def _check_histories(made: Plan, bench: Bench) -> None:
+def _check_histories(made: SweepPlan, bench: Bench) -> None:
     """Refuse histories that no result has, be it of a few cases or of any variant.
 
     And those of a sweep that varies when records are made: its cases would have no time in common.
@@ -371,7 +373,7 @@ def _check_histories(made: Plan, bench: Bench) -> None:
             raise made.scenario.error(("sweep", "histories"), text)
 
 
-def _check_times(made: Plan) -> None:
+def _check_times(made: SweepPlan) -> None:
     """Refuse axes over what sets the times of records."""
     for axis in (*made.axes, *made.drawn):
         changes = () if axis.keys else axis.values
@@ -384,7 +386,7 @@ def _check_times(made: Plan) -> None:
             )
 
 
-def _check_joints(made: Plan, bench: Bench) -> None:
+def _check_joints(made: SweepPlan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
     tables = made.base.get("joints", {})
     unknown = [name for name in made.joints if name not in tables]
