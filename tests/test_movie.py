@@ -12,7 +12,7 @@ import jointplay as jp
 from jointplay.paper import scara
 from jointplay.show import player
 from jointplay.show.player import movie, save_movie
-from jointplay.show.player.movie import KINDS, Shot, pace, speed_for
+from jointplay.show.player.movie import SUFFIXES, Shot, pace, speed_for
 
 pytestmark = pytest.mark.thorough
 
@@ -118,7 +118,7 @@ def test_a_picture_shows_the_hardest_impact(run, filmable, tmp_path):
     assert (other != image).mean() > 0.005
 
 
-@pytest.mark.parametrize("suffix", [kind for kind in KINDS if kind != ".png"])
+@pytest.mark.parametrize("suffix", [kind for kind in SUFFIXES if kind != ".png"])
 def test_films_move_and_last_as_they_say(suffix, run, filmable, tmp_path):
     shot = Shot(speed=0.3, **SMALL)
     made = save_movie({"0.2 mm": run}, tmp_path / f"a{suffix}", shot, ghosts=False)

@@ -1,6 +1,6 @@
 """Results and mechanisms out to other programs: tables, bags, FMU, simulators.
 
-Each kind of file is a `Kind` of one function that turns a result into bytes; `export` names it,
+Each kind of file is a `ExportKind` of one function that turns a result into bytes; `export` names it,
 thins the records and writes the file whole or not at all. Libraries that only one kind needs are
 extras, imported when it is asked for. Nothing here computes what it writes.
 """
@@ -24,7 +24,7 @@ Maker = Callable[..., bytes]
 
 
 @dataclass(frozen=True)
-class Kind:
+class ExportKind:
     """A kind of file that results are written to."""
 
     maker: str
@@ -33,21 +33,25 @@ class Kind:
     about: str
 
 
-KINDS = {
-    "csv": Kind("table:csv", (".csv",), "all histories as a table, one row a record"),
-    "parquet": Kind("table:parquet", (".parquet",), "the same table, typed and compressed"),
-    "trajectory": Kind(
+EXPORT_KINDS = {
+    "csv": ExportKind("table:csv", (".csv",), "all histories as a table, one row a record"),
+    "parquet": ExportKind("table:parquet", (".parquet",), "the same table, typed and compressed"),
+    "trajectory": ExportKind(
         "trajectory:trajectory",
         (".yaml", ".yml", ".csv"),
         "joint positions: ROS 2 JointTrajectory (YAML), or a CSV that is a motion",
     ),
-    "mcap": Kind("bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"),
-    "plotjuggler": Kind(
+    "mcap": ExportKind("bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"),
+    "plotjuggler": ExportKind(
         "layouts:plotjuggler", (".xml",), "layout of charts of the bag for PlotJuggler 3"
     ),
-    "foxglove": Kind("layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"),
-    "fmu": Kind("fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"),
-    "rerun": Kind("rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
+    "foxglove": ExportKind(
+        "layouts:foxglove", (".json",), "layout of charts of the bag for Foxglove"
+    ),
+    "fmu": ExportKind(
+        "fmu:fmu", (".fmu",), "FMI 3 co-simulation unit of the run's simulation, no code"
+    ),
+    "rerun": ExportKind("rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
 }
 
 
@@ -65,7 +69,7 @@ def export(
 
     Args:
         path: the file; its ending must be one of the kind's.
-        to: one of `KINDS`; None tells it by the file's ending (.csv is the table).
+        to: one of `EXPORT_KINDS`; None tells it by the file's ending (.csv is the table).
         every: only each n-th record and the last; peaks keep what lies between.
         options: of the kind: ``inputs`` and ``period`` of an fmu (`bridges.fmu.fmu`).
 
@@ -75,7 +79,7 @@ def export(
     """
     require_a("result", result, "Result")
     kind = check(path, to, overwrite)
-    module, _, name = KINDS[kind].maker.partition(":")
+    module, _, name = EXPORT_KINDS[kind].maker.partition(":")
     maker: Maker = getattr(import_module(f"jointplay.bridges.{module}"), name)
     given = {name: value for name, value in options.items() if value is not None}
     if given and kind != "fmu":
@@ -89,15 +93,15 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
     path = Path(path)
     suffix = path.suffix.lower()
     if to is None:
-        to = next((name for name, kind in KINDS.items() if suffix in kind.suffixes), None)
+        to = next((name for name, kind in EXPORT_KINDS.items() if suffix in kind.suffixes), None)
         if to is None:
-            known = dict.fromkeys(s for kind in KINDS.values() for s in kind.suffixes)
+            known = dict.fromkeys(s for kind in EXPORT_KINDS.values() for s in kind.suffixes)
             raise JointplayError(
                 f"the name of the file must end in one of {', '.join(known)}, got {path.name!r}"
             )
-    require_known("kind of export", to, KINDS)
-    if suffix not in KINDS[to].suffixes:
-        choices = " or ".join(KINDS[to].suffixes)
+    require_known("kind of export", to, EXPORT_KINDS)
+    if suffix not in EXPORT_KINDS[to].suffixes:
+        choices = " or ".join(EXPORT_KINDS[to].suffixes)
         raise JointplayError(f"the name of a {to} file must end in {choices}, got {path.name!r}")
     if not overwrite:
         files.check_new(path)

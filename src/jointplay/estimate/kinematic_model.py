@@ -52,7 +52,7 @@ class Term:
     joints: tuple[str, ...] = ()
     """Those that it concerns; if empty, all."""
     width: float | Mapping[str, float] | None = None
-    """Standard deviation of the prior, of all joints or by joint; that of `KINDS` if None. Of a
+    """Standard deviation of the prior, of all joints or by joint; that of `TERM_KINDS` if None. Of a
     placement, that of its lengths [m]; angles have 2.5 rad/m times as much."""
     friction: float | None = None
     """Of play: what holds the joint against its load [N m]; sought if None."""
@@ -65,8 +65,8 @@ class Term:
     if empty, all but those that do what the joint's own offset does."""
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise MissingName("kind of term", self.kind, KINDS)
+        if self.kind not in TERM_KINDS:
+            raise MissingName("kind of term", self.kind, TERM_KINDS)
         widths = self.width.values() if isinstance(self.width, Mapping) else [self.width]
         for value in (*widths, self.transition):
             if value is not None and not (np.isfinite(value) and value > 0.0):
@@ -219,7 +219,7 @@ class Poses:
 
     def columns(self, term: Term) -> list[Column]:
         """The coefficients of a term."""
-        kind, made = KINDS[term.kind], []
+        kind, made = TERM_KINDS[term.kind], []
         every = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or every:
             if joint not in self.names:
@@ -290,7 +290,7 @@ class Feature(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Kind:
+class TermKind:
     """A kind of terms: what of a joint errs, by which features of the poses."""
 
     meaning: str
@@ -365,45 +365,45 @@ def _placement(poses: Poses, term: Term, j: int, asked: bool) -> list[Feature]:
     return [Feature(one, ways[k], "m" if k < 3 else "rad", k) for k in numbers]
 
 
-KINDS: Mapping[str, Kind] = {
-    "offset": Kind(
+TERM_KINDS: Mapping[str, TermKind] = {
+    "offset": TermKind(
         "zero of the joint's encoder", 0.1,
         lambda poses, term, j, asked: [Feature(np.ones(len(poses)))],
     ),
-    "placement": Kind(
+    "placement": TermKind(
         "errors of the joint's place in its link (lengths, angles)", 2e-3, _placement
     ),
-    "compliance": Kind(
+    "compliance": TermKind(
         "joint gives way in proportion to its load", 1e-3,
         lambda poses, term, j, asked: [Feature(poses.load[:, j], unit="soft")],
         by_load=True,
     ),
-    "play": Kind(
+    "play": TermKind(
         "half-play: joint leans to the side of its load, less friction", 1e-2, _leaning,
         by_load=True,
     ),
-    "eccentricity": Kind(
+    "eccentricity": TermKind(
         "encoder errs by the sine and cosine of the joint's angle", 1e-2, _waves(1.0),
         absent="slides: it has no eccentricity",
     ),
-    "second-harmonic": Kind(
+    "second-harmonic": TermKind(
         "encoder errs by the sine and cosine of twice the angle", 5e-3, _waves(2.0),
         absent="slides: it has no second-harmonic",
     ),
-    "sawtooth": Kind(
+    "sawtooth": TermKind(
         "encoder with a wrong gain that jumps at one angle", 0.1, _sawtooth,
         absent="slides: it has no sawtooth",
     ),
-    "hysteresis": Kind(
+    "hysteresis": TermKind(
         "joint stays where it came from", 5e-3,
         lambda poses, term, j, asked: [Feature(poses.approach[:, j])],
     ),
-    "link-encoder": Kind(
+    "link-encoder": TermKind(
         "share of the link encoder's reading in what is true", 1.0, _difference,
         absent="has no encoder on the link's side of its own",
     ),
-    "rail": Kind("joint's place turns with another joint's position", 5e-2, _rail),
-    "suspension": Kind(
+    "rail": TermKind("joint's place turns with another joint's position", 5e-2, _rail),
+    "suspension": TermKind(
         "joint's place turns with the moment of the weight beyond it", 1e-3, _suspension
     ),
 }  # fmt: skip

@@ -34,7 +34,7 @@ from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFrictio
 from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import INTERPOLATIONS, Motion
-from jointplay.simulation.result.settings import Integration, Limited, Recording
+from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 from jointplay.simulation.simulation import Simulation
 
 # What builders of scenarios share: laws beside the file, places of errors, units of joints.
@@ -382,7 +382,11 @@ def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[st
     notes += [*_of_zero(model, mechanism), *_of_wide_clearances(mechanism)]
     drive = drive_of(model, mechanism, motion)
     errors_of(model, mechanism)  # which no run needs, but what cannot be is said
-    tables = ((Integration, model.integration), (Recording, model.output), (Limited, model.robot))
+    tables = (
+        (Integration, model.integration),
+        (RecordSettings, model.output),
+        (LimitSettings, model.robot),
+    )
     simulation = Simulation(
         mechanism,
         motion,

@@ -20,7 +20,7 @@ from jointplay.physics.joints import Clearance
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 from jointplay.simulation.motion.reference import INTERPOLATIONS
-from jointplay.simulation.result.settings import Integration, Limited, Recording
+from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 
 PATHS = ("joint", "line")
 """Ways between Cartesian waypoints."""
@@ -37,7 +37,7 @@ ANGULAR_SPEED = ("rad/s", "m/s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robot(Limited):
+class Robot(LimitSettings):
     """The robot or linkage."""
 
     urdf: str
@@ -136,7 +136,7 @@ class IntegrationTable(Integration):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Output(Recording):
+class Output(RecordSettings):
     """What is recorded."""
 
     figures: bool = True

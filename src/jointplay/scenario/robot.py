@@ -25,7 +25,7 @@ from jointplay.physics.joints import (
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, inline, tree, with_names
-from jointplay.simulation.result.settings import Integration, Recording
+from jointplay.simulation.result.settings import Integration, RecordSettings
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -199,7 +199,7 @@ def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
     step, reason = choice
     keys = [Setting(("integration", "step"), step, "step chosen")]
     if "record_every" not in data.get("output", {}):  # records as far apart as usual
-        every = round(Recording.record_every * Integration.step / step)
+        every = round(RecordSettings.record_every * Integration.step / step)
         keys.append(Setting(("output", "record_every"), every, "step chosen"))
     return keys, f"step: {step:g} s (chosen: {reason}; --step selects another)"
 

@@ -39,7 +39,7 @@ from jointplay.cli.commands.inputs import simulation_of
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
 """What is written into --out; at a part of the speed, its per cent stand before the dot."""
-KINDS = ("path", "settling", "cornering")
+CYCLE_KINDS = ("path", "settling", "cornering")
 """Kinds of figures that have their own number of cycles."""
 
 
@@ -97,7 +97,7 @@ def _cycles(options: argparse.Namespace) -> Any:
     """How many cycles are asked for; what is not given is the standard's, or fewer."""
     from jointplay.study.iso9283 import Cycles
 
-    own = given(options, *(f"{kind}_cycles" for kind in KINDS))
+    own = given(options, *(f"{kind}_cycles" for kind in CYCLE_KINDS))
     return replace(
         Cycles.up_to(options.cycles), **{name.removesuffix("_cycles"): n for name, n in own.items()}
     )

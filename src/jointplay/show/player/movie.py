@@ -25,7 +25,7 @@ from jointplay.base.errors import JointplayError, closest, require_whole
 from jointplay.base.imports import how_to_install
 from jointplay.base.schema import check_fields, choice, quantity
 
-KINDS = (".png", ".gif", ".mp4", ".webm", ".webp")  # files that can be made, by their ending
+SUFFIXES = (".png", ".gif", ".mp4", ".webm", ".webp")  # files that can be made, by their ending
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9", ".webp": "libwebp_anim"}
 
 VIEWS = ("both", "robot", "closeup")  # robot and close-up, or one of them
@@ -127,8 +127,8 @@ def check(path: str | Path) -> Path:
         JointplayError: an unknown ending, a file that exists, or what it takes is not installed.
     """
     path = Path(path)
-    if path.suffix.lower() not in KINDS:
-        raise JointplayError(f"a film is one of {', '.join(KINDS)} files, got {str(path)!r}")
+    if path.suffix.lower() not in SUFFIXES:
+        raise JointplayError(f"a film is one of {', '.join(SUFFIXES)} files, got {str(path)!r}")
     files.check_new(path)
     encoders = () if path.suffix.lower() == ".png" else ("imageio", "imageio_ffmpeg")
     for name in ("playwright", *encoders):

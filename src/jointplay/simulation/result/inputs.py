@@ -11,11 +11,11 @@ from jointplay.model.payload import Payload
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction
 from jointplay.simulation.motion.reference import Motion
-from jointplay.simulation.result.settings import Integration, Limited, Recording
+from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 
 
 @dataclass(frozen=True)
-class Inputs(Integration, Recording, Limited, Described):
+class Inputs(Integration, RecordSettings, LimitSettings, Described):
     """All inputs of a run."""
 
     mechanism: Mechanism

@@ -47,15 +47,15 @@ class Integration:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recording:
-    """What is recorded."""
+class RecordSettings:
+    """How often a run records."""
 
     record_every: int = 10
     """Steps between two records; each record holds the peaks since the one before."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limited:
+class LimitSettings:
     """How limits of the URDF are treated."""
 
     limits: str = choice("treatment of limits", LIMITS, default=LIMITS[0])
