@@ -94,7 +94,7 @@ def test_a_force_has_its_error_wherever_it_stands_and_what_has_none_three_digits
     assert f"peak force in joint_b {peak} N at " in lines
     assert f"largest joint force {peak} N, " in judged
     assert shown == f"{peak} N"
-    loose.certificate = analysis.estimate(loose)
+    loose.certificate = analysis.estimate_errors(loose)
     force = loose.certificate["peak joint force"]
     lines, judged, shown = said()
     assert "±" in str(force)
@@ -130,14 +130,14 @@ def test_accuracy_of_a_known_error():
     values = np.zeros((11, 3))
     values[:, 0], values[5, 1] = 1e-3, -4e-3
     error = xr.DataArray(values, {"time": time, "axis": list("xyz")}, ("time", "axis"))
-    found = analysis.accuracy(error)
+    found = analysis.error_statistics(error)
     assert found.mean[:2] == pytest.approx([1e-3, -4e-3 / 11])
     assert found.rms[:2] == pytest.approx([1e-3, 4e-3 / np.sqrt(11)])
     assert found.peak == pytest.approx([1e-3, 4e-3, 0.0, np.hypot(1e-3, 4e-3)])
-    assert analysis.accuracy(error, 0.55).peak[1] == 0.0
+    assert analysis.error_statistics(error, 0.55).peak[1] == 0.0
     assert analysis.error_at(error, 0.52) == pytest.approx([1e-3, -4e-3, 0, np.hypot(1e-3, 4e-3)])
     with pytest.raises(jp.JointplayError, match="no records"):
-        analysis.accuracy(error, 2.0)
+        analysis.error_statistics(error, 2.0)
 
 
 def test_stops_are_where_the_reference_rests():
@@ -211,11 +211,11 @@ def test_contacts_are_those_that_the_run_counted(pair):
 
 def test_shares_sum_to_one(pair):
     for of in ("mode", "form"):
-        found = analysis.shares(pair[1], "joint_b", of)
+        found = analysis.time_fractions(pair[1], "joint_b", of)
         assert sum(found.values()) == pytest.approx(1.0)
     assert found["none"] == pytest.approx((pair[1]["form"].values == 0).mean())
     with pytest.raises(jp.JointplayError, match="joint_b"):
-        analysis.shares(pair[1], "joint_a")
+        analysis.time_fractions(pair[1], "joint_a")
 
 
 def test_spectrum_of_a_known_vibration(pair):

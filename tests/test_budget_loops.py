@@ -76,7 +76,7 @@ def test_every_pin_lengthens_the_rod_by_its_clearance(angle):
     found = budget(mechanism, q)
     rod = math.asin(CRANK / ROD * math.sin(angle))
     assert found.worst_parts[0] == pytest.approx(np.full(3, PLAY / math.cos(rod)), rel=1e-6)
-    assert "loops closed exactly" in found.accuracy
+    assert "loops closed exactly" in found.validity
     assert found.axis_worst[0, 0, 1:3] == pytest.approx([0.0, 0.0], abs=1e-15)
     place = CRANK * math.cos(angle) + ROD * math.cos(rod)
     assert found.positions[0] == pytest.approx([place, 0.0, 0.0], abs=1e-9)

@@ -22,7 +22,7 @@ from jointplay.simulation.analysis.certification import (
     _History,
     add_certificate,
     certify,
-    estimate,
+    estimate_errors,
     further_runs,
     further_simulations,
     is_sensitive,
@@ -80,7 +80,7 @@ def test_the_error_of_bristles_that_are_followed_slowly_is_covered(options):
     simulation = replace(
         simulation, mechanism=mechanism, duration=0.1, step=1e-5, record_every=1, **options
     )
-    found = estimate(simulation)
+    found = estimate_errors(simulation)
     for name, truth in BRISTLES_TRUTH.items():
         figure = found[name]
         assert abs(figure.value - truth) > 5e-3 * truth
@@ -94,7 +94,9 @@ def jam(request):
     return jammed(integrator=request.param).run()
 
 
-@pytest.mark.parametrize("find", [pytest.param(certify, marks=pytest.mark.thorough), estimate])
+@pytest.mark.parametrize(
+    "find", [pytest.param(certify, marks=pytest.mark.thorough), estimate_errors]
+)
 def test_the_jammed_case_is_covered_and_the_explicit_method_not_fooled_by_its_half_step(find, jam):
     found = find(jam)
     peak = found["peak joint force"]
@@ -264,7 +266,7 @@ def test_a_figure_is_shown_in_one_unit_wherever_it_stands():
 
 
 @pytest.mark.parametrize(
-    ("find", "number"), [(certify, 4), (estimate, 3)], ids=["certify", "estimate"]
+    ("find", "number"), [(certify, 4), (estimate_errors, 3)], ids=["certify", "estimate"]
 )
 @pytest.mark.parametrize("method", ["multi-rate", "rk4"])
 def test_the_number_of_further_runs_is_known_beforehand(method, find, number, monkeypatch):
@@ -308,7 +310,7 @@ def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):
 
     result = replace(scara(2e-4), duration=0.02).run()
     monkeypatch.setattr("jointplay.simulation.analysis.certification.Run", run)
-    found = estimate(result)
+    found = estimate_errors(result)
     assert all(math.isinf(one.error) for one in found.figures)
     assert "no room" in found.note
 

@@ -58,15 +58,15 @@ def test_cases_are_those_that_single_runs_give(done):
         "integration": {"seed": 1},
     }
     result = jp.Scenario.load(path).simulation(changes=changes).run()
-    from jointplay.simulation.analysis import accuracy, deviation, shares, twin
+    from jointplay.simulation.analysis import deviation, error_statistics, time_fractions, twin
 
-    error = accuracy(deviation(result, twin(result)))
+    error = error_statistics(deviation(result, twin(result)))
     assert float(found["tool_error_rms_total"]) == pytest.approx(error.rms[3], rel=1e-12)
     assert float(found["tool_error_peak_x"]) == pytest.approx(error.peak[0], rel=1e-12)
     peak = np.linalg.norm(result["joint_force_peak"].values, axis=2).max()
     assert float(found["peak_force"]) == pytest.approx(peak, rel=1e-12)
     assert float(found["impacts"]) == result.audit.impacts > 0
-    for mode, share in shares(result, "joint_b").items():
+    for mode, share in time_fractions(result, "joint_b").items():
         assert float(found[f"share_{mode}"]) == pytest.approx(share)
     np.testing.assert_array_equal(found["tool_position_history"], result["tool_position"])
     np.testing.assert_array_equal(found["joint_force_history"], result["joint_force"])
@@ -260,11 +260,11 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     found = jp.sweep(path, tmp_path / "s.zarr")
     number = found.sizes["sample"]
     assert 4 < number < 512
-    from jointplay.simulation.analysis.uncertainty import estimate
+    from jointplay.simulation.analysis.uncertainty import interval_estimate
 
     values = found["tool_error_rms_total"].values
-    assert estimate(values).relative <= 0.06
-    assert estimate(values[: number // 2]).relative > 0.06
+    assert interval_estimate(values).relative <= 0.06
+    assert interval_estimate(values[: number // 2]).relative > 0.06
     again = jp.sweep(path, tmp_path / "s.zarr", resume=True)
     assert again.sizes["sample"] == number
 

@@ -8,7 +8,7 @@ from jointplay.simulation.analysis.uncertainty import (
     Until,
     convergence,
     enough,
-    estimate,
+    interval_estimate,
     order_interval,
     read_until,
     sobol_indices,
@@ -25,13 +25,13 @@ def test_intervals_cover_the_truth_of_exponential_samples(statistic, probability
     rng = np.random.default_rng(3)
     covered = 0
     for _ in range(100):
-        found = estimate(rng.exponential(size=200), statistic, probability)
+        found = interval_estimate(rng.exponential(size=200), statistic, probability)
         covered += found.low <= truth <= found.high
     assert covered >= (85 if statistic == "std" else 92)
 
 
 def test_quantiles_of_too_few_values_have_no_upper_end():
-    found = estimate(np.arange(10.0), "quantile", 0.99)
+    found = interval_estimate(np.arange(10.0), "quantile", 0.99)
     assert found.high == np.inf
     assert found.relative == np.inf
 
@@ -42,9 +42,9 @@ def test_order_statistics_of_the_median_are_those_of_the_tables():
 
 
 def test_values_that_are_missing_are_left_out():
-    found = estimate(np.array([1.0, np.nan, 3.0]))
+    found = interval_estimate(np.array([1.0, np.nan, 3.0]))
     assert (found.runs, found.value) == (2, 2.0)
-    assert np.isnan(estimate(np.array([np.nan])).value)
+    assert np.isnan(interval_estimate(np.array([np.nan])).value)
 
 
 def test_enough_is_where_the_precision_is_reached_and_kept():

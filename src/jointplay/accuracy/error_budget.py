@@ -295,7 +295,7 @@ class PlayBudget(Budget):
         return lines
 
     @property
-    def accuracy(self) -> str:
+    def validity(self) -> str:
         search = 1.0 / np.cos(covering()) - 1.0
         excess = max(play.excess for play in self.model.plays)
         more = f"{1e6 * self.second_order[self.worst_pose]:.3g} µm"

@@ -1,8 +1,8 @@
 """Results and mechanisms out to other programs: tables, bags, FMU, simulators.
 
-Each kind of file is a `ExportKind` of one function that turns a result into bytes; `export` names it,
-thins the records and writes the file whole or not at all. Libraries that only one kind needs are
-extras, imported when it is asked for. Nothing here computes what it writes.
+Each kind of file is an `ExportKind` of one function that turns a result into bytes; `export` names
+it, thins the records and writes the file whole or not at all. Libraries that only one kind needs
+are extras, imported when it is asked for. Nothing here computes what it writes.
 """
 
 from __future__ import annotations

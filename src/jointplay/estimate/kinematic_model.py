@@ -52,8 +52,8 @@ class Term:
     joints: tuple[str, ...] = ()
     """Those that it concerns; if empty, all."""
     width: float | Mapping[str, float] | None = None
-    """Standard deviation of the prior, of all joints or by joint; that of `TERM_KINDS` if None. Of a
-    placement, that of its lengths [m]; angles have 2.5 rad/m times as much."""
+    """Standard deviation of the prior, of all joints or by joint; that of `TERM_KINDS` if None. Of
+    a placement, that of its lengths [m]; angles have 2.5 rad/m times as much."""
     friction: float | None = None
     """Of play: what holds the joint against its load [N m]; sought if None."""
     transition: float | None = None

@@ -76,7 +76,7 @@ def _words(one: Form | Mode) -> str:
 def forms_table(cases: Mapping[str, Result]) -> Rows:
     """Contact forms of Figure 2 and the share of the time that each case spends in them."""
     played = _played(cases)
-    shares = [analysis.shares(result, JOINT, "form") for result in played.values()]
+    shares = [analysis.time_fractions(result, JOINT, "form") for result in played.values()]
     rows: Rows = [("form", "contacts", *played)]
     for form in filter(None, Form):
         cells = [f"{100.0 * one[form.name.lower()]:.2f} %" for one in shares]

@@ -85,7 +85,7 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 """Of points (..., cycles, m, 3)."""
 
 
-def accuracy(points: np.ndarray) -> np.ndarray:
+def pose_accuracy(points: np.ndarray) -> np.ndarray:
     """Distance of the barycentre of the cycles from the command pose, at m points.
 
     Args:
@@ -98,7 +98,7 @@ def accuracy(points: np.ndarray) -> np.ndarray:
 
 
 def repeatability(points: np.ndarray) -> np.ndarray:
-    """mean(l) + 3 S_l, l being distances from the barycentre; shapes as in `accuracy`."""
+    """mean(l) + 3 S_l, l being distances from the barycentre; shapes as in `pose_accuracy`."""
     distance = np.linalg.norm(points - points.mean(axis=-3, keepdims=True), axis=-1)
     return np.asarray(distance.mean(axis=-2) + 3.0 * distance.std(axis=-2, ddof=1))
 
@@ -306,7 +306,7 @@ def drift(times: Sequence[float] | np.ndarray, attained: np.ndarray) -> tuple[Fi
         )
     if points.shape[1] < LEAST_CYCLES:
         raise JointplayError(f"at least {LEAST_CYCLES} cycles are needed, got {points.shape[1]}")
-    both = [statistic(points[:, :, None]) for statistic in (accuracy, repeatability)]
+    both = [statistic(points[:, :, None]) for statistic in (pose_accuracy, repeatability)]
     courses = np.hstack([*both, points.mean(axis=1)])
     names = ("dAP_p", "dRP_l", "dAP_x", "dAP_y", "dAP_z")
     changes = zip(names, np.abs(courses[-1] - courses[0]), strict=True)
@@ -349,7 +349,7 @@ class Iso9283:
         return next((one.figures for one in self.having("AT_p")), {})
 
     @property
-    def accuracy(self) -> str:
+    def validity(self) -> str:
         few = self.cycles.fewer
         asks = f"; the standard asks for {', '.join(few)}" if few else ""
         return (
@@ -370,7 +370,7 @@ class Iso9283:
             lines.append("vAP_p: no pose is approached from two directions")
         if not self.having("CR"):
             lines.append("CR, CO: the command path has no corner")
-        return "\n".join([*lines, f"drift: {self.drifting}", self.accuracy])
+        return "\n".join([*lines, f"drift: {self.drifting}", self.validity])
 
     @property
     def table(self) -> Table:
@@ -615,7 +615,7 @@ def figures(
         at = int(np.abs(time - stop.end).argmin())
         attained = error[: counts.pose, at : at + 1]
         found = {
-            "AP_p": bootstrap(attained, largest(accuracy)),
+            "AP_p": bootstrap(attained, largest(pose_accuracy)),
             **{f"AP_{axis}": bootstrap(attained[:, 0, k], _mean) for k, axis in enumerate("xyz")},
             "RP_l": bootstrap(attained, largest(repeatability)),
             **_orientation("P", None if turns is None else turns[: counts.pose, at]),
@@ -632,7 +632,7 @@ def figures(
     across = _across(error[: counts.path, points], ideal.velocity[points])
     path = []
     if len(points):
-        found = {"AT_p": bootstrap(across, largest(accuracy))}
+        found = {"AT_p": bootstrap(across, largest(pose_accuracy))}
         found["RT_p"] = bootstrap(across, largest(repeatability))
         found |= _orientation("T", None if turns is None else turns[: counts.path, points])
         path.append(Group(f"path, {counts.path} cycles", found))
@@ -642,7 +642,7 @@ def figures(
         tuple(poses),
         (*_variations(poses, motion), *path, *_distances(poses), *corners),
         time[points],
-        accuracy(across),
+        pose_accuracy(across),
         repeatability(across),
         since,
         float(np.median(np.diff(time))),

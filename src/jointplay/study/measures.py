@@ -162,7 +162,7 @@ def _values(result: Result, name: str) -> np.ndarray:
 def _tool_error(
     result: Result, ideal: Result, start: float, rests: Sequence[float]
 ) -> Iterator[tuple[str, float]]:
-    """Peak, RMS and largest error at rest of the tool: those of `analysis.accuracy`."""
+    """Peak, RMS and largest error at rest of the tool: those of `analysis.error_statistics`."""
     time = result.time
     if np.array_equal(ideal.time, time):
         error = _values(result, "tool_position") - _values(ideal, "tool_position")

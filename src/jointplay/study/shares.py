@@ -80,7 +80,7 @@ class DynamicBudget:
         return np.asarray(1.0 - self.parts.sum(axis=1))
 
     @property
-    def accuracy(self) -> str:
+    def validity(self) -> str:
         runs = len(self.rms)
         known = "+- standard error" if runs > 1 else "one run each: scatter unknown"
         return (
@@ -107,7 +107,7 @@ class DynamicBudget:
                 ),
             ),
             totals=(("all together", self.rms.mean(), self.peak.max(), 1.0),),
-            notes=(self.accuracy,),
+            notes=(self.validity,),
         )
 
     @property

@@ -19,7 +19,7 @@ from jointplay.simulation.analysis.uncertainty import (
     SobolIndices,
     convergence,
     enough,
-    estimate,
+    interval_estimate,
     sobol_indices,
 )
 from jointplay.study.journal import FAILED
@@ -49,7 +49,7 @@ def points(dataset: xr.Dataset, rows: int, cell: Callable[[IntervalEstimate], An
     lines = []
     for index in islice(np.ndindex(*(dataset.sizes[d] for d in dims)), rows):
         where = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
-        lines.append([*where, *(cell(estimate(np.ravel(one[index]))) for one in values)])
+        lines.append([*where, *(cell(interval_estimate(np.ravel(one[index]))) for one in values)])
     return Table.of([(one, "") for one in head], lines)
 
 
@@ -232,8 +232,8 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     precision = require_share("precision", precision)
     values = samples_of(dataset, measure)
     known = int(np.isfinite(values).sum())
-    found = {name: estimate(values, name) for name in ("mean", "std")}
-    found |= {f"{100 * p:g} %": estimate(values, "quantile", p) for p in QUANTILES}
+    found = {name: interval_estimate(values, name) for name in ("mean", "std")}
+    found |= {f"{100 * p:g} %": interval_estimate(values, "quantile", p) for p in QUANTILES}
     notes = []
     for what, name, probability in (("mean", "mean", 0.5), ("95 % quantile", "quantile", 0.95)):
         runs = enough(convergence(values, name, probability), precision)

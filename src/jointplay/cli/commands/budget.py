@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         )
     print(errors.table())
     print(errors.ranking)
-    print(errors.accuracy)
+    print(errors.validity)
     if not options.out:
         return 0
     from jointplay.show.plots import design as plots

@@ -66,7 +66,7 @@ def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
     ]
     across = Axis(f"contribution of the joint to the error of {budget.tool!r}", "m")
     panel = Panel(across, Axis(rows=budget.joints), marks)
-    return _row([panel], (7.0, 1.6 + 0.42 * len(budget.joints)), note=budget.accuracy, key=2)
+    return _row([panel], (7.0, 1.6 + 0.42 * len(budget.joints)), note=budget.validity, key=2)
 
 
 def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]:
@@ -157,7 +157,7 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
             Curve([0.0], [0.0], "without play", "black", "", marker="+", size=6.0),
         ]
         panels.append(Panel(Axis("xyz"[i], "m"), Axis("xyz"[j], "m"), marks, equal="data"))
-    note = f"grey: first joint, first two, ... of {', '.join(budget.joints)}\n{budget.accuracy}"
+    note = f"grey: first joint, first two, ... of {', '.join(budget.joints)}\n{budget.validity}"
     return _row(panels, (8.5, 3.4), note=note, key=4)
 
 
@@ -183,7 +183,7 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
     across = replace(across, low=float(x[0]), high=float(x[-1]))
     panel = Panel(across, Axis(f"error of {budget.tool!r}", "m", low=0.0), marks)
     at = "outside right upper"
-    return _row([panel], (7.0, 3.6), note=budget.accuracy, key=1, key_at=at)
+    return _row([panel], (7.0, 3.6), note=budget.validity, key=1, key_at=at)
 
 
 def workspace_map(budget: PlayBudget) -> Figure:
@@ -198,7 +198,7 @@ def workspace_map(budget: PlayBudget) -> Figure:
     ):
         sideways, upwards = (Axis(word, "m", "large") for word in words)
         panels.append(Panel(sideways, upwards, [Dots(across, up, worst, scale)], equal="data"))
-    return _row(panels, (8.0, 4.0), note=budget.accuracy)
+    return _row(panels, (8.0, 4.0), note=budget.validity)
 
 
 def allocation(allotment: Allocation) -> Figure:
@@ -390,7 +390,7 @@ def path(performance: Iso9283) -> Figure:
 
 
 def _note(performance: Iso9283) -> str:
-    parts = performance.accuracy.split("; ")
+    parts = performance.validity.split("; ")
     half = len(parts) // 2
     return "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
 
@@ -453,4 +453,4 @@ def share_bars(budget: DynamicBudget) -> Figure:
         Panel(Axis("error of the tool", "m"), Axis(rows=names), [*sizes, zero], legend="best"),
         Panel(share, Axis(rows=[*budget.joints, "interaction"]), [shares, zero]),
     ]
-    return _row(panels, (8.5, 1.8 + 0.45 * len(names)), note=budget.accuracy)
+    return _row(panels, (8.5, 1.8 + 0.45 * len(names)), note=budget.validity)

@@ -391,7 +391,7 @@ def _states(cases: Cases) -> Iterator[Chart]:
         panel = result.plot.panel
         for joint in result.joints:
             names, shown = ["modes", "contacts", "gaps"], "modes, forms, contacts, gaps"
-            if analysis.shares(result, joint, "form"):
+            if analysis.time_fractions(result, joint, "form"):
                 names.insert(1, "forms")
             if analysis.rolls(result, joint):
                 shown = "loads and gaps of elements"

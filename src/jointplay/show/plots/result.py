@@ -253,7 +253,7 @@ class Plots:
     def modes(self, joint: str | None = None) -> Panel:
         """Timeline of the joint's mode (Table 1), with the share of the time in each."""
         name = self._joint("modes", joint)
-        shares = list(analysis.shares(self.result, name).values())
+        shares = list(analysis.time_fractions(self.result, name).values())
         modes, words = list(Mode), list(MODES)
         if analysis.rolls(self.result, name):
             modes, words = [modes[0], modes[2]], ["no element\nloaded", "elements\nloaded"]
@@ -267,7 +267,7 @@ class Plots:
     def forms(self, joint: str | None = None) -> Panel:
         """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
         name = self._joint("forms", joint)
-        shares = analysis.shares(self.result, name, "form")
+        shares = analysis.time_fractions(self.result, name, "form")
         if not shares:
             raise JointplayError(
                 f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"

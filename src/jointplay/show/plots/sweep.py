@@ -13,7 +13,7 @@ from jointplay.show.plots.chart import Axis, Chart, Curve, Map, Panel, Rule
 from jointplay.show.plots.draw import draw as drawn
 from jointplay.show.plots.palette import COLOURS
 from jointplay.show.plots.style import StyledFigure
-from jointplay.simulation.analysis.uncertainty import convergence, enough, estimate
+from jointplay.simulation.analysis.uncertainty import convergence, enough, interval_estimate
 from jointplay.study.sweep_plan import SAMPLE
 from jointplay.study.sweep_table import coordinate_text, label, measured, samples_of, scale, select
 
@@ -107,7 +107,7 @@ def _equal_ratios(dataset: xr.Dataset, x: str) -> bool:
 
 def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
     table = part.transpose(x, ...).values.reshape(part.sizes[x], -1)
-    estimates = [estimate(row) for row in table]
+    estimates = [interval_estimate(row) for row in table]
     at: np.ndarray = np.arange(len(estimates))
     if _is_number(dataset, x):
         at = dataset[x].values * scale(dataset, x)[0]

@@ -133,7 +133,7 @@ def modes(cases: Sequence[Case], start: float) -> Html:
 
     def shown(what: str, place: str, words: Mapping[str, str]) -> Html:
         """A table of shares, a row for each of the words."""
-        every = [analysis.shares(case.result, joint, what, start) for case, joint in pairs]
+        every = [analysis.time_fractions(case.result, joint, what, start) for case, joint in pairs]
         rows: list[dict[str, Quantity]] = [
             {text: (one.get(key), "1") for key, text in words.items()} for one in every
         ]
@@ -150,7 +150,10 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     forms = {}
     for form in Form:
         key = form.name.lower()
-        if any(analysis.shares(c.result, j, "form", start).get(key, 0.0) > 0.0 for c, j in pairs):
+        if any(
+            analysis.time_fractions(c.result, j, "form", start).get(key, 0.0) > 0.0
+            for c, j in pairs
+        ):
             forms[key] = f"{form.letter}: {key.replace('_', ' ')}" if form else "no contact"
     return joined([*parts, shown("form", "Figure 2", forms)] if forms else parts)
 
@@ -344,7 +347,7 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
     for case in cases:
         if case.error is None:
             continue
-        accuracy = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
+        accuracy = analysis.error_statistics(case.error, min(start, float(case.error["time"][-1])))
         for k, axis in enumerate(analysis.COMPONENTS):
             row: list[Cell] = [dark(case), axis, float(accuracy.mean[k])]
             for how, values in (("RMS", accuracy.rms), ("peak", accuracy.peak)):
@@ -457,13 +460,13 @@ def _glanced(case: Case, start: float) -> dict[str, Quantity]:
     rms = peak = turn = turned = at_stops = number = force = penetration = None
     strongest = ""
     if case.error is not None and float(case.error["time"][-1]) >= start:
-        accuracy = analysis.accuracy(case.error, start)
+        accuracy = analysis.error_statistics(case.error, start)
         rms, peak = accuracy.rms[3], accuracy.peak[3]
         ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
         errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         at_stops = max(errors, default=None)
     if case.turn is not None and float(case.turn["time"][-1]) >= start:
-        rotation = analysis.accuracy(case.turn, start)
+        rotation = analysis.error_statistics(case.turn, start)
         turned, turn = rotation.rms[3], rotation.peak[3]
     if case.joints:
         late = case.result.time >= start

@@ -1,6 +1,6 @@
 """Every headline figure of a run with its numerical error, found by running again otherwise.
 
-`estimate`, made after every run, runs twice more with steps that go by their own error (equal
+`estimate_errors`, after every run, runs twice more with steps that go by their own error (equal
 steps, where contacts have bristles), `certify` three times. docs/certificates.md says how, and how
 often the stated errors cover the true ones.
 """
@@ -118,7 +118,7 @@ class Measured:
     """How far it may be off because it is computed from records, not from all steps."""
 
 
-def estimate(source: Simulation | Result, **options: Any) -> Certificate:
+def estimate_errors(source: Simulation | Result, **options: Any) -> Certificate:
     """Estimate the numerical error of every headline figure from two further runs.
 
     Their steps go by their own error: see `TOLERANCES`, `ASIDE_M`. `options` and errors are those
@@ -138,7 +138,7 @@ def certify(
 ) -> Certificate:
     """State the numerical error of every headline figure more strictly, from three further runs.
 
-    They are those of `estimate`, and one with journals displaced the other way.
+    They are those of `estimate_errors`, and one with journals displaced the other way.
 
     Args:
         source: what is certified; a simulation is run first.
@@ -147,7 +147,7 @@ def certify(
         name: of the run, which the bar shows.
         claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
             with clearance.
-        strict: without, as `estimate` does.
+        strict: without, as `estimate_errors` does.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
@@ -208,7 +208,7 @@ def certify(
 
 
 def further_runs(simulation: Simulation, strict: bool = True) -> int:
-    """How many runs `certify` or `estimate` makes, that of the ideal mechanism included."""
+    """How many runs `certify` or `estimate_errors` makes, that of the ideal mechanism included."""
     mechanism = simulation.mechanism
     return len(TOLERANCES) - (not strict) + bool(mechanism.clearance or mechanism.gears)
 

@@ -73,7 +73,7 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
     return statistics
 
 
-def shares(
+def time_fractions(
     result: Result, joint: str, of: str = "mode", start: float | None = None
 ) -> dict[str, float]:
     """Fractions of the time from `start` [s] on that `joint` spends in each ``mode`` or ``form``.

@@ -14,7 +14,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import readable
 from jointplay.simulation.analysis import twins
 from jointplay.simulation.analysis.bearings import bearing_life, rolling_bearings
-from jointplay.simulation.analysis.tool_error import accuracy, deviation, error_at, stops
+from jointplay.simulation.analysis.tool_error import deviation, error_at, error_statistics, stops
 from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.motion.reference import GOES_ON
 from jointplay.simulation.result.certificate import alone, shown
@@ -89,9 +89,9 @@ def _tool(
         return [f"the tool error{since} against the ideal mechanism is unknown{ended}"]
     sizes = np.linalg.norm(judged.values, axis=1)
     at = float(judged["time"][int(sizes.argmax())])
-    rms = accuracy(error, start).rms[-1]
+    rms = error_statistics(error, start).rms[-1]
     tool = result.simulation.mechanism.tool
-    turns = accuracy(deviation(result, ideal, "tool_orientation"), start)
+    turns = error_statistics(deviation(result, ideal, "tool_orientation"), start)
     told = {
         name: shown(result.certificate, name, float(value), unit)
         for name, value, unit in (
@@ -115,7 +115,7 @@ def _from_base(result: Result, ideal: Result, since: str) -> list[str]:
     if mechanism.free_base is None:
         return []
     base = mechanism.description.root
-    found = accuracy(deviation(result, ideal, relative_to=base))
+    found = error_statistics(deviation(result, ideal, relative_to=base))
     return [
         f"seen from the free base {base!r}, whose own motion differs as well: up to "
         f"{_mm(found.peak[-1])} off{since}, RMS {_mm(found.rms[-1])}"

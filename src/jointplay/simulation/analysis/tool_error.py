@@ -186,7 +186,7 @@ def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class ErrorStatistics:
     """Tool error over a run along x, y, z and in all [m], arrays of shape (4,).
 
     The total's mean, RMS and peak are those of the distance from the ideal tool.
@@ -202,7 +202,7 @@ def _with_total(vectors: np.ndarray) -> np.ndarray:
     return np.column_stack([vectors, np.linalg.norm(vectors, axis=1)])
 
 
-def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
+def error_statistics(error: xr.DataArray, start: float | None = None) -> ErrorStatistics:
     """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
 
     None: from when on the run is judged, `Result.judge_from`.
@@ -215,7 +215,7 @@ def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
             f"no records from {start:g} s on; the run ends at {float(error['time'][-1]):g} s"
         )
     values = _with_total(kept)
-    return Accuracy(
+    return ErrorStatistics(
         values.mean(axis=0), np.sqrt((values**2).mean(axis=0)), np.abs(values).max(axis=0)
     )
 

@@ -67,7 +67,7 @@ class Until:
         require_whole("most", self.most, 2)
 
     def estimate(self, values: np.ndarray) -> IntervalEstimate:
-        return estimate(values, self.statistic, self.probability, self.confidence)
+        return interval_estimate(values, self.statistic, self.probability, self.confidence)
 
     def reached(self, values: np.ndarray) -> bool:
         return self.estimate(values).relative <= self.precision
@@ -82,7 +82,7 @@ def read_until(given: Any) -> Until:
     return until
 
 
-def estimate(
+def interval_estimate(
     values: np.ndarray,
     statistic: str = "mean",
     probability: float = 0.5,
@@ -149,9 +149,9 @@ def convergence(
     """The estimate after the first runs, up to all of them, at numbers equally spaced by ratio."""
     x = np.asarray(values, float).ravel()
     if len(x) < 2:
-        return [estimate(x, statistic, probability)]
+        return [interval_estimate(x, statistic, probability)]
     counts = np.unique(np.geomspace(2, len(x), points).round().astype(int))
-    return [estimate(x[:count], statistic, probability) for count in counts]
+    return [interval_estimate(x[:count], statistic, probability) for count in counts]
 
 
 def enough(history: list[IntervalEstimate], precision: float) -> int | None:

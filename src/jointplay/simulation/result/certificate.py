@@ -1,6 +1,6 @@
 """Headline figures of a run with their numerical errors.
 
-`analysis.estimate` finds them for every run, `analysis.certify` more strictly.
+`analysis.estimate_errors` finds them for every run, `analysis.certify` more strictly.
 """
 
 from __future__ import annotations
