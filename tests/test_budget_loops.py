@@ -288,7 +288,7 @@ def test_what_holds_each_other_is_allocated_within_the_target(door):
         allocate(make({"lower": hinge, "upper": hinge}), {}, 5e-5, quantile=0.99)
 
 
-@pytest.mark.parametrize("name", ["delta", "three_rrr"])
+@pytest.mark.parametrize("name", [pytest.param("delta", marks=pytest.mark.thorough), "three_rrr"])
 def test_all_causes_of_closed_loops_against_loops_closed_afresh(name):
     simulation = Scenario.load(f"jointplay:{name}.toml").simulation("ideal")
     mechanism = simulation.mechanism
@@ -341,7 +341,7 @@ def test_deflections_that_a_loop_holds_are_refused():
         budget(mechanism, q, causes=["elasticity"])
 
 
-@pytest.mark.parametrize("tied", [False, True])
+@pytest.mark.parametrize("tied", [pytest.param(False, marks=pytest.mark.thorough), True])
 def test_causes_of_a_loop_are_allocated_within_the_target(door, tied):
     mechanism, q, causes = door[0]({}), np.zeros((1, 1)), ["geometry"]
     if not tied:

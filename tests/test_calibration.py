@@ -199,12 +199,12 @@ def test_eccentric_encoders_are_not_taken_for_play(arm):
 
 def test_a_cause_that_is_not_there_is_kept_no_more_often_than_chance_allows(arm):
     kept = 0
-    for seed in range(10):
+    for seed in range(5):
         truth = Truth(arm, 200 + seed, n=24).offset(elbow=0.01)
         terms = ["compliance", Term("play", JOINTS[1:3], friction=0.0, transition=0.3)]
         fit = calibrate(arm, truth.measured(), terms, always=["offset"])
         kept += bool(fit.kept[1:])
-    assert kept <= 4  # two candidates at 10 %: 2 expected at most
+    assert kept <= 2  # two candidates at 10 %: 1 expected at most
 
 
 def test_a_load_on_one_side_or_smaller_than_friction_cannot_tell_play(arm):

@@ -213,7 +213,10 @@ sys.exit(cli.main(sys.argv[2:]))
 """
 
 
-@pytest.mark.parametrize("duration", [0.3, pytest.param(3.0, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "duration",
+    [pytest.param(0.3, marks=pytest.mark.thorough), pytest.param(3.0, marks=pytest.mark.nightly)],
+)
 def test_scara_study_end_to_end(duration, tmp_path):
     out = tmp_path / "study"
     command = [PYTHON, "-c", STUDY, str(duration), "scara", "--out", str(out), "--runs", "2"]

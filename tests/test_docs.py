@@ -52,13 +52,10 @@ POSES = "shoulder motor [rad],elbow motor [rad],tool x [m],tool y [m],tool z [m]
 """Static poses of that robot."""
 
 
-def quick_first(pages):
-    """Pages as parameters; all but the README's are thorough."""
-    later = pytest.mark.thorough
-    return [
-        pytest.param(one, id=str(one.relative_to(ROOT)), marks=() if one is PAGES[0] else later)
-        for one in pages
-    ]
+def each(pages):
+    """Pages as parameters of a thorough test."""
+    named = pytest.mark.parametrize("page", pages, ids=lambda page: str(page.relative_to(ROOT)))
+    return lambda test: pytest.mark.thorough(named(test))
 
 
 FENCE = re.compile(r"^( *)```(python|sh|text|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
@@ -180,7 +177,7 @@ PYTHON = [page for page in PAGES if blocks(page, "python")]
 SHELL = [page for page in PAGES if blocks(page, "sh")]
 
 
-@pytest.mark.parametrize("page", quick_first(PYTHON))
+@each(PYTHON)
 def test_snippets_run_as_they_are_written(page, folder):
     matplotlib = pytest.importorskip("matplotlib.pyplot")
     names = {"my_axes": matplotlib.figure().subplots(), "__name__": "__main__"}
@@ -195,7 +192,7 @@ def test_snippets_run_as_they_are_written(page, folder):
     matplotlib.close("all")
 
 
-@pytest.mark.parametrize("page", quick_first(SHELL))
+@each(SHELL)
 def test_commands_run_as_they_are_written(page, folder):
     shutil.copy(folder / "one.nc", folder / "run.nc")
     before = {
@@ -237,7 +234,7 @@ def same(shown, printed):
     )
 
 
-@pytest.mark.parametrize("page", quick_first([p for p in PAGES if blocks(p, "console")]))
+@each([page for page in PAGES if blocks(page, "console")])
 def test_answers_are_shown_as_they_are_printed(page, folder):
     """In blocks of this kind a command stands behind a dollar sign, and below it what it prints."""
     for part in (part for one in blocks(page, "console") for part in one.text.split("$ ")[1:]):

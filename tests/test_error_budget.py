@@ -26,7 +26,15 @@ def robot():
     return jp.Mechanism("example-robot-data:ur5", JOINTS)
 
 
-@pytest.mark.parametrize("kind", ["calibrated-industrial", "industrial"])
+@pytest.fixture(scope="module")
+def whole(robot):
+    """Its budget with all causes."""
+    return budget(robot, POSE, causes=CAUSES)
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param("calibrated-industrial", marks=pytest.mark.thorough), "industrial"]
+)
 def test_worst_case_and_variance_against_random_states_of_the_exact_kinematics(robot, kind):
     found = budget(robot, POSE, kind=kind, force=(20.0, 0.0, -50.0), causes=CAUSES)
     drawn = found.sample(20_000)
@@ -48,14 +56,13 @@ def test_causes_seen_from_a_body_against_the_exact_kinematics(robot):
     assert moving == {"wrist_1_joint", "wrist_2_joint", "wrist_3_joint"}
 
 
-def test_parts_sum_to_the_worst_case_and_shares_of_variance_to_one(robot):
-    found = budget(robot, POSE, causes=CAUSES)
-    assert found.worst_parts.sum(axis=1) == pytest.approx(found.worst)
+def test_parts_sum_to_the_worst_case_and_shares_of_variance_to_one(whole):
+    assert whole.worst_parts.sum(axis=1) == pytest.approx(whole.worst)
     for what in ("joint", "cause"):
-        parts = found.by(what)
-        assert sum(worst for worst, _ in parts.values()) == pytest.approx(found.worst[0])
+        parts = whole.by(what)
+        assert sum(worst for worst, _ in parts.values()) == pytest.approx(whole.worst[0])
         assert sum(share for _, share in parts.values()) == pytest.approx(1.0)
-    assert set(found.by("cause")) == set(CAUSES)
+    assert set(whole.by("cause")) == set(CAUSES)
 
 
 def test_what_is_given_counts_and_is_not_called_assumed(robot):
@@ -83,12 +90,11 @@ def test_an_encoder_alone_is_half_of_its_step_times_the_lever(robot):
     assert found.rms[0] == pytest.approx(1e-3 / np.sqrt(12.0) * lever, rel=1e-6)
 
 
-def test_halving_buys_about_half_of_what_a_cause_adds(robot):
-    found = budget(robot, POSE, causes=CAUSES)
-    index = int(found.worst_parts[0].argmax())
-    worst, rms = found.halved(index)
-    assert worst == pytest.approx(0.5 * found.worst_parts[0, index], rel=0.1)
-    assert 0.0 < rms < found.rms[0]
+def test_halving_buys_about_half_of_what_a_cause_adds(whole):
+    index = int(whole.worst_parts[0].argmax())
+    worst, rms = whole.halved(index)
+    assert worst == pytest.approx(0.5 * whole.worst_parts[0, index], rel=0.1)
+    assert 0.0 < rms < whole.rms[0]
 
 
 def test_an_elastic_joint_sags_as_its_stiffness_says():
@@ -103,10 +109,10 @@ def test_an_elastic_joint_sags_as_its_stiffness_says():
     assert found.mean[0] == pytest.approx(rest.rest_tool[0, :3], rel=5e-3, abs=1e-7)
 
 
-def test_a_class_that_does_not_fit_is_said(robot):
+def test_a_class_that_does_not_fit_is_said(robot, whole):
     text = str(budget(robot, POSE, kind="printed", causes=CAUSES).table())
     assert "too far for Jacobians" in text
-    assert "too far" not in str(budget(robot, POSE, causes=CAUSES).table())
+    assert "too far" not in str(whole.table())
 
 
 @pytest.mark.parametrize(

@@ -49,21 +49,11 @@ def test_the_page_shows_it_with_picture_numbers_and_command(name):
         assert abs(float(row["residual"])) < 0.05
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_what_is_shipped_runs(name):
-    given = scenario(name)
-    runs(given, given.cases[-1:])
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_every_case_runs(name):
     given = scenario(name)
-    runs(given, given.cases)
-
-
-def runs(given, cases):
-    for case in cases:
+    for case in given.cases:
         changes = {"integration": {"duration": SHORT, "settle": 0}}
         result = given.simulation(case, changes).run(check_step=False)
         assert result.status == Status.COMPLETED, (case, result.message)

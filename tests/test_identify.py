@@ -235,6 +235,7 @@ def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(arm):
     assert "j gear play: not observable: the load keeps the gear's teeth on one side" in str(found)
 
 
+@pytest.mark.thorough
 def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     bearing = RevoluteClearance(
         radial_clearance=8e-5, axial_clearance=8e-5, lock_axial=True, restitution=0.5

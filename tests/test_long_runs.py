@@ -329,6 +329,7 @@ def names(folder):
 LONG = ("--duration", "2", "--no-figures", "--no-error-estimate")
 
 
+@pytest.mark.thorough
 def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_path):
     out = tmp_path / "o"
     process = start("run", *LONG, "--out", out)

@@ -33,7 +33,8 @@ def duffing(force, turns, start=(0.1, 0.0), settle=0, per_turn=1):
     times = np.arange(settle * per_turn, (settle + turns) * per_turn) * period / per_turn
     found = solve_ivp(
         lambda t, y: (y[1], y[0] - y[0] ** 3 - 0.3 * y[1] + force * math.cos(1.2 * t)),
-        (0.0, times[-1] + 1e-9), start, t_eval=times, rtol=1e-9, atol=1e-11,
+        (0.0, times[-1] + 1e-9), start, "DOP853", t_eval=times, rtol=1e-9,
+        atol=1e-11,
     )  # fmt: skip
     return found.y.T
 

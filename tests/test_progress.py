@@ -85,7 +85,7 @@ def test_nothing_is_shown_unless_asked_for(monkeypatch):
     assert file.getvalue() == ""
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.thorough), "2"])
 def test_a_run_of_several_cases_has_one_bar_and_answers_as_they_come(jobs, tmp_path):
     """In a terminal; into a pipe go the answers and no bar."""
     command = [JOINTPLAY, "run", "jointplay:scara.toml", "--no-figures", "--jobs", jobs]

@@ -215,6 +215,7 @@ def test_command_lists_one_robot(capsys):
     assert main(["robots", "r2d2"]) == 2
 
 
+@pytest.mark.thorough
 def test_a_humanoid_whose_head_has_no_mass_runs_with_its_neck_held(tmp_path, capsys):
     assert main(["robots", "icub"]) == 0
     told = re.findall("option: (--.*) (.*)", capsys.readouterr().out)
@@ -358,7 +359,10 @@ def command(line, capsys):
     "name",
     [
         pytest.param(
-            name, marks=() if name in ("tiago", "allegro_left_hand") else pytest.mark.nightly
+            name,
+            marks={"allegro_left_hand": (), "tiago": pytest.mark.thorough}.get(
+                name, pytest.mark.nightly
+            ),
         )
         for name in installed()
     ],

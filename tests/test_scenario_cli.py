@@ -113,6 +113,7 @@ def test_run_saves_every_case(short, tmp_path):
     assert "already holds results" in again.stderr
 
 
+@pytest.mark.thorough
 def test_run_draws_figures_of_chosen_cases(short, tmp_path):
     out = tmp_path / "out"
     done = call("run", short, "--out", out, "--case", "0.2 mm", "--case", "ideal")

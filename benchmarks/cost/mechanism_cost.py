@@ -191,7 +191,7 @@ def main():
     words = "exit with status 1 if a ratio is above"
     benchmark = Benchmark("mechanism_cost", __doc__, runs=0, check=(np.inf, words))
     args = benchmark.parse()
-    pieces = 100 if args.quick else 600
+    pieces = 20 if args.quick else 600
     found = {}
     setups = mechanisms()
     with ProgressBar(total=len(setups) * pieces, unit="piece") as bar:

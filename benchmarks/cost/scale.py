@@ -126,12 +126,12 @@ def gain(number, rounds):
 def measure(quick=False):
     """All ratios and what is reckoned from them, by name."""
     with temporary("scale") as folder:
-        (short_bare, short_case), outcome = pairs(SHORT_S, 60 if quick else 200)
-        (long_bare, long_case), _ = pairs(LONG_S, 6 if quick else 20)
+        (short_bare, short_case), outcome = pairs(SHORT_S, 15 if quick else 200)
+        (long_bare, long_case), _ = pairs(LONG_S, 2 if quick else 20)
         kept, opened = bookkeeping(outcome, STORED, Path(folder))
-        told = messages(100 if quick else 300)
+        told = messages(30 if quick else 300)
         begun = start()
-        cores, seconds = gain(8 if quick else 24, 1 if quick else 3)
+        cores, seconds = gain(4 if quick else 24, 1 if quick else 3)
     driver = kept + told
     bare = float(np.median(long_bare))
     overhead = float(np.median(long_case - long_bare)) + driver
