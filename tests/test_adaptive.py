@@ -9,7 +9,7 @@ from test_integrators import ELASTIC
 
 import jointplay as jp
 from jointplay.paper import scara
-from jointplay.simulation.loop import LONGEST_ADAPTIVE_MACRO_STEP_S
+from jointplay.simulation.time_loop import LONGEST_ADAPTIVE_MACRO_STEP_S
 
 TOLERANCES = np.array([1e-2, 1e-3, 1e-4, 1e-5])
 

@@ -7,7 +7,7 @@ import pytest
 from jointplay.base.schema import fields_at
 from jointplay.cli import main, parser
 from jointplay.cli.commands.inputs import FLAGS, explanation, scenario_of
-from jointplay.scenario.model import Model
+from jointplay.scenario.declarations import Model
 
 SCARA = "jointplay:scara.toml"
 CALLS = {

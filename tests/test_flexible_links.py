@@ -344,7 +344,7 @@ def test_check_shows_the_matrix_and_locks_of_a_mount(tmp_path, capsys):
 
 
 def test_playback_marks_the_joint_with_play_and_no_hinges(tmp_path):
-    from jointplay.show.player.scene import build
+    from jointplay.show.player.playback import build
 
     scenario = jp.Scenario(SCENARIO, tmp_path / "ur5.toml")
     result = scenario.simulation().run(check_step=False)

@@ -35,7 +35,7 @@ SLIDER_CRANK = "jointplay:slider_crank.toml"
 
 def scenario(**settings):
     """The SCARA, for a short time."""
-    from jointplay.scenario.settings import parse
+    from jointplay.scenario.overrides import parse
 
     given = [f"integration.duration={DURATION}", *(f"{k}={v}" for k, v in settings.items())]
     return robot_scenario(None, (), [parse(text) for text in given])
@@ -510,7 +510,7 @@ def test_controls_are_those_of_the_machine():
 
 
 def test_a_rolling_bearing_has_its_temperature():
-    from jointplay.scenario.settings import parse
+    from jointplay.scenario.overrides import parse
 
     given = [
         parse('joints.joint_b={kind="ball-bearing",designation="6010/C3"}'),

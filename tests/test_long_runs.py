@@ -20,7 +20,7 @@ from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
 from jointplay.simulation.analysis import certification
-from jointplay.simulation.loads import ComputedTorque, tables
+from jointplay.simulation.loads import ComputedTorque, drive_tables
 from jointplay.simulation.result import audit, netcdf
 from jointplay.simulation.working_files import working_paths
 
@@ -247,7 +247,7 @@ def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp
     if loops:
         one = crank(False, duration=0.13, drive=ComputedTorque(), step=1e-5)
     whole = jp.Run(one).workspace.reference
-    monkeypatch.setattr(tables, "BLOCK_NODES", 1)
+    monkeypatch.setattr(drive_tables, "BLOCK_NODES", 1)
     table = jp.Run(one)._reference
     found = [table.table]
     while table.until < 0.13:

@@ -19,7 +19,7 @@ from jointplay.model.meshes import surface
 from jointplay.model.robots import robot_urdf
 from jointplay.paper import scara
 from jointplay.show import player
-from jointplay.show.player.scene import quaternions
+from jointplay.show.player.playback import quaternions
 from jointplay.show.player.server import Server
 from jointplay.show.player.tracks import (
     Packer,

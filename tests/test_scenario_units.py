@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from jointplay.base.errors import JointplayError
 from jointplay.base.units import WORDS, convert, plain_number, readable
 from jointplay.cli.commands import quantity
-from jointplay.scenario.load import Scenario
+from jointplay.scenario.reading import Scenario
 
 
 @pytest.mark.parametrize(

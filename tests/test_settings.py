@@ -1,7 +1,7 @@
 import pytest
 
 from jointplay import JointplayError, Scenario
-from jointplay.scenario.settings import Setting, given_by, parse, tree, words
+from jointplay.scenario.overrides import Setting, given_by, parse, tree, words
 
 SCARA = "jointplay:scara.toml"
 

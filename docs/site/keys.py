@@ -20,7 +20,7 @@ from jointplay.model.heat import Heat, JointHeat, LinkHeat
 from jointplay.physics.contact.film import FilmLaw
 from jointplay.physics.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.physics.joints import Clearance
-from jointplay.scenario.model import (
+from jointplay.scenario.declarations import (
     HeldPayload,
     IntegrationTable,
     LoopEnds,

@@ -11,7 +11,7 @@ import jointplay as jp
 from jointplay.model.gear import Gear
 from jointplay.physics.kernel.integrators import INTEGRATORS
 from jointplay.simulation.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
-from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
+from jointplay.simulation.time_loop import LONGEST_MACRO_STEP_S
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
 QUIET = {"joint_friction": {}}

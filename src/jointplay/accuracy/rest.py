@@ -34,7 +34,7 @@ from jointplay.physics.joints import RELATIVE, Clearance
 from jointplay.physics.joints.play import Play, Pressed
 from jointplay.simulation.acting import load_site
 from jointplay.simulation.loads.drive import Drive, Prescribed, assign
-from jointplay.simulation.loads.tables import tabulate
+from jointplay.simulation.loads.drive_tables import tabulate
 from jointplay.simulation.loads.wrench import Wrench
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, depths, weight_curvature

@@ -10,8 +10,8 @@ from .ensembles import summary as summary
 from .outputs import FILES as FILES
 from .outputs import JOINT as JOINT
 from .outputs import output_names as output_names
-from .run import Findings as Findings
-from .run import errors_table as errors_table
-from .run import errors_text as errors_text
-from .run import measures_table as measures_table
-from .run import run_study as run_study
+from .study import Findings as Findings
+from .study import errors_table as errors_table
+from .study import errors_text as errors_text
+from .study import measures_table as measures_table
+from .study import run_study as run_study

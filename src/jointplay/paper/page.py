@@ -22,7 +22,7 @@ from jointplay.simulation.result.result import AXES, Result
 from jointplay.simulation.result.settings import START_UP
 
 if TYPE_CHECKING:
-    from jointplay.paper.run import Findings
+    from jointplay.paper.study import Findings
 
 PRINTED_PEAKS = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the force peaks in the paper, along world axes (Section 5, Figures 13-15) [s]."""

@@ -1,2 +1,2 @@
 from . import presets as presets
-from .load import Scenario as Scenario
+from .reading import Scenario as Scenario

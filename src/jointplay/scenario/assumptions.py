@@ -13,7 +13,7 @@ from jointplay.physics.joints import Clearance, SlidingClearance
 if TYPE_CHECKING:
     from jointplay.accuracy.poses import Poses
     from jointplay.model.mechanism import Mechanism
-    from jointplay.scenario.load import Scenario
+    from jointplay.scenario.reading import Scenario
     from jointplay.simulation.simulation import Simulation
 
 ASSUMED = "(assumed)"

@@ -28,7 +28,7 @@ from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import Description, read
 from jointplay.physics.joints import JOINT_WORDS
 from jointplay.physics.joints.base import RoundClearance
-from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
+from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.simulation.motion.cartesian import cartesian_path

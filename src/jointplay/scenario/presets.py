@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.model.urdf import Description
-from jointplay.scenario.settings import Setting
+from jointplay.scenario.overrides import Setting
 
 if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism

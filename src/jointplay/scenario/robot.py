@@ -23,8 +23,8 @@ from jointplay.physics.joints import (
     replacing,
 )
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.scenario.load import Scenario
-from jointplay.scenario.settings import Setting, inline, tree, with_names
+from jointplay.scenario.overrides import Setting, inline, tree, with_names
+from jointplay.scenario.reading import Scenario
 from jointplay.simulation.result.settings import Integration, RecordSettings
 
 SCARA = f"{SHIPPED}scara.urdf"

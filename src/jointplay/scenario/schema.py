@@ -16,7 +16,7 @@ from jointplay.base.schema import (
     is_word,
     names_of,
 )
-from jointplay.scenario.model import NOT_IN_A_CASE, Model
+from jointplay.scenario.declarations import NOT_IN_A_CASE, Model
 
 CASE = "Case"
 _TYPES = {bool: "boolean", int: "integer", str: "string"}

@@ -15,7 +15,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.contact.law import Law
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario.build import errors_of
-from jointplay.scenario.load import Scenario
+from jointplay.scenario.reading import Scenario
 from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import assign
 from jointplay.simulation.loads.limits import LIMITS

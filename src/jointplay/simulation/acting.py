@@ -19,10 +19,10 @@ from jointplay.physics.kernel.sites import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.base import Load, Site, compiled_law
 from jointplay.simulation.loads.controller import Controller, held, hold
-from jointplay.simulation.loads.friction import LEVEL, RATE, TIME, LoadedFriction
-from jointplay.simulation.loop import TimeLoop
+from jointplay.simulation.loads.joint_friction import LEVEL, RATE, TIME, LoadedFriction
 from jointplay.simulation.result.variables import Phase
 from jointplay.simulation.statics import relative_motion, relative_pose
+from jointplay.simulation.time_loop import TimeLoop
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run

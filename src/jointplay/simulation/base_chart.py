@@ -19,7 +19,7 @@ from jointplay.model.free_base import (
     turning,
 )
 from jointplay.model.mechanism import Mechanism
-from jointplay.simulation.loop import TimeLoop
+from jointplay.simulation.time_loop import TimeLoop
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run

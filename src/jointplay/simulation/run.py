@@ -34,12 +34,20 @@ from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import Integrator, integrator
 from jointplay.physics.kernel.sites import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
-from jointplay.simulation import acting, base_chart, checkpoint, initial, limits, loop, step_check
+from jointplay.simulation import (
+    acting,
+    base_chart,
+    checkpoint,
+    checks,
+    initial,
+    step_check,
+    time_loop,
+)
 from jointplay.simulation.acting import Events, LoadSchedule
 from jointplay.simulation.assemble import check_step, joint_site
 from jointplay.simulation.base_chart import BaseChart
 from jointplay.simulation.loads.drive import Drive, JointFriction, Servo, assign
-from jointplay.simulation.loads.tables import table_nodes, tabulate
+from jointplay.simulation.loads.drive_tables import table_nodes, tabulate
 from jointplay.simulation.result.audit import Judgement
 from jointplay.simulation.result.histories import histories
 from jointplay.simulation.result.variables import Phase, Records
@@ -161,26 +169,26 @@ class Run:
         self.label = ""  # what the progress bar calls the run
         self.mechanism = mechanism = simulation.mechanism
         self.method: Integrator = integrator(simulation.integrator)
-        step, duration, self.total_steps = limits.check_integration(simulation, self.method)
+        step, duration, self.total_steps = checks.check_integration(simulation, self.method)
         acting.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
         every = simulation.record_every
         if records is None:
             nodes = table_nodes(simulation.motion, drives, duration)
-            limits.check_memory(mechanism, duration, self.total_steps, every, nodes)
-        self.friction = limits.joint_friction(simulation)
+            checks.check_memory(mechanism, duration, self.total_steps, every, nodes)
+        self.friction = checks.joint_friction(simulation)
         for name, drive in drives.items():
             if isinstance(drive, Servo) and name not in mechanism.gears:
                 losses = self.friction.get(name, JointFriction())
                 self.friction = {**self.friction, name: drive.with_friction(losses)}
         followed = [name for name, drive in drives.items() if drive.follows]
-        bounds = limits.effort_bounds(simulation, followed)
+        bounds = checks.effort_bounds(simulation, followed)
         start = initial.initial_state(simulation, followed)
         base_chart.check_start(mechanism, start.q)
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.starts_at_rest:
             start.perturb(simulation.seed, at_rest=False)
-        kind = loop.Adaptive if simulation.tolerance else loop.MultiRate
+        kind = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
         macro = simulation.macro_step or kind.longest_macro_step_s
         tables, armature, self._reference = tabulate(
             mechanism,
@@ -240,8 +248,9 @@ class Run:
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
         self.stop_checks: list[Callable[[], bool]] = []
         """Called between stretches; the run stops, to be continued or not, if one says True."""
-        self._loop: loop.TimeLoop = (loop.SingleRate if self.method.single_rate else kind)(
-            self, mechanism.constraints(w.q, loop.LOOP_CORRECTION / step)
+        stepping = time_loop.SingleRate if self.method.single_rate else kind
+        self._loop: time_loop.TimeLoop = stepping(
+            self, mechanism.constraints(w.q, time_loop.LOOP_CORRECTION / step)
         )
 
     def _overflow(self, records: Path | Callable[[Records], None], macro: float) -> Overflow:
@@ -343,7 +352,7 @@ class Run:
         """Have macro steps so much shorter, before the run begins; their error falls with the
         square.
         """
-        if isinstance(self._loop, loop.MultiRate):
+        if isinstance(self._loop, time_loop.MultiRate):
             self._loop.shorten_macro_steps(factor)
 
     def finish(self, progress: bool = False, check_step: bool = True) -> Result:

@@ -21,8 +21,8 @@ from jointplay.base import signals
 from jointplay.base.errors import JointplayError
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import integrator
-from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
 from jointplay.simulation.result.audit import STEP_WARNING
+from jointplay.simulation.time_loop import LONGEST_MACRO_STEP_S
 
 if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result

@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Field, family_of, fields_of, unknown_key
 from jointplay.base.units import toml_text
-from jointplay.scenario.model import Model
+from jointplay.scenario.declarations import Model
 from jointplay.scenario.places import Key, dotted
 
 _PART = re.compile(

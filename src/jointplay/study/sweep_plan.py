@@ -20,8 +20,8 @@ from jointplay.base.schema import check, unknown_key
 from jointplay.base.units import toml_text
 from jointplay.model.robots import resolve
 from jointplay.scenario import Scenario
-from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
+from jointplay.scenario.reading import merge
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
 from jointplay.study.journal import Index

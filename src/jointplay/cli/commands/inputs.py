@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from jointplay.model.urdf import Description
     from jointplay.physics.joints import Clearance
     from jointplay.scenario import Scenario
+    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.presets import Preset
-    from jointplay.scenario.settings import Setting
     from jointplay.simulation.motion.reference import Motion
     from jointplay.simulation.simulation import Simulation
 
@@ -210,7 +210,7 @@ def explain(parser: argparse.ArgumentParser) -> None:
 def explanation(flag: Flag) -> tuple[str, str]:
     """What fields say of an option's key, with choices and default; and what stands for a value."""
     from jointplay.base.schema import fields_at, is_word
-    from jointplay.scenario.model import Model
+    from jointplay.scenario.declarations import Model
 
     found = list(fields_at(Model, flag.keys[0]))
     text = next((text for _, text in found if text), "")
@@ -237,7 +237,7 @@ def explanation(flag: Flag) -> tuple[str, str]:
 def default_of(key: Sequence[str]) -> str:
     """What holds for a bare robot of which a key is not given, as text; empty if nothing does."""
     from jointplay.base.schema import fields_at
-    from jointplay.scenario.model import Model
+    from jointplay.scenario.declarations import Model
 
     field: Field | None = next((one for one, _ in fields_at(Model, key, every=False)), None)
     if field is None:
@@ -275,9 +275,9 @@ def scenario_of(options: argparse.Namespace, still: bool = False) -> Scenario:
         JointplayError: options that do not go together, or what they name is not there.
     """
     from jointplay.scenario import Scenario
-    from jointplay.scenario.load import merge
+    from jointplay.scenario.overrides import Setting, parse, tree
+    from jointplay.scenario.reading import merge
     from jointplay.scenario.robot import robot_scenario
-    from jointplay.scenario.settings import Setting, parse, tree
 
     ideal, file = bool(_value(options, "ideal")), None
     named = [] if ideal or not still else _name_all_loose(options)
@@ -327,7 +327,7 @@ def _name_all_loose(options: argparse.Namespace) -> list[Setting]:
         Which tool was chosen before they had play, if it was.
     """
     from jointplay.physics.joints import replacing
-    from jointplay.scenario.settings import Setting
+    from jointplay.scenario.overrides import Setting
 
     if "joints with clearance" not in options.groups or options.joint or not for_joints(options):
         return []
@@ -561,7 +561,7 @@ def _description(
 def _of_joints(options: argparse.Namespace) -> tuple[list[Setting], dict[str, str]]:
     """Bearings of joints given as NAME=BEARING, and clearances of those given as NAME=LENGTH."""
     from jointplay.physics.joints.bearings import bearing_kind
-    from jointplay.scenario.settings import Setting
+    from jointplay.scenario.overrides import Setting
 
     bearings, lengths = [], {}
     for name, text in named_joints(options).items():
@@ -590,8 +590,8 @@ def _joint_settings(
     Raises:
         JointplayError: an option for a joint, and no joint.
     """
+    from jointplay.scenario.overrides import Setting
     from jointplay.scenario.robot import assumed_joint, class_of_joint, kind_of_joint
-    from jointplay.scenario.settings import Setting
 
     tables = said.get("joints", {})
     given = for_joints(options)
@@ -642,7 +642,7 @@ def _gear_settings(
     options: argparse.Namespace, said: Mapping[str, Any], still: bool
 ) -> list[Setting]:
     """What options say of gears: those of --gear, or else all."""
-    from jointplay.scenario.settings import Setting
+    from jointplay.scenario.overrides import Setting
 
     plays = numbers_by_name(_value(options, "gear") or (), "--gear JOINT=ANGLE", "rad")
     known, settings = said.get("gears", {}), []
@@ -661,7 +661,7 @@ def _gear_settings(
 
 
 def _other_settings(options: argparse.Namespace) -> list[Setting]:
-    from jointplay.scenario.settings import Setting
+    from jointplay.scenario.overrides import Setting
 
     settings = [
         Setting(key, flag.read(_value(options, flag.attribute)), flag.name)

@@ -293,7 +293,7 @@ def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun
         KeyboardInterrupt: told to stop; it is saved as far as it came.
     """
     from jointplay.physics.kernel import Status
-    from jointplay.scenario.settings import words
+    from jointplay.scenario.overrides import words
     from jointplay.simulation.analysis.certification import add_certificate
     from jointplay.simulation.checkpoint import check_replaceable, continue_run
     from jointplay.simulation.saving import run_and_save

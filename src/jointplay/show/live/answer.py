@@ -23,7 +23,7 @@ from jointplay.model.scene import tool_places
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.show.live.state import State
-from jointplay.show.player import scene
+from jointplay.show.player import playback
 from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
 from jointplay.simulation.analysis.tool_error import deviation
@@ -289,7 +289,7 @@ def cycle_message(
     figure("energy lost", lost, "J")
     packed, picture = b"", None
     if twin is not None and len(few.time) > 1:
-        moving = scene.motion("", few, twin, moments)
+        moving = playback.motion("", few, twin, moments)
         picture, packed = moving.contents, moving.block
     head = {
         "kind": "cycle",
@@ -335,12 +335,12 @@ def _given_way(result: Result, twin: Result) -> np.ndarray | None:
     moved = mechanism.loops or mechanism.gears or mechanism.free_base is not None
     if moved or len(twin.time) < len(result.time):
         return None
-    places = tool_places(mechanism, scene.centred(mechanism, np.array(result.q, float)))
+    places = tool_places(mechanism, playback.centred(mechanism, np.array(result.q, float)))
     away = places - twin["tool_position"].values[: len(places)]
     return np.asarray(np.linalg.norm(away, axis=1))
 
 
 def look(mechanism: Mechanism, meshes: Sequence[str] = ()) -> Message:
     """The bodies of a machine, which the page receives once."""
-    shown = scene.bodies(mechanism, meshes)
+    shown = playback.bodies(mechanism, meshes)
     return shown.contents | {"notes": shown.notes}, shown.block

@@ -20,9 +20,9 @@ from jointplay.base.units import COMMON, round_below
 from jointplay.model.robots import resolve
 from jointplay.model.urdf import STANDARD_GRAVITY
 from jointplay.physics.joints import Clearance
-from jointplay.scenario.load import Scenario, merge
-from jointplay.scenario.model import MotionTable
-from jointplay.scenario.settings import as_toml
+from jointplay.scenario.declarations import MotionTable
+from jointplay.scenario.overrides import as_toml
+from jointplay.scenario.reading import Scenario, merge
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation

@@ -7,7 +7,7 @@ from typing import Any
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
-from jointplay.scenario.load import Scenario
+from jointplay.scenario.reading import Scenario
 from jointplay.show.live import server
 from jointplay.show.live.server import plain, style, values_of
 from jointplay.show.live.state import State

@@ -16,7 +16,7 @@ from jointplay.show.player.server import HOST, PORT, check_host, serve
 
 if TYPE_CHECKING:
     from jointplay.show.player.movie import MovieFile, Shot
-    from jointplay.show.player.scene import Packed
+    from jointplay.show.player.playback import Packed
     from jointplay.simulation.result.result import Result
 
 MOST_BYTES = 15_000_000  # size that a page does not exceed, meshes permitting
@@ -34,7 +34,7 @@ def page(
     Moments between impacts are left out until the page has no more than `MOST_BYTES`.
     """
     from jointplay.show.player.pages import render
-    from jointplay.show.player.scene import BUDGET, build
+    from jointplay.show.player.playback import BUDGET, build
     from jointplay.show.plots.names import title_of
 
     budget = options.pop("budget", BUDGET)

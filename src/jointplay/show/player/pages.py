@@ -12,7 +12,7 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from jointplay.show.player.scene import Packed
+from jointplay.show.player.playback import Packed
 from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES
 from jointplay.show.plots.palette import MODE_COLOURS
 

@@ -14,7 +14,7 @@ from jointplay.simulation.loads.drive import (
     Servo,
     Torque,
 )
-from jointplay.simulation.loads.friction import LoadedFriction
+from jointplay.simulation.loads.joint_friction import LoadedFriction
 from jointplay.simulation.loads.spring import CurveSpring, Spring, Stop, TorsionSpring
 from jointplay.simulation.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_whole
 from jointplay.scenario import Scenario
-from jointplay.scenario.settings import words
+from jointplay.scenario.overrides import words
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, observables, poincare
 from jointplay.study.nonlinear.rows import Key, Observation, Varied, rows

@@ -1,4 +1,4 @@
-"""How large a run may be: found out before anything is made."""
+"""What is checked of a run before anything is made: its steps, memory, friction and efforts."""
 
 from __future__ import annotations
 

@@ -18,9 +18,15 @@ from jointplay.base.schema import check, fields_of, make, unknown_key
 from jointplay.base.tables import Overview, few
 from jointplay.base.units import not_lost, toml_text
 from jointplay.model.robots import SHIPPED, is_robot, resolve
-from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
+from jointplay.scenario.declarations import (
+    MOTION_SOURCES,
+    NOT_IN_A_CASE,
+    IntegrationTable,
+    Model,
+    Output,
+)
+from jointplay.scenario.overrides import Setting, given_by, tree, with_names
 from jointplay.scenario.places import Key, dotted, line_of, lines
-from jointplay.scenario.settings import Setting, given_by, tree, with_names
 
 if TYPE_CHECKING:
     from jointplay.accuracy.robot_errors import RobotErrors
