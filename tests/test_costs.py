@@ -167,16 +167,16 @@ def test_a_plan_and_a_measure_are_a_function_each(pendulum, tmp_path):
 
 def test_a_kind_of_measurement_is_one_file():
     """Its intervals hold the truth, and it says what its measurement cannot tell."""
-    from jointplay.estimate import estimate
+    from jointplay.estimate import solve
 
     own, truth, random = addition("frequencies"), (2e3, 0.3), np.random.default_rng(2)
     payloads = np.repeat([0.0, 1.0, 2.0, 4.0], 5)
     seen = own.frequency(*truth, payloads) + 0.02 * random.standard_normal(len(payloads))
-    for one, value in zip(estimate(own.measured("j", payloads, seen, 0.02)), truth, strict=True):
+    for one, value in zip(solve(own.measured("j", payloads, seen, 0.02)), truth, strict=True):
         assert one.identified
         assert one.low < value < one.high
         assert one.half_width < 0.2 * value
-    dark = estimate(own.measured("j", np.zeros(20), own.frequency(*truth, 0.0) + 0 * seen, 0.02))
+    dark = solve(own.measured("j", np.zeros(20), own.frequency(*truth, 0.0) + 0 * seen, 0.02))
     assert [one.reason for one in dark] == [
         "it acts only together with j inertia",
         "it acts only together with j gear stiffness",

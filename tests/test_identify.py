@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +25,7 @@ from jointplay import (
 from jointplay.cli import main
 from jointplay.estimate import Measurement, columns, plan_measurement, planning
 from jointplay.estimate.identification import reason
+from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
 from jointplay.estimate.measurement import resolution, scatter, turns
 from jointplay.estimate.unknowns import Unknown
 from jointplay.estimate.verification import verify
@@ -418,15 +418,14 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
     clearance, friction_half_width, told
 ):
     """Friction that may be anything holds a journal in wide play as still as no play does."""
-    problem = SimpleNamespace(
-        unknowns=(
-            Unknown("j", "radial_clearance", "m", 5e-5, 1e-5, 1e-3),
-            Unknown("j", "friction", "", 0.1, 0.1, 2.0),
-        )
+    unknowns = (
+        Unknown("j", "radial_clearance", "m", 5e-5, 1e-5, 1e-3),
+        Unknown("j", "friction", "", 0.1, 0.1, 2.0),
     )
+    least = LeastSquares(unknowns, lambda theta: theta, np.zeros(2), np.ones(2))
     half_width = np.array([2e-7, friction_half_width])
-    fit = SimpleNamespace(theta=np.array([clearance, 0.1]), half_width=half_width)
-    said = reason(0, fit, problem, None)
+    fit = Fit(least=least, theta=np.array([clearance, 0.1]), widened=half_width)
+    said = reason(0, fit, None)
     assert (said == "") is told
     assert told or "j friction, which cannot be determined, may hold the journal" in said
 
@@ -477,3 +476,20 @@ def test_a_robot_that_hits_itself_is_told_and_links_that_always_touch_are_left_o
     bent = {"shoulder_lift_joint": -1.57}
     assert any(arm.hits(bent | {"elbow_joint": angle}) for angle in (2.9, 3.0, 3.14))
     assert "for they touch at zero" in SelfCollision(Mechanism("kinova")).notes[0]
+
+
+@pytest.mark.parametrize(("spread", "freedom"), [(1e3, 12.0), (1e-3, 17.0)])
+def test_a_prior_that_says_nothing_takes_as_much_of_the_data_as_none(spread, freedom):
+    """Five nuisances beside three unknowns of twenty numbers: the scatter is found as it is."""
+    random, unknowns = np.random.default_rng(1), [Unknown("", f"u{i}") for i in range(3)]
+    slope, nuisance = random.standard_normal((20, 3)), random.standard_normal((20, 5))
+    noise, sizes = random.standard_normal((400, 20)), []
+    for measured in noise + spread * random.standard_normal((400, 5)) @ nuisance.T:
+        least = LeastSquares(
+            tuple(replace(one, least=-np.inf) for one in unknowns), lambda x: slope @ x, measured,
+            np.ones(20), nuisance, spread=np.full(5, spread), jacobian=lambda x: slope,
+        )  # fmt: skip
+        fit = Fit(least=least, theta=minimum(least, np.zeros(3)))
+        assert fit.freedom == pytest.approx(freedom, abs=1e-3)
+        sizes.append(fit.misfit**2)
+    assert np.mean(sizes) == pytest.approx(1.0, abs=0.06)

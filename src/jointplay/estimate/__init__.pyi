@@ -4,7 +4,7 @@ from .identification import Identification as Identification
 from .identification import identify as identify
 from .kinematic_model import Term as Term
 from .least_squares import LeastSquares as LeastSquares
-from .least_squares import estimate as estimate
+from .least_squares import solve as solve
 from .measurement import Measurement as Measurement
 from .planning import Experiment as Experiment
 from .planning import MeasurementPlan as MeasurementPlan

@@ -87,7 +87,7 @@ class Placed(Problem):
         values = [*np.zeros(6), *self._nominal, *np.zeros(3)]
         widths = [_UNKNOWN] * 6 + [self.point_width] * 3 + [_UNKNOWN] * 3
         every = [
-            Unknown("", name, "", value, spread=width, least=-np.inf)
+            Unknown("", name, "", value, spread=width, least=-np.inf, sought=False, model_error=0.0)
             for name, value, width in zip(_FRAME, values, widths, strict=True)
         ]
         return tuple(every[i] for i in self._free if i < 12)
@@ -95,12 +95,12 @@ class Placed(Problem):
     def at(self, rows: np.ndarray) -> LeastSquares:
         measured, n = self.poses.measured, len(rows)
         known, error = [np.zeros(3 * n)], [np.full(3 * n, self.error[0])]
-        owner, nuisance = [np.repeat(np.arange(n), 3)], None
+        nuisance = None
         pairs: list[tuple[np.ndarray, np.ndarray]] = []
         if measured.position is not None:
             known = [measured.position[rows].ravel()]
         if len(self.kinds) > 1:
-            known, owner = [*known, np.zeros(3 * n)], 2 * owner
+            known.append(np.zeros(3 * n))
             error.append(np.full(3 * n, self.error[1]))
         if self.closure:  # the points' places are nuisances
             names = np.array(measured.point)[rows]
@@ -109,7 +109,6 @@ class Placed(Problem):
             pairs = [(mine[one], mine[other]) for one, other in there]
             known.append(np.array([length for length, _ in there.values()]))
             error.append(np.array([deviation for _, deviation in there.values()]))
-            owner.append(np.full(len(there), -1))
             nuisance = np.zeros((3 * n + len(there), 3 * len(mine)))
             nuisance[: 3 * n] = np.kron(np.column_stack(list(mine.values())), np.eye(3))
 
@@ -136,7 +135,7 @@ class Placed(Problem):
 
         return LeastSquares(
             self.unknowns, predicted, np.concatenate(known), np.concatenate(error), nuisance,
-            groups=(np.concatenate(owner),), jacobian=slopes,
+            groups=(self.grouped(rows, len(pairs)),), jacobian=slopes, weights=True, safety=1.0,
         )  # fmt: skip
 
     def _place(
@@ -276,7 +275,7 @@ def calibrate(
     candidates = [one if isinstance(one, Term) else Term.parse(one) for one in terms]
     given = [one if isinstance(one, Term) else Term.parse(one) for one in always]
     all_poses = Poses(mechanism, poses, payloads)
-    groups, units, words = held_back(poses, folds)
+    groups, words = held_back(poses, folds)
     if point_width is None:
         point_width = 0.02 if poses.point is not None else 10.0
     scatter = error or (1e-3, 5e-3)
@@ -285,7 +284,7 @@ def calibrate(
     count = len(candidates)
     total = (count * (count + 1) // 2 + 1) * (len(groups) + 1)
     with ProgressBar(total=total, desc="models", delay=2.0, disable=not progress) as bar:
-        fits = Selection(base, groups, units, start, all_poses.known, bar.update)
+        fits = Selection(base, groups, start, all_poses.known, bar.update)
         if error is None:
             _estimate_scatter(fits, [*given, *candidates])
         name = "base and tool" + "".join(f" + {one.short}" for one in given)
@@ -318,7 +317,7 @@ def _estimate_scatter(fits: Selection, terms: Sequence[Term]) -> None:
         sizes = []
         for k, left in enumerate(fitted.problem.errors(fitted.theta, fits.rows)):
             part = slice(k * m, (k + 1) * m)
-            slope, span = fitted.jacobian[part], fitted.least.projected[part]
+            slope, span = fitted.effect[part], fitted.least.projected[part]
             taken = float(np.sum((slope @ fitted.covariance) * slope) + np.sum(span**2))
             sizes.append(max(float(np.sqrt(np.sum(left**2) / max(m - taken, 0.1 * m))), 1e-9))
         fits.base = replace(fits.base, error=tuple(sizes))
@@ -329,7 +328,7 @@ def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
     n, fitted, first, made = len(fits.rows), kept.fitted, len(fits.start), []
     half, _, _ = fits.spread(fitted)
     random, scale = np.random.default_rng(0), fitted.least.scale
-    frame = fitted.jacobian[: 3 * n, :first]
+    frame = fitted.effect[: 3 * n, :first]
     for term in kept.terms:
         mine = [
             i for i, one in enumerate(fitted.problem.columns)
@@ -338,7 +337,7 @@ def _effects(fits: Selection, kept: Step) -> tuple[Estimate, ...]:
         if not mine:
             continue
         at = first + np.array(mine)
-        slope = fitted.jacobian[: 3 * n, at]
+        slope = fitted.effect[: 3 * n, at]
         moved = slope - frame @ np.linalg.lstsq(frame, slope, rcond=None)[0]
         moved = fits.base.error[0] * moved / np.sqrt(n)
         covariance = fitted.covariance[np.ix_(at, at)]

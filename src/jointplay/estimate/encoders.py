@@ -66,14 +66,15 @@ class Difference(Problem):
 
     @property
     def frame(self) -> tuple[Unknown, ...]:
-        return (Unknown(self.joint, "difference", self.unit, least=-np.inf),)
+        one = Unknown(self.joint, "difference", self.unit, least=-np.inf, sought=False)
+        return (replace(one, model_error=0.0),)
 
     def at(self, rows: np.ndarray) -> LeastSquares:
         slope = np.column_stack([np.ones(len(rows)), self.features[rows]])
         return LeastSquares(
             self.unknowns, lambda theta: slope @ theta, self.off[rows],
-            np.full(len(rows), self.error[0]), groups=(np.arange(len(rows)),),
-            jacobian=lambda theta: slope,
+            np.full(len(rows), self.error[0]), groups=(self.grouped(rows),),
+            jacobian=lambda theta: slope, weights=True, safety=1.0,
         )  # fmt: skip
 
 
@@ -135,9 +136,9 @@ def _compared(poses: Poses, joint: str) -> Calibration | None:
         both = any(kinds & one and kinds & other for one, other in _EXCLUSIVE)
         return not both and sum(len(poses.columns(one)) for one in terms) + 3 <= n
 
-    folds, units, words = held_back(poses.measured, "rows")
+    folds, words = held_back(poses.measured, "rows")
     base = replace(base, error=(size,))
-    fits = Selection(base, folds, units, np.zeros(1), (joint,))
+    fits = Selection(base, folds, np.zeros(1), (joint,))
     step = fits.run("constant", (), candidates, may_be)
     if step.held_back[0] > 0.0:  # what priors are weighed against
         fits.base = replace(base, error=(step.held_back[0],))

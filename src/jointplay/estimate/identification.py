@@ -13,8 +13,8 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, MissingName, require_a
 from jointplay.base.tables import Table
 from jointplay.base.units import told
-from jointplay.estimate import least_squares, measurement, planning, restitution
-from jointplay.estimate.least_squares import Fit, LeastSquares, basis, estimates, information
+from jointplay.estimate import measurement, planning, restitution
+from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
 from jointplay.estimate.machine import (
     TOOL,
     WOUND,
@@ -48,8 +48,9 @@ _VAGUE = "its interval is wider than half of its value"
 # Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
 
 
-def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
+def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
     """Each joint's compliances with what was found; the structure's at the tool is not a number."""
+    problem = fit.least
     effect, left = problem.effects(fit.theta), -problem.off(fit.theta)
     nuisance, found = problem.nuisance, []
     assert nuisance is not None
@@ -65,38 +66,33 @@ def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Est
         size, value, half = float(own @ own), one.unknown.nominal, np.inf
         if size > _DARK * float(whole @ whole):
             value += float(own[: len(left)] @ left) / size
-            half = fit.wide(1.0 / np.sqrt(size), least_squares.MODEL_ELSE * value)
+            half = fit.wide(1.0 / np.sqrt(size), one.unknown.model_error * value)
         dark = half > LARGEST_SHARE * abs(value)
         found.append(Estimate(one.unknown, value, half, _VAGUE if dark else ""))
     return tuple(found)
 
 
-def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
+def reason(i: int, fit: Fit, model: StaticModel) -> str:
     """Why an unknown cannot be identified; empty if it can."""
-    one = problem.unknowns[i]
-    if fit.half_width[i] <= one.widest(fit.theta[i]):
-        return _held_by_friction(i, fit, problem)
-    if soft := _explained(i, fit, problem, model.visits):
+    if fit.identified(i):
+        return _held_by_friction(i, fit)
+    if soft := _explained(i, fit, model.visits):
         return soft
-    return (
-        _without_effect(one, model)
-        if fit.effect[i] < least_squares.FAINT
-        else least_squares.why_not(i, fit, problem)
-    )
+    return fit.why_not(i) if fit.shows(i) else _without_effect(fit.least.unknowns[i], model)
 
 
-def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
+def _held_by_friction(i: int, fit: Fit) -> str:
     """That an interval which begins at zero may be due to friction, if this is not identified.
 
     A journal that friction holds does not move in wide play either: no play, and any play with
     enough friction, leave the same means.
     """
-    one = problem.unknowns[i]
+    one = fit.least.unknowns[i]
     if not one.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
         return ""
-    for k, other in enumerate(problem.unknowns):
+    for k, other in enumerate(fit.least.unknowns):
         rubs = other.joint == one.joint and other.name == "friction" and other.sought
-        if rubs and fit.half_width[k] > other.widest(fit.theta[k]):
+        if rubs and not fit.identified(k):
             return (
                 f"its interval begins at zero, and {other.label}, which cannot be determined, may "
                 "hold the journal wherever it is: pass the places slowly, in both directions"
@@ -104,9 +100,9 @@ def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
     return ""
 
 
-def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
+def _explained(i: int, fit: Fit, made: Visits) -> str:
     """That elasticity explains what shows of an unknown as well, if it does."""
-    one = problem.unknowns[i]
+    problem, one = fit.least, fit.least.unknowns[i]
     if one.name in WOUND:
         return ""
     labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
@@ -118,7 +114,7 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
         covariance, null, _ = information(stiff.project(effect[:, kept]))
         k = kept.index(i)
         half = fit.wide(float(np.sqrt(covariance[k, k])) * one.scale)
-        return bool(null[k, k] <= least_squares.NULL and half <= one.widest(fit.theta[i]))
+        return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
 
     if not labels or not identified(labels):
         return ""
@@ -149,14 +145,13 @@ def _without_effect(one: Unknown, model: StaticModel) -> str:
 
 def advice(
     fit: Fit,
-    problem: LeastSquares,
     observed: Observed,
     use: np.ndarray,
     model: StaticModel,
     reasons: Sequence[str],
 ) -> tuple[str, ...]:
     """Which further experiment or signal would identify what cannot be identified."""
-    unknowns = problem.unknowns
+    problem, unknowns = fit.least, fit.least.unknowns
     if not any(why and one.sought for why, one in zip(reasons, unknowns, strict=True)):
         return ("",) * len(unknowns)
     gives = [one.unknown.scale * problem.rows(one.effect[use]) for one in model.elastic]
@@ -387,7 +382,8 @@ def _by_means(
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    problem, fit = least_squares.search(problem, least_squares.start_of(unknowns))
+    fit = search(problem)
+    problem = fit.least
     if fit.freedom < 1:
         raise TooLittle(
             f"{measured.source}: {use.sum()} means at {len(made)} visits are too few for "
@@ -396,8 +392,8 @@ def _by_means(
         )
     error = records.copy()
     error[use] = problem.error
-    reasons = [reason(i, fit, problem, model) for i in range(len(unknowns))]
-    found = estimates(problem, fit, reasons, advice(fit, problem, observed, use, model, reasons))
+    reasons = [reason(i, fit, model) for i in range(len(unknowns))]
+    found = fit.estimates(reasons, advice(fit, observed, use, model, reasons))
     # With what the best nuisances do, where anything counted.
     predicted = model.predict(fit.theta)
     off, span = problem.off(fit.theta), problem.projected
@@ -417,7 +413,7 @@ def _by_means(
         tuple(_assumptions(model, measured, observed, reference, drift)),
         measured,
         excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
-        elasticity=elasticity(problem, fit, model),
+        elasticity=elasticity(fit, model),
     )
 
 

@@ -239,7 +239,7 @@ class Poses:
                 name = f"{'half-play' if term.kind == 'play' else term.kind} {what}".rstrip()
                 unknown = Unknown(
                     joint, name, units.get(unit, unit), 0.0, width,
-                    spread=width, least=-np.inf, fine=False,
+                    spread=width, least=-np.inf, fine=False, model_error=0.0,
                 )  # fmt: skip
                 one = Column(term, unknown, j, target, feature)
                 if choices:

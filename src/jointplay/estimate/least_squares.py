@@ -31,15 +31,18 @@ _RANK = 1e-9
 """Singular values below this part of the largest count as zero."""
 SHARE = 0.1
 """Part of a direction in the null space from which on an unknown is named with it."""
-MODEL, MODEL_ELSE = {"friction": 0.1}, 0.02
-"""Part of a value by which the static model itself is off, see benchmarks/truth/identify.py."""
 SAFETY = 1.5
-"""By which intervals are wider than the statistics say, for errors of the model that all means
-share; set by the first ten machines of benchmarks/truth/identify.py."""
+"""By which intervals are wider than the statistics say, unless said otherwise; set by the first ten
+machines of benchmarks/truth/identify.py."""
 _LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
 """How often effects are sought over the width of the intervals; least and largest step by scale."""
-_LEAST_FREEDOM = 8
-"""Freedom that few groups are granted: with less, intervals say nothing."""
+_FEW = {False: 8, True: 4}
+"""Freedom that few groups are granted: with less, intervals say nothing. Fewer where errors are
+only weights, for nothing else says how large they are."""
+INFORMED = 0.5
+"""Part of a prior's variance that a measurement must take away, or it tells nothing."""
+TOGETHER = 0.7
+"""Correlation from which two unknowns are said to act together."""
 NULL = 1e-4
 """Square of the part of an unknown that may lie in the null space."""
 FAINT = 1e-3
@@ -93,6 +96,11 @@ class LeastSquares:
     """Number of each number's kind of signal, (m,): errors of a kind grow together."""
     jacobian: Callable[[np.ndarray], np.ndarray] | None = None
     """Derivatives (m, p) of what `predict` says; by differences if None."""
+    weights: bool = False
+    """Whether errors are only weights: the residuals alone say how large they are, and priors only
+    keep what nothing shows within its size."""
+    safety: float = SAFETY
+    """Factor of intervals, for errors of the model that all numbers share."""
     softening: Mapping[str, np.ndarray] = field(default_factory=dict)
     """By joint, see `StaticModel.softening`, (m,)."""
 
@@ -136,12 +144,6 @@ class LeastSquares:
             known = np.isfinite(self.spread)
             columns = np.concatenate([columns, np.diag(1.0 / self.spread)[known]])
         return basis(columns)
-
-    @property
-    def freedom(self) -> int:
-        """Numbers, and what was known before, less nuisances."""
-        known = 0 if self.spread is None else int(np.isfinite(self.spread).sum())
-        return len(self.measured) + len(self.stated) + known - self.projected.shape[1]
 
     def project(self, values: np.ndarray) -> np.ndarray:
         """Values in standard errors, (r,) or (r, k), nuisances projected out.
@@ -234,30 +236,159 @@ class LeastSquares:
         return np.stack(columns, axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
-    """What least squares found of p unknowns."""
+    """Where least squares of p unknowns ended, and the intervals that follow from it.
 
+    Of r rows the first m are the measured numbers; the rest, what was known before.
+    """
+
+    least: LeastSquares
     theta: np.ndarray
     """Shape (p,)."""
-    half_width: np.ndarray
-    """Half of the 95 % confidence intervals; infinite in the null space, shape (p,)."""
-    freedom: int
-    """Numbers less unknowns and nuisances."""
-    misfit: float
-    """RMS of the residuals, in standard errors: one if the model and the errors are right."""
-    null: np.ndarray
-    """Projector on the null space of the unknowns by their scales, shape (p, p)."""
-    effect: np.ndarray
-    """Of each unknown by its scale on all signals, in standard errors, shape (p,)."""
-    quantile: float = np.inf
-    """Of Student's distribution, by which the intervals were made."""
+    steps: np.ndarray | None = None
+    """Over which effects are taken, see `LeastSquares.effects`."""
+    widened: np.ndarray | None = None
+    """Half widths that other explanations as good demand, shape (p,)."""
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """In standard errors, nuisances projected out, shape (r,)."""
+        return self.least.residual(self.theta)
+
+    @cached_property
+    def effect(self) -> np.ndarray:
+        """Of each unknown by its scale, in standard errors, nuisances projected out, (r, p)."""
+        return self.least.project(self.least.effects(self.theta, self.steps))
+
+    @cached_property
+    def _information(self) -> tuple[np.ndarray, np.ndarray, int]:
+        return information(self.effect)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the unknowns by their scales outside of the null space, if the errors are right."""
+        return self._information[0]
+
+    @property
+    def null(self) -> np.ndarray:
+        """Projector on the null space of the unknowns by their scales, shape (p, p)."""
+        return self._information[1]
+
+    @cached_property
+    def freedom(self) -> float:
+        """Measured numbers less what fitting them took: the trace of the hat matrix.
+
+        So a prior that says nothing takes as much as none, one that says all takes nothing.
+        """
+        m = len(self.least.measured)
+        taken = float(np.sum(self.least.projected[:m] ** 2))
+        return m - taken - float(np.sum((self.effect[:m] @ self.covariance) * self.effect[:m]))
+
+    @cached_property
+    def misfit(self) -> float:
+        """RMS of the residuals, in standard errors: one if the model and the errors are right."""
+        left = self.residual[: len(self.least.measured)]
+        return float(np.sqrt(left @ left / max(self.freedom, 1.0)))
+
+    @property
+    def stretch(self) -> float:
+        """By how much larger errors are taken than they were given."""
+        return self.misfit if self.least.weights else max(self.misfit, 1.0)
+
+    @cached_property
+    def _spread(self) -> tuple[np.ndarray, float]:
+        """Variances of the unknowns by their scales (p,), and their freedom."""
+        variance, freedom = self.stretch**2 * np.diag(self.covariance), max(self.freedom, 1.0)
+        for group in self.least.groups:
+            # What is wrong at one place, or under one load, is wrong in all its numbers.
+            m = len(group) if self.least.weights else len(self.residual)
+            group = np.concatenate([group, -1 - np.arange(m - len(group))])  # known, each by itself
+            robust, number = sandwich(self.covariance, self.effect[:m], self.residual[:m], group)
+            taken = 1 if self.least.weights else self._information[2]
+            if number > taken:
+                variance = np.maximum(variance, number / (number - taken) * robust)
+                freedom = min(freedom, max(number - taken, _FEW[self.least.weights]))
+        return variance, freedom
+
+    def half_widths(self, confidence: float = CONFIDENCE) -> np.ndarray:
+        """Half of each unknown's interval, by the residuals and by the model's own error, (p,)."""
+        variance, freedom = self._spread
+        half = student.ppf(0.5 + confidence / 2.0, freedom) * np.sqrt(variance) * self.least.scale
+        own = np.array([one.model_error for one in self.least.unknowns]) * self.theta
+        return np.asarray(self.least.safety * np.hypot(half, own))
+
+    @cached_property
+    def half_width(self) -> np.ndarray:
+        """Half of the 95 % intervals; infinite in the null space, shape (p,) [SI]."""
+        if self.widened is not None:
+            return self.widened
+        dark = (np.diag(self.null) > NULL) | (self.freedom < 1.0)
+        return np.where(dark, np.inf, self.half_widths())
 
     def wide(self, deviation: float, off: float = 0.0) -> float:
         """Half of a 95 % interval, by the standard deviation if residuals were one, and by what the
         model itself is off."""
-        half = self.quantile * max(self.misfit, 1.0) * deviation
-        return SAFETY * float(np.hypot(half, off))
+        half = float(student.ppf(0.5 + CONFIDENCE / 2.0, self._spread[1]))
+        return self.least.safety * float(np.hypot(half * self.stretch * deviation, off))
+
+    def informed(self, i: int) -> tuple[float, float, str]:
+        """Part of the i-th unknown's prior variance that the measurement took away; its largest
+        correlation with another that is sought, and that one's label if it is large."""
+        one = self.least.unknowns[i]
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        told = 1.0 - self.covariance[i, i] * (one.scale / one.spread) ** 2
+        together = np.abs(self.covariance[i] / spread[i] / spread)
+        together[~np.array([one.sought for one in self.least.unknowns])] = together[i] = 0.0
+        most = float(together.max(initial=0.0))
+        other = self.least.unknowns[int(together.argmax())].label
+        return float(told), most, other if most >= TOGETHER else ""
+
+    def shows(self, i: int) -> bool:
+        """Whether the i-th unknown does anything to what was measured."""
+        own = self.effect[: len(self.least.measured), i]
+        return bool(np.linalg.norm(own) >= FAINT)
+
+    def identified(self, i: int) -> bool:
+        """Whether the measurement can tell the i-th unknown.
+
+        It can if half of the interval is small beside the value (`Unknown.widest`). Where errors
+        are only weights priors are wide and values may be zero: there it can if it takes away
+        `INFORMED` of the prior's variance.
+        """
+        if self.least.weights:
+            return self.informed(i)[0] > INFORMED
+        return bool(self.half_width[i] <= self.least.unknowns[i].widest(self.theta[i]))
+
+    def why_not(self, i: int) -> str:
+        """Why the measurement cannot tell the i-th unknown; empty if it can."""
+        if self.identified(i):
+            return ""
+        if not self.shows(i):
+            return "not observable: nothing that was measured depends on it"
+        if others := partners(self.null[i], i):
+            names = ", ".join(self.least.unknowns[k].label for k in others)
+            return f"it acts only together with {names}"
+        if self.least.weights:
+            _, together, other = self.informed(i)
+            if other:
+                return f"it acts together with {other} (correlation {together:.2f})"
+            return "the measurement says less of it than was assumed beforehand"
+        if np.isfinite(half := self.half_width[i]):
+            told = self.least.unknowns[i].shown(half)
+            return f"its 95 % interval would be +- {told}, more than half of its value"
+        return "it hardly shows above the noise"
+
+    def estimates(
+        self, reasons: Sequence[str] | None = None, advice: Sequence[str] = ()
+    ) -> tuple[Estimate, ...]:
+        """The unknowns with what was found, or why it cannot be told."""
+        if reasons is None:
+            reasons = [self.why_not(i) for i in range(len(self.theta))]
+        numbers = zip(self.theta.tolist(), self.half_width.tolist(), strict=True)
+        words = zip(reasons, advice or [""] * len(reasons), strict=True)
+        rows = zip(self.least.unknowns, numbers, words, strict=True)
+        return tuple(Estimate(one, *number, *word) for one, number, word in rows)
 
 
 def partners(row: np.ndarray, i: int) -> list[int]:
@@ -288,14 +419,14 @@ def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> n
     return np.asarray(optimum.x * scale)
 
 
-def solve(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
-    """Least squares from a start (p,), with intervals."""
+def fit(problem: LeastSquares, start: np.ndarray, most_steps: int) -> Fit:
+    """Least squares from a start (p,), with effects over the width of the intervals."""
     theta, scale = minimum(problem, start, most_steps), problem.scale
-    fit = _intervals(problem, theta)
+    found = Fit(least=problem, theta=theta)
     for _ in range(_LOOKS):
-        steps = np.clip(fit.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
-        fit = _intervals(problem, theta, steps)
-    return fit
+        steps = np.clip(found.half_width, _NEAR * scale, _FAR * np.maximum(scale, theta))
+        found = replace(found, steps=steps)
+    return found
 
 
 def sandwich(
@@ -313,32 +444,6 @@ def sandwich(
     return np.asarray(np.sum((scores @ covariance) ** 2, axis=0)), len(scores)
 
 
-def _intervals(problem: LeastSquares, theta: np.ndarray, steps: np.ndarray | None = None) -> Fit:
-    """Intervals about a solution (p,) by effects over steps (p,)."""
-    left, effect = problem.residual(theta), problem.project(problem.effects(theta, steps))
-    covariance, null, rank = information(effect)
-    size = np.linalg.norm(effect, axis=0)
-    freedom = problem.freedom - rank
-    if freedom < 1:
-        infinite = np.full(len(theta), np.inf)
-        return Fit(theta, infinite, freedom, np.nan, null, size)
-    misfit = float(np.sqrt(left @ left / freedom))
-    spread = covariance * max(misfit, 1.0) ** 2
-    variance, least = np.diag(spread), freedom
-    known = -1 - np.arange(len(left) - len(problem.measured))  # each by itself
-    for group in problem.groups:
-        # What is wrong at one place, or under one load, is wrong in all its numbers.
-        robust, number = sandwich(covariance, effect, left, np.concatenate([group, known]))
-        if number > rank:
-            variance = np.maximum(variance, number / (number - rank) * robust)
-            least = min(least, max(number - rank, _LEAST_FREEDOM))
-    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, least))
-    own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
-    half = SAFETY * np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
-    half[np.diag(null) > NULL] = np.inf
-    return Fit(theta, half, freedom, misfit, null, size, quantile)
-
-
 def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     """Covariance (p, p) outside of the null space, projector (p, p) on it, and the rank.
 
@@ -353,58 +458,60 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
 
-def search(problem: LeastSquares, start: np.ndarray) -> tuple[LeastSquares, Fit]:
+def search(problem: LeastSquares, start: np.ndarray | None = None) -> Fit:
     """Least squares with errors as large as the residuals demand, by kind of signal.
 
+    From a start (p,), or from nominal values and half of the scale where they are zero.
     Means scatter by more than their records do: journals do not come to rest at quite the same
     place, and the model is not exact. That is added to the errors.
     """
-    tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
-    best = min(tried, key=lambda fit: problem.cost(fit.theta))
+    if start is None:
+        start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
+    tried = [fit(problem, one, _FIRST) for one in _starts(problem, start)]
+    best = min(tried, key=lambda one: problem.cost(one.theta))
     own = problem.error
     kinds = np.zeros(len(own), int) if problem.kinds is None else problem.kinds
     for _ in range(_ROUNDS):
-        residual = problem.residual(best.theta)
-        left = residual[: len(own)] * problem.error
+        left = best.residual[: len(own)] * problem.error
         rough = _ROUGH * np.abs(problem.predict(best.theta))
-        share = max(best.freedom, 1) / len(residual)
+        share = max(best.freedom, 1.0) / len(own)
         more = np.zeros(len(own))
         for kind in np.unique(kinds):
             mine = kinds == kind
             more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
         problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
-        best = solve(problem, best.theta, _LATER)
+        best = fit(problem, best.theta, _LATER)
     far = np.minimum(best.half_width, problem.scale)  # another minimum, not within the intervals
     others = [
-        solve(problem, fit.theta, _LATER).theta
-        for fit in tried
-        if (np.abs(fit.theta - best.theta) > far).any()
+        fit(problem, one.theta, _LATER).theta
+        for one in tried
+        if (np.abs(one.theta - best.theta) > far).any()
     ]
     others += _with_other_walls(problem, best.theta)
     limit = _AS_GOOD * problem.cost(best.theta)
     away = [np.abs(theta - best.theta) for theta in others if problem.cost(theta) <= limit]
     plays = [one.name.endswith("clearance") for one in problem.unknowns]
     for soft in filter(None, map(problem.softened, problem.softening)):
-        fit = solve(soft, best.theta, _LATER)
-        cost = soft.cost(fit.theta)
+        other = fit(soft, best.theta, _LATER)
+        cost = soft.cost(other.theta)
         if cost <= limit:
             # Where that explains the means better, its own interval counts, too.
-            nearer = fit if cost < problem.cost(best.theta) else best
-            size = np.abs(fit.theta - best.theta) + nearer.half_width
+            nearer = other if cost < problem.cost(best.theta) else best
+            size = np.abs(other.theta - best.theta) + nearer.half_width
             away.append(np.where(plays, size, 0.0))
     wide = np.max([best.half_width, *away], axis=0)
-    wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
-    return problem, replace(best, half_width=wide)
+    wide = np.array([_profiled(best, wide, i) for i in range(len(wide))])
+    return replace(best, widened=wide)
 
 
-def _profiled(problem: LeastSquares, best: Fit, wide: np.ndarray, i: int) -> float:
+def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
     """Half width of an unknown with which the profile of the cost agrees.
 
     Slopes at the best values do not see how the others, where walls begin or end to hold a journal,
     make up for a change of this one. So each end is tried with all others fitted anew, and moved
     outwards until the means are explained worse by what the interval allows.
     """
-    half = float(wide[i])
+    half, problem = float(wide[i]), best.least
     one = problem.unknowns[i]
     widest = one.widest(best.theta[i])
     if not one.sought or half > widest:
@@ -456,7 +563,7 @@ def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: floa
         predict=lambda x: problem.predict(whole(x)),
         jacobian=None if slopes is None else lambda x: np.delete(slopes(whole(x)), i, axis=1),
     )
-    return whole(solve(part, theta[kept], _LATER).theta)
+    return whole(fit(part, theta[kept], _LATER).theta)
 
 
 def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
@@ -480,39 +587,9 @@ def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
     return float(brentq(beyond, 0.0, 1.001 * high, xtol=1e-15)) if beyond(0.0) > 0.0 else 0.0
 
 
-def estimate(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:
+def solve(problem: LeastSquares, start: np.ndarray | None = None) -> tuple[Estimate, ...]:
     """What a measurement says of its unknowns: values with 95 % intervals, or why it cannot tell.
 
     The search begins at `start` (p,), or at the nominal values.
     """
-    problem, fit = search(problem, start_of(problem.unknowns) if start is None else start)
-    reasons = [why_not(i, fit, problem) for i in range(len(problem.unknowns))]
-    return estimates(problem, fit, reasons)
-
-
-def start_of(unknowns: Sequence[Unknown]) -> np.ndarray:
-    """Nominal values, or half of the scale where they are zero, shape (p,)."""
-    return np.array([one.nominal or 0.5 * one.scale for one in unknowns])
-
-
-def estimates(
-    problem: LeastSquares, fit: Fit, reasons: Sequence[str], advice: Sequence[str] = ()
-) -> tuple[Estimate, ...]:
-    """The unknowns with what was found, and why it cannot be told."""
-    words = advice or [""] * len(reasons)
-    rows = zip(problem.unknowns, fit.theta, fit.half_width, reasons, words, strict=True)
-    return tuple(Estimate(one, float(x), float(half), why, do) for one, x, half, why, do in rows)
-
-
-def why_not(i: int, fit: Fit, problem: LeastSquares) -> str:
-    """Why the i-th unknown cannot be identified; empty if it can."""
-    one, half = problem.unknowns[i], fit.half_width[i]
-    if half <= one.widest(fit.theta[i]):
-        return ""
-    if fit.effect[i] < FAINT:
-        return "not observable: nothing that was measured depends on it"
-    if others := partners(fit.null[i], i):
-        return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
-    if np.isfinite(half):
-        return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"
-    return "it hardly shows above the noise"
+    return search(problem, start).estimates()

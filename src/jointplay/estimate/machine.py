@@ -168,7 +168,8 @@ class Machine:
                 most = max(_LARGEST, 10.0 * value)
                 found.append(Unknown(joint, name, "m", value, value, most))
             if coefficient := friction_of(bearing):
-                found.append(Unknown(joint, "friction", "", coefficient, coefficient, 2.0))
+                one = Unknown(joint, "friction", "", coefficient, coefficient, 2.0, model_error=0.1)
+                found.append(one)
         rubs = any(one.name == "friction" for one in found)
         for joint, gear in known_gears(mechanism).items():
             found.append(Unknown(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))

@@ -22,7 +22,7 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.estimate.kinematic_model import Column, Poses, Term
-from jointplay.estimate.least_squares import LeastSquares, basis, information, minimum, sandwich
+from jointplay.estimate.least_squares import Fit, LeastSquares, basis, minimum
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import Estimate, Unknown, by_label, data, listed
 
@@ -32,10 +32,6 @@ LEAST_GAIN = 0.01
 """Part by which held-back errors must shrink at least (RMS)."""
 RARER_SIGN = 0.05
 """Part of the poses in which a joint must be loaded the other way, or its play cannot be told."""
-INFORMED = 0.5
-"""Part of a prior's variance that the poses must take away, or they tell nothing."""
-TOGETHER = 0.7
-"""Correlation from which two coefficients are said to act together."""
 LARGE = 1.2
 """Excess of held-back errors from which on it is said."""
 TWO_UNKNOWNS = 5.99
@@ -72,9 +68,7 @@ class Problem(ABC):
     @abstractmethod
     def at(self, rows: np.ndarray) -> LeastSquares:
         """The measurement at some rows: by kind a number for each row and component, then others.
-
-        Its first group is each number's row among these, -1 for others.
-        """
+        Errors are weights, and the groups are of `grouped`."""
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -85,6 +79,17 @@ class Problem(ABC):
         """Of the columns, shape (n, k)."""
         none = np.zeros((len(self.poses), 0))
         return np.column_stack([none, *(column.feature for column in self.columns)])
+
+    def owner(self, rows: np.ndarray) -> np.ndarray:
+        """Each number's row among these, but others'."""
+        return np.concatenate(
+            [np.repeat(np.arange(len(rows)), len(axes)) for _, axes in self.kinds.values()]
+        )
+
+    def grouped(self, rows: np.ndarray, others: int = 0) -> np.ndarray:
+        """Numbers of a unit of poses have the same number; so many others, each its own, (m,)."""
+        units = self.poses.measured.units[rows][self.owner(rows)]
+        return np.concatenate([units, -1 - np.arange(others)])
 
     def having(self, columns: Iterable[Column]) -> Self:
         return replace(self, columns=tuple(columns))
@@ -105,69 +110,22 @@ class Problem(ABC):
         if self.linear:
             slope = least.project(least.effects(start))
             step = np.linalg.lstsq(slope, least.residual(start), rcond=None)[0]
-            return Fitted(self, rows, least, start - least.scale * step)
-        return Fitted(self, rows, least, minimum(least, start))
+            theta = start - least.scale * step
+        else:
+            theta = minimum(least, start)
+        return Fitted(problem=self, rows=rows, least=least, theta=theta)
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """Where least squares of some rows ended; unknowns by their scales."""
+@dataclass(frozen=True, kw_only=True)
+class Fitted(Fit):
+    """Where least squares of some rows ended."""
 
     problem: Problem
     rows: np.ndarray
-    least: LeastSquares
-    theta: np.ndarray
-    """Shape (p,)."""
-
-    @cached_property
-    def _numbers(self) -> int:
-        """Those that were measured; behind them is what was known before."""
-        return len(self.least.measured)
-
-    @cached_property
-    def residual(self) -> np.ndarray:
-        return self.least.residual(self.theta)[: self._numbers]
-
-    @cached_property
-    def _slope(self) -> np.ndarray:
-        return self.least.project(self.least.effects(self.theta))
-
-    @property
-    def jacobian(self) -> np.ndarray:
-        """Effect of the unknowns on what was measured, in standard errors, shape (m, p)."""
-        return self._slope[: self._numbers]
-
-    @cached_property
-    def covariance(self) -> np.ndarray:
-        return information(self._slope)[0]
-
-    @cached_property
-    def freedom(self) -> float:
-        """Numbers less nuisances and, of each unknown, what the poses determine."""
-        taken = self.least.projected.shape[1]
-        free = self._numbers - taken - np.sum((self.jacobian @ self.covariance) * self.jacobian)
-        return max(float(free), 3.0)
-
-    @property
-    def stretch(self) -> float:
-        """The residuals' mean square, in the weights' units."""
-        return float(self.residual @ self.residual) / self.freedom
 
     @property
     def coefficients(self) -> np.ndarray:
         return self.theta[len(self.problem.frame) :]
-
-    def informed(self, i: int) -> tuple[float, float, str]:
-        """Part of the i-th coefficient's prior variance that the poses took away; its largest
-        correlation with another coefficient, and that one's label if it is large."""
-        k, covariance = len(self.problem.frame) + i, self.covariance
-        spread, one = np.sqrt(np.diag(covariance)), self.problem.columns[i].unknown
-        told = 1.0 - covariance[k, k] * (one.scale / one.spread) ** 2
-        together = np.abs(covariance[k] / spread[k] / spread)[len(self.problem.frame) :]
-        together[i] = 0.0
-        most = float(together.max(initial=0.0))
-        other = self.problem.columns[int(together.argmax())].unknown.label
-        return told, most, other if most >= TOGETHER else ""
 
     def within(self, out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Whether held-back rows' first kind lies in the 95 % regions that this fit predicts, of
@@ -178,9 +136,9 @@ class Fitted:
         off = least.residual(self.theta)[:m].reshape(shape)
         own = 1.0 - np.sum(least.projected[:m] ** 2, axis=1).reshape(shape)  # about their means
         spread = slope @ self.covariance @ np.swapaxes(slope, 1, 2)
-        spread = self.stretch * (spread + np.maximum(own, 1e-9)[:, :, None] * np.eye(axes))
+        spread = self.stretch**2 * (spread + np.maximum(own, 1e-9)[:, :, None] * np.eye(axes))
         distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
-        return distance <= axes * fisher.ppf(0.95, axes, self.freedom), distance / axes
+        return distance <= axes * fisher.ppf(0.95, axes, max(self.freedom, 1.0)), distance / axes
 
 
 @dataclass(frozen=True)
@@ -402,8 +360,8 @@ def one_sided(side: np.ndarray) -> str:
     return f"its load is on the other side {times}"
 
 
-def held_back(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], np.ndarray, str]:
-    """Rows held back together, number of the independent unit of each row, and words."""
+def held_back(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], str]:
+    """Rows held back together, and words."""
     n = len(poses)
     choices = "a number from 2 to the number of rows, rows, groups or points"
     if folds not in ("rows", "groups", "points") and not isinstance(folds, int):
@@ -426,8 +384,7 @@ def held_back(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], n
         held = [np.flatnonzero(np.arange(n) % k == i) for i in range(k)]
         which = {2: "second", 3: "third"}.get(k, f"{k}th")
         words = f"each of {n} poses" if k == n else f"every {which} of {n} poses, {k} folds"
-    units = np.unique(poses.point or poses.group or np.arange(n), return_inverse=True)[1]
-    return held, units, words
+    return held, words
 
 
 @dataclass
@@ -438,8 +395,6 @@ class Selection:
     """Without columns."""
     folds: list[np.ndarray]
     """Rows that are held back together."""
-    units: np.ndarray
-    """Number of the independent unit of each row."""
     start: np.ndarray
     """Unknowns besides the coefficients, where they were found last."""
     joints: tuple[str, ...]
@@ -453,6 +408,10 @@ class Selection:
     @cached_property
     def rows(self) -> np.ndarray:
         return np.arange(len(self.base.poses))
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        return self.base.poses.measured.units
 
     def fit(
         self, terms: Sequence[Term], rows: np.ndarray, preferred: Mapping[int, int] | None = None
@@ -487,13 +446,14 @@ class Selection:
         column, k = problem.columns[i], len(problem.frame) + i
         bare = replace(column, feature=np.ones(len(self.rows)))
         least = problem.having([*problem.columns[:i], bare, *problem.columns[i + 1 :]]).at(rows)
-        owner, m, options = least.groups[0], len(least.measured), column.options
+        owner, options = self.base.owner(rows), column.options
         assert options is not None
         theta = np.where(np.arange(len(theta)) == k, 0.0, theta)
         slope, left = least.effects(theta), least.residual(theta)
         span = basis(least.project(np.delete(slope, k, axis=1)))
         features = np.ones((len(slope), options.shape[1]))  # also of what was known before
-        features[:m] = np.where(owner[:, None] < 0, 0.0, options[rows][owner])
+        features[: len(owner)] = options[rows][owner]
+        features[len(owner) : len(least.measured)] = 0.0
         own = least.project(slope[:, k, None] * features)
         own = own - span @ (span.T @ own)
         along, square = -(left @ own), np.maximum(np.sum(own**2, axis=0), 1e-300)
@@ -577,22 +537,8 @@ class Selection:
     def spread(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray, float]:
         """Half widths of 95 % intervals and of one-sided bounds of all unknowns [SI], and the
         stretch of costs by which they follow from the residuals' own scatter."""
-        owner = fitted.least.groups[0]
-        plain = np.sqrt(fitted.stretch * np.diag(fitted.covariance))
-        mine = owner >= 0
-        robust, count = sandwich(
-            fitted.covariance, fitted.jacobian[mine], fitted.residual[mine],
-            self.units[fitted.rows[owner[mine]]],
-        )  # fmt: skip
-        wide = np.sqrt(robust * count / max(count - 1, 1))
-        two, one = (
-            self.excess * fitted.least.scale * np.maximum(
-                student.ppf(part, fitted.freedom) * plain,
-                student.ppf(part, max(count - 1, 4)) * wide,
-            )
-            for part in (0.975, 0.95)
-        )  # fmt: skip
-        return two, one, self.excess**2 * fitted.stretch
+        two, one = (self.excess * fitted.half_widths(part) for part in (0.95, 0.9))
+        return two, one, (self.excess * fitted.stretch) ** 2
 
     def told(
         self, kept: Step, candidates: Sequence[Term]
@@ -617,10 +563,9 @@ class Selection:
             if column.term.kind == "play":
                 numbers[column.joint] = i
             elif column.term in kept.terms:
-                told, _, other = fitted.informed(i)
-                reason = "" if told > INFORMED else _VAGUE
+                k, (*_, other) = first + i, fitted.informed(first + i)
                 note = other and f"acts together with {other}"
-                value, width = float(fitted.coefficients[i]), float(half[first + i])
+                value, width, reason = float(fitted.theta[k]), float(half[k]), fitted.why_not(k)
                 found.append(Estimate(column.unknown, value, width, reason, note=note))
         made = []
         for joint in self.joints:
@@ -695,9 +640,4 @@ def _why_not(fitted: Fitted, i: int) -> str:
     side = poses.leaning(column.joint, 0.0, column.term.transition or 0.05 * largest)
     if said := one_sided(np.round(side)):
         return said
-    told, together, other = fitted.informed(i)
-    if told >= INFORMED:
-        return ""
-    if other:
-        return f"it acts together with {other} (correlation {together:.2f})"
-    return "the poses say less of it than was assumed beforehand"
+    return fitted.why_not(len(fitted.problem.frame) + i)

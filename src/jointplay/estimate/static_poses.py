@@ -111,6 +111,12 @@ class StaticPoses:
     def __len__(self) -> int:
         return len(self.motor)
 
+    @property
+    def units(self) -> np.ndarray:
+        """Number of the unit of each row, shape (n,): what is wrong at a point, or in a group, is
+        wrong in all its rows."""
+        return np.unique(self.point or self.group or np.arange(len(self)), return_inverse=True)[1]
+
     def rows(self, keep: Sequence[int] | np.ndarray) -> StaticPoses:
         """Some of the rows; a row whose predecessor is left out counts as approached from the
         one before that."""

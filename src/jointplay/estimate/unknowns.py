@@ -46,6 +46,8 @@ class Unknown:
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
+    model_error: float = 0.02
+    """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
 
     @property
     def label(self) -> str:
