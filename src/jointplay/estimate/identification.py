@@ -78,7 +78,9 @@ def reason(i: int, fit: Fit, model: StaticModel) -> str:
         return _held_by_friction(i, fit)
     if soft := _explained(i, fit, model.visits):
         return soft
-    return fit.why_not(i) if fit.shows(i) else _without_effect(fit.least.unknowns[i], model)
+    one = fit.least.unknowns[i]
+    plain = fit.shows(i) or one.name in WOUND
+    return fit.why_not(i) if plain else _without_effect(one, model)
 
 
 def _held_by_friction(i: int, fit: Fit) -> str:
