@@ -8,7 +8,7 @@ import io
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Self
@@ -31,14 +31,26 @@ class Overview(ABC):
 
     def __repr__(self) -> str:
         headline, facts = self.facts()
-        lines = [f"<jointplay {type(self).__name__}: {headline}>"]
-        return "\n".join([*lines, *(f"  {name:<16} {text}" for name, text in facts.items())])
+        return "\n".join([f"<jointplay {type(self).__name__}: {headline}>", *fact_lines(facts)])
 
     def _repr_html_(self) -> str:
         headline, facts = self.facts()
         kind = type(self).__name__.lower()
         table = html_table(facts.items())
         return f"<div><p><b>jointplay {kind}</b>: {html.escape(headline)}</p>{table}</div>"
+
+
+def fact_lines(facts: Mapping[str, str]) -> list[str]:
+    """A line for each fact, its name in front."""
+    return [f"  {name:<16} {text}" for name, text in facts.items()]
+
+
+def aligned(rows: Sequence[Sequence[str]], others: str = "<") -> list[str]:
+    """Lines of aligned text: the first column flush left, the others flush left (or right)."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    forms = [f"{'<' if place == 0 else others}{width}" for place, width in enumerate(widths)]
+    lines = [zip(line, forms, strict=True) for line in rows]
+    return ["  ".join(format(cell, form) for cell, form in line).rstrip() for line in lines]
 
 
 def html_table(facts: Iterable[tuple[str, str]]) -> str:
@@ -170,15 +182,8 @@ class Table:
         return [one.title for one in shown], [list(row) for row in zip(*columns, strict=True)]
 
     def __str__(self) -> str:
-        return "\n".join([*self.aligned(), *self.notes])
-
-    def aligned(self, others: str = ">") -> list[str]:
-        """Lines of aligned text: the first column flush left, the others flush right (or left)."""
         head, rows = self._shown()
-        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-        forms = [f"{'<' if place == 0 else others}{width}" for place, width in enumerate(widths)]
-        lines = [zip(line, forms, strict=True) for line in (head, *rows)]
-        return ["  ".join(format(cell, form) for cell, form in line).rstrip() for line in lines]
+        return "\n".join([*aligned([head, *rows], ">"), *self.notes])
 
     def markdown(self) -> str:
         head, rows = self._shown()
@@ -212,8 +217,10 @@ class Table:
         data = self._data()
         return [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
 
-    def csv(self, digits: int = 9) -> str:
-        """A line for each row, SI, numbers with so many digits."""
+    def csv(self, digits: int | None = 9) -> str:
+        """A line for each row, SI, numbers with so many digits; None: all, so that they read back
+        the same.
+        """
         data, text = self._data(), io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(data)
@@ -222,7 +229,9 @@ class Table:
         return text.getvalue()
 
 
-def _cell(value: Any, digits: int) -> Any:
+def _cell(value: Any, digits: int | None) -> Any:
     if not isinstance(value, float):
         return value
-    return "" if math.isnan(value) else f"{value:.{digits}g}"
+    if math.isnan(value):
+        return ""
+    return repr(float(value)) if digits is None else f"{value:.{digits}g}"

@@ -34,7 +34,7 @@ from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a, require_known, require_positive
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import plain
-from jointplay.base.tables import Table
+from jointplay.base.tables import aligned
 from jointplay.base.units import told
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.impact import fitting_step
@@ -190,7 +190,7 @@ class Reduction:
             ("link's angle, RMS difference", self.angle_rms, "rad"),
         ]
         rows = [(name, told(value, unit, 5, fine=unit == "m")) for name, value, unit in figures]
-        return "\n".join(Table.of_texts([("reduced joint", "value"), *rows]).aligned("<"))
+        return "\n".join(aligned([("reduced joint", "value"), *rows]))
 
 
 def reduce(

@@ -7,8 +7,6 @@ out, as are motors behind gears.
 
 from __future__ import annotations
 
-import csv as _csv
-import io
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +15,7 @@ import numpy as np
 from jointplay import bridges
 from jointplay.base.errors import JointplayError
 from jointplay.base.imports import extra
+from jointplay.base.tables import Column, Table
 from jointplay.model.free_base import BASE, FREE
 from jointplay.physics.joints import MOTOR, Coordinate, class_of
 from jointplay.simulation.analysis.twins import inputs
@@ -98,11 +97,9 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
     """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads."""
     motion = joint_trajectory(result)
     if suffix == ".csv":
-        text = io.StringIO()
-        writer = _csv.writer(text, lineterminator="\n")
-        writer.writerow(["time_s", *motion.joints])
-        writer.writerows(np.column_stack([motion.time, motion.position]).tolist())
-        return text.getvalue().encode()
+        named = zip(motion.joints, motion.position.T, strict=True)
+        columns = (Column(joint, values, key=joint) for joint, values in named)
+        return Table([Column("time", motion.time, "s"), *columns]).csv(None).encode()
     with extra("ros", "PyYAML"):
         import yaml
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

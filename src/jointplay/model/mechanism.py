@@ -29,7 +29,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.schema import Described, choice, plain, quantity
 from jointplay.base.tables import Overview, few
-from jointplay.base.units import readable
+from jointplay.base.units import readable, typeset
 from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.builder import build, parse
@@ -545,7 +545,7 @@ class Mechanism(Overview, Described):
             facts[f"gear {name}"] = ", ".join(words)
         facts["tool"] = self.tool
         weight = " ".join(f"{g:g}" for g in self.gravity)
-        facts["gravity"] = f"{weight} m/s^2" if any(self.gravity) else "none"
+        facts["gravity"] = f"{weight} {typeset('m/s^2')}" if any(self.gravity) else "none"
         number = f"{len(moving)} moving joint{'' if len(moving) == 1 else 's'}"
         return f"{self.description.path.name}, {number}", facts
 

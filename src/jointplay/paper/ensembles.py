@@ -141,7 +141,7 @@ def claim_rows(verdicts: Sequence[Verdict]) -> list[tuple[str, ...]]:
 
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
     """Write ``ensemble.csv``, ``claims.csv`` and ``claims.md``."""
-    files.write(out / "ensemble.csv", ensembles.table.csv(17))
+    files.write(out / "ensemble.csv", ensembles.table.csv(None))
     rows = claim_rows(verdicts)
     files.write(out / "claims.csv", Table.of_texts(rows).csv())
     text = filled(

@@ -8,6 +8,7 @@ from typing import Any
 
 from jointplay.accuracy.robot_errors import RobotErrors
 from jointplay.base.schema import fields_of
+from jointplay.base.tables import fact_lines
 from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.impact import contact_duration
@@ -35,11 +36,11 @@ def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
         for what, text in every[0].items()
         if all(other.get(what) == text for other in every)
     }
-    lines = [f"{scenario.path}: {scenario.title}", *_lines(common)]
+    lines = [f"{scenario.path}: {scenario.title}", *fact_lines(common)]
     if len(facts) > 1:
         for case, own in facts.items():
             rest = {what: text for what, text in own.items() if what not in common}
-            lines += [f"case {case}", *_lines(rest)]
+            lines += [f"case {case}", *fact_lines(rest)]
     return "\n".join([*lines, *(f"  {note}" for note in scenario.notes)])
 
 
@@ -54,16 +55,11 @@ def _known_errors(errors: RobotErrors | None, mechanism: Mechanism) -> dict[str,
     return {"errors": _fields(replace(errors, joints={}))} | own
 
 
-def _lines(facts: Mapping[str, str]) -> list[str]:
-    return [f"  {what:<16} {text}" for what, text in facts.items()]
-
-
 def _facts(run: Run) -> dict[str, str]:
     simulation, mechanism = run.simulation, run.mechanism
-    weight = " ".join(f"{g:g}" for g in mechanism.gravity)
     facts = {
         "robot": f"{mechanism.description.path}, tool {mechanism.tool}",
-        "gravity": f"{weight} m/s^2" if any(mechanism.gravity) else "none",
+        "gravity": mechanism.facts()[1]["gravity"],
     }
     for name, loop in mechanism.loops.items():
         facts[f"loop {name}"] = (

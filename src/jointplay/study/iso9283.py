@@ -28,7 +28,7 @@ import numpy as np
 from scipy import stats
 
 from jointplay.base.errors import JointplayError, require_a, require_positive
-from jointplay.base.tables import Table
+from jointplay.base.tables import Table, aligned
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.analysis.tool_error import Stop, rotations, stops
 from jointplay.simulation.analysis.twins import ideal_simulation
@@ -197,23 +197,24 @@ class Group:
 
     def __str__(self) -> str:
         """Figures as text [mm, mrad, ms]."""
-        lines = [f"{self.head}:"]
+        rows = []
         for symbol, one in self.figures.items():
             kind, _, suffix = symbol.partition("_")
             title, unit = "" if suffix in tuple("xyzabc") else TITLES[kind][1], _unit(symbol)
             sign = "+-" if kind == "RD" or (unit == "rad" and kind.startswith("R")) else ""
             known = math.isfinite(one.low)
             words = one.words(1e3, f"m{unit}") if known else f"{1e3 * one.value:.4g} m{unit}"
-            lines.append(f"  {symbol:<5} {title:<27}  {sign}{words}")
-        return "\n".join([*lines, *([f"  {self.note}"] if self.note else [])])
+            rows.append((symbol, title, sign + words))
+        lines = [*aligned(rows), *([self.note] if self.note else [])]
+        return "\n".join([f"{self.head}:", *(f"  {line}" for line in lines)])
 
     @property
     def rows(self) -> list[tuple]:
         """Figures as rows of the table: symbol, clause, time, value, interval, unit."""
         at = " ".join(f"{time:.6g}" for time in self.times)
         return [
-            (symbol, TITLES[symbol.partition("_")[0]][0], at, one.value,
-             *((one.low, one.high) if math.isfinite(one.low) else ("", "")), _unit(symbol))
+            (symbol, TITLES[symbol.partition("_")[0]][0], at, one.value, one.low, one.high,
+             _unit(symbol))
             for symbol, one in self.figures.items()
         ]  # fmt: skip
 

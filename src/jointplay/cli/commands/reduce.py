@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     notes += robot.coverage
     if count:
         texts, table, words = robot.copies(copies, options.seed or 0, found)
-        contents |= {**texts, "batch.csv": table.csv(17)}
+        contents |= {**texts, "batch.csv": table.csv(None)}
         print(f"{count} random copies, uniform {words}")
     if joint is not None:
         from jointplay.show.plots.design import reversals

@@ -15,7 +15,7 @@ import argparse
 import textwrap
 from typing import TYPE_CHECKING
 
-from jointplay.base.tables import Table
+from jointplay.base.tables import aligned
 
 if TYPE_CHECKING:
     from jointplay.model.survey import Survey
@@ -94,4 +94,4 @@ def _joints(survey: Survey, description: Description) -> list[str]:
             more.append(f"geared {gears[name].reduction:g} : 1")
         words = (name, entry.kind, entry.parent, entry.child)
         rows.append((*words, position, speed, effort, "; ".join(more)))
-    return [f"    {line}" for line in Table.of_texts(rows).aligned("<")]
+    return [f"    {line}" for line in aligned(rows)]

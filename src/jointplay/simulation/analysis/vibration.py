@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite, require_whole
-from jointplay.base.units import readable
+from jointplay.base.units import readable, typeset
 from jointplay.simulation.analysis.tool_error import COMPONENTS, deviation
 from jointplay.simulation.result.result import Result
 
@@ -156,7 +156,7 @@ class Rattle:
             what = (
                 "RMS acceleration against the ideal" if self.against_ideal else "RMS acceleration"
             )
-            words += f"; the tool's {what} [m/s^2]: {', '.join(parts)}"
+            words += f"; the tool's {what} [{typeset('m/s^2')}]: {', '.join(parts)}"
         return words
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.schema import Described, quantity
+from jointplay.base.tables import aligned
 from jointplay.base.units import displayed
 
 MARKED = 0.05
@@ -170,10 +171,9 @@ class Certificate(Described):
 
     def __str__(self) -> str:
         lines = [f"  numerical errors, {self.origin}:"] if self.runs else []
-        width = max((len(figure.name) for figure in self.headline), default=0)
-        for figure in self.headline:
-            mark = "  <- error above 5 %" if figure.marked else ""
-            lines.append(f"    {figure.name:<{width}}  {figure}{mark}")
+        marks = {True: "<- error above 5 %", False: ""}
+        rows = [(figure.name, str(figure), marks[figure.marked]) for figure in self.headline]
+        lines += [f"    {line}" for line in aligned(rows)]
         others = [figure for figure in self.marked if figure not in self.headline]
         if others:
             names = ", ".join(figure.name for figure in others)

@@ -233,7 +233,7 @@ def rows(
     values = Column("value", [" ".join(map(repr, key)) for key in keys])
     messages = Column("message", [failures.get(key, "") for key in keys])
     own = [Column(name, x, key=name) for name, x in zip(columns, numbers.T, strict=True)]
-    table = Table((values, messages, *own)).csv(17)
+    table = Table((values, messages, *own)).csv(None)
     files.write(path, table, overwrite=True, announced=False)
     return numbers, len(store) - before, failures
 
