@@ -16,23 +16,24 @@ from jointplay import analysis, cli, paper
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
-from jointplay.simulation.analysis.certification import (
-    STRETCHES,
-    Measured,
-    _History,
+from jointplay.simulation.analysis.figures import STRETCHES, Measured, _History
+from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
+from jointplay.study.certification import (
     add_certificate,
     certify,
-    estimate_errors,
     further_runs,
-    further_simulations,
     is_sensitive,
+    number_of_runs,
     numerical_error,
     scatter,
 )
-from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 
 JAMMED_TRUTH_N = 677.1
 """Peak force of the jammed case by rk4 at 1 us."""
+
+
+def estimate_errors(source: jp.Simulation | jp.Result) -> Certificate:
+    return certify(source, strict=False)
 
 
 def jammed(**options) -> jp.Simulation:
@@ -277,9 +278,10 @@ def test_the_number_of_further_runs_is_known_beforehand(method, find, number, mo
         begun.append(of)
         return real(*of)
 
-    monkeypatch.setattr("jointplay.simulation.analysis.certification.Run", made)
+    for place in ("study.certification", "simulation.run"):  # that of the ideal mechanism, too
+        monkeypatch.setattr(f"jointplay.{place}.Run", made)
     find(result)
-    assert len(begun) == further_runs(simulation, strict=find is certify) == number
+    assert len(begun) == number_of_runs(simulation, strict=find is certify) == number
 
 
 def test_a_run_with_a_tolerance_is_compared_with_coarser_and_finer_ones():
@@ -295,8 +297,8 @@ def test_further_runs_are_judged_from_when_the_run_is():
     simulation = replace(scara(2e-4), duration=0.3)
     result = simulation.run()
     assert result.judge_from == 0.0 != replace(simulation, duration=result.time[-1]).judged_from
-    for other, *_ in further_simulations(simulation, result, strict=True):
-        assert other.judged_from == 0.0
+    for other in further_runs(simulation, result, strict=True):
+        assert other.simulation.judged_from == 0.0
 
 
 def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):
@@ -309,7 +311,7 @@ def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):
         return real(simulation, progress)
 
     result = replace(scara(2e-4), duration=0.02).run()
-    monkeypatch.setattr("jointplay.simulation.analysis.certification.Run", run)
+    monkeypatch.setattr("jointplay.study.certification.Run", run)
     found = estimate_errors(result)
     assert all(math.isinf(one.error) for one in found.figures)
     assert "no room" in found.note
@@ -321,7 +323,7 @@ def test_what_fails_after_a_run_does_not_lose_it(monkeypatch):
     def fail(*_, **__):
         raise np.linalg.LinAlgError("singular")
 
-    monkeypatch.setattr("jointplay.simulation.analysis.certification.certify", fail)
+    monkeypatch.setattr("jointplay.study.certification.certify", fail)
     short = replace(scara(2e-4), duration=0.01)
     with pytest.warns(RuntimeWarning, match="result is complete, but .*singular"):
         result = short.run(estimate=True)
@@ -448,7 +450,7 @@ def stopped_while_certifying(monkeypatch):
     def told(*_, **__):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("jointplay.simulation.analysis.certification.certify", told)
+    monkeypatch.setattr("jointplay.study.certification.certify", told)
 
 
 def plain(path):
@@ -491,7 +493,7 @@ def test_no_run_that_was_interrupted_is_certified(short, tmp_path, monkeypatch):
     result = jp.Result(short.dataset.copy())
     result.status = Status.INTERRUPTED
     monkeypatch.setattr(
-        "jointplay.simulation.analysis.certification.certify",
+        "jointplay.study.certification.certify",
         lambda *_, **__: pytest.fail("certified"),
     )
     add_certificate(result, tmp_path / "r.nc", short.simulation)

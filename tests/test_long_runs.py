@@ -19,7 +19,7 @@ from jointplay.cli.commands import run_scenario
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.simulation import spool
-from jointplay.simulation.analysis import certification
+from jointplay.simulation.analysis import figures
 from jointplay.simulation.loads import ComputedTorque, drive_tables
 from jointplay.simulation.result import audit, netcdf
 from jointplay.simulation.working_files import working_paths
@@ -106,9 +106,9 @@ def test_errors_of_a_run_on_disk_are_those_of_one_in_memory(tmp_path, monkeypatc
         if where == "disk":
             for name, size in (("PORTION_BYTES", 1), ("RECORD_BYTES", 1), ("MOST_BYTES", 1)):
                 monkeypatch.setattr(spool, name, size)
-            monkeypatch.setattr(certification, "AT_ONCE", 4096)
+            monkeypatch.setattr(figures, "AT_ONCE", 4096)
             # What lies between the ideal mechanism's records is interpolated.
-            monkeypatch.setattr(certification, "SUMMARY_RECORDS", 1000)
+            monkeypatch.setattr("jointplay.study.certification.SUMMARY_RECORDS", 1000)
         command = ["run", str(tmp_path / "long.toml"), "--out", str(tmp_path / where)]
         assert cli.main([*command, "--quiet", "--jobs", "1"]) == 0
         found[where] = jp.Result.load(next((tmp_path / where).glob("*.nc")))
@@ -151,13 +151,13 @@ def test_errors_whose_search_was_interrupted_are_found_by_resuming(
     class Stopped(jp.Run):
         def run_to_end(self, progress=False):
             begun.append(self)
-            if len(begun) == 3:
+            if len(begun) == 2:
                 stepped(self, 0.02)
                 signal.raise_signal(signal.SIGINT)
             return super().run_to_end(progress)
 
     with monkeypatch.context() as patched:
-        patched.setattr(certification, "Run", Stopped)
+        patched.setattr("jointplay.study.certification.Run", Stopped)
         assert cli.main(command) == 0
     err = capsys.readouterr().err
     assert "without numerical errors: result; the same command with --resume finds them" in err

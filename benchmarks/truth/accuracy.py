@@ -41,7 +41,7 @@ from jointplay import analysis
 from jointplay.base.processes import cores
 from jointplay.physics.contact import FRICTION_LAWS
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.simulation.analysis.certification import certify, figures
+from jointplay.simulation.analysis.figures import figures
 from jointplay.simulation.result.audit import Audit
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 
@@ -325,7 +325,7 @@ def judge(
     errors: dict[str, float] = {}
     if certified:
         cost = time.process_time()
-        certificate = certify(result, simulation=simulation)
+        certificate = jp.certify(result, simulation=simulation)
         about["cost_in_runs"] = (time.process_time() - cost) / once
         errors = {figure.name: figure.error for figure in certificate.headline}
     rows = []

@@ -59,7 +59,6 @@ from .simulation import Simulation as Simulation
 from .simulation import analysis as analysis
 from .simulation import loads as loads
 from .simulation import simulate as simulate
-from .simulation.analysis.certification import certify as certify
 from .simulation.analysis.comparison import compare as compare
 from .simulation.motion import Motion as Motion
 from .simulation.result import Result as Result
@@ -67,6 +66,7 @@ from .study import Study as Study
 from .study import nonlinear as nonlinear
 from .study import open_sweep as open_sweep
 from .study import sweep as sweep
+from .study.certification import certify as certify
 from .study.ensemble import EnsembleInterrupted as EnsembleInterrupted
 from .study.ensemble import ensemble as ensemble
 from .study.iso9283 import iso9283 as iso9283

@@ -8,5 +8,5 @@ places |= {
     "export": ("jointplay.bridges", "export"),
     "notebook_page": ("jointplay.bridges.notebook", "page"),
     "simulation": ("jointplay.simulation", "Simulation"),
-    "errors_of_run": ("jointplay.simulation.analysis.certification", "errors_if_possible"),
+    "errors_of_run": ("jointplay.study.certification", "errors_if_possible"),
 }

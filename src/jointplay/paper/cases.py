@@ -17,12 +17,13 @@ from jointplay.paper.outputs import JOINT as JOINT
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.scenario import Scenario
-from jointplay.simulation.analysis.certification import add_certificate, figures
 from jointplay.simulation.analysis.claims import Measures, measure
+from jointplay.simulation.analysis.figures import figures
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
 from jointplay.simulation.simulation import Simulation
+from jointplay.study.certification import add_certificate
 
 
 @cache

@@ -27,10 +27,10 @@ from jointplay.paper.ensembles import Ensembles, filled, write_claims
 from jointplay.paper.outputs import folder
 from jointplay.paper.page import Rows, write_page
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.simulation.analysis.certification import further_runs
 from jointplay.simulation.analysis.claims import Verdict
 from jointplay.simulation.result.certificate import CertifiedFigure
 from jointplay.simulation.result.result import Result
+from jointplay.study.certification import number_of_runs
 
 
 def errors_table(
@@ -158,7 +158,7 @@ def run_study(
         with printing():
             done(label, cases[label])
 
-    of_cases = sum(1 + further_runs(scara(clearance)) for clearance in CASES.values())
+    of_cases = sum(1 + number_of_runs(scara(clearance)) for clearance in CASES.values())
     try:
         with whole(of_cases * length() + ensembles.to_simulate, progress):
             run(first)

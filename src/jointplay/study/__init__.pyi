@@ -1,4 +1,5 @@
 from . import nonlinear as nonlinear
+from .certification import certify as certify
 from .shares import sensitivity as sensitivity
 from .store import open_sweep as open_sweep
 from .study import Measure as Measure

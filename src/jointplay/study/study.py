@@ -69,6 +69,7 @@ class Study(Generic[Item, Value]):
             travel pickled.
         store: keeps it; None: memory.
         name: of the cases, with which errors say of which they are.
+        early: whether a process that is told to stop ends its case early and saves it.
     """
 
     def __init__(
@@ -78,10 +79,11 @@ class Study(Generic[Item, Value]):
         store: Store[Value] | None = None,
         *,
         name: str = "",
+        early: bool = False,
     ) -> None:
         self.plan, self._taken = plan, 0
         self.count = len(plan) if isinstance(plan, Sized) else None
-        self.measure, self.name = measure, name
+        self.measure, self.name, self._early = measure, name, early
         self.store: Store[Value] = Memory() if store is None else store
 
     def outcomes(
@@ -149,7 +151,7 @@ class Study(Generic[Item, Value]):
         from jointplay.physics import kernel
 
         kernel.compiled()  # once, for all of them
-        return Pool(self.measure, number, kept=self.store.kept, name=self.name)
+        return Pool(self.measure, number, early=self._early, kept=self.store.kept, name=self.name)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import json
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -76,8 +76,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.physics.kernel import Status
     from jointplay.scenario.assumptions import decisive
     from jointplay.show import plots  # what comes now takes long to import
-    from jointplay.simulation.analysis.certification import further_runs
     from jointplay.simulation.analysis.headline import HISTORIES
+    from jointplay.study.certification import number_of_runs
 
     progress = not options.quiet
     items = {}
@@ -88,7 +88,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
         run = scenario.ready_run(case, progress, item.records)
         simulations[case] = run.simulation
-        runs = 1 + (further_runs(run.simulation, item.certified) if item.errors else 0)
+        runs = 1 + (number_of_runs(run.simulation, item.certified) if item.errors else 0)
         length = run.total_steps * run.simulation.step
         # For a case that gives, the ideal mechanism is simulated, too, if no case is it.
         lengths[case] = runs * length, length if _gives(run.simulation) else 0.0
@@ -294,9 +294,9 @@ def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun
     """
     from jointplay.physics.kernel import Status
     from jointplay.scenario.overrides import words
-    from jointplay.simulation.analysis.certification import add_certificate
     from jointplay.simulation.checkpoint import check_replaceable, continue_run
     from jointplay.simulation.saving import run_and_save
+    from jointplay.study.certification import add_certificate
 
     run = ready.pop() if ready else scenario.ready_run(item.case, progress, item.records)
     notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
@@ -329,14 +329,10 @@ def _run_all(
     from jointplay.study import Study
 
     work = partial(_execute, scenario, progress, ready)
-    study = Study({item.case: item for item in items}, work, summaries)
+    study = Study({item.case: item for item in items}, work, summaries, early=True)
     try:
-        with ExitStack() as stack:
-            workers, number = None, min(jobs, len(items))
-            if number > 1:
-                workers = processes.Pool(work, number, early=True, kept=summaries.kept)
-                stack.callback(workers.close)
-            for _ in study.outcomes(1, workers=workers):
+        with closing(study.outcomes(jobs)) as outcomes:
+            for _ in outcomes:
                 pass
     except signals.GivenUp as error:
         signals.say(str(error))

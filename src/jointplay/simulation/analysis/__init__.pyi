@@ -2,8 +2,6 @@ from .bearings import BearingLife as BearingLife
 from .bearings import bearing_life as bearing_life
 from .bearings import element_loads as element_loads
 from .bearings import rolling_bearings as rolling_bearings
-from .certification import certify as certify
-from .certification import estimate_errors as estimate_errors
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
 from .contact_statistics import Contacts as Contacts

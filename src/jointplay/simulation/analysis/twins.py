@@ -207,13 +207,15 @@ def twin(result: Result, progress: bool = False) -> Result:
 
 
 def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
-    """A run of which only the tool's motion is kept, and that of all bodies if the base is free.
+    """The ideal mechanism's run, of which only the tool's motion is kept, and that of all bodies if
+    the base is free.
 
     Neither the forces in its joints are found, nor how far it is off because of its step.
     """
     from jointplay.simulation.run import Run  # takes long to import
 
     run = Run(simulation, progress)
+    run.label = "the ideal mechanism "
     status = run.run_to_end(progress)
     wanted = list(COMPARED)
     wanted += ["q", "v"] if simulation.mechanism.free_base is not None else []  # seen from the base

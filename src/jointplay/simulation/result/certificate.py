@@ -1,6 +1,6 @@
 """Headline figures of a run with their numerical errors.
 
-`analysis.estimate_errors` finds them for every run, `analysis.certify` more strictly.
+`jointplay.certify` finds them.
 """
 
 from __future__ import annotations

@@ -1,0 +1,367 @@
+"""Every headline figure of a run with its numerical error, found by running again otherwise.
+
+After every run two further ones are made with steps that go by their own error (equal steps, where
+contacts have bristles), for a strict certificate three. docs/certificates.md says how, and how
+often the stated errors cover the true ones.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.base import signals
+from jointplay.base.errors import JointplayError, require_a
+from jointplay.physics.kernel import Status
+from jointplay.physics.kernel.integrators import DEFAULT
+from jointplay.simulation import spool
+from jointplay.simulation.analysis.figures import Headline, Measured, claims_of, fits, headline_of
+from jointplay.simulation.analysis.twins import has_play, hinges, ideal_simulation, tool_motion
+from jointplay.simulation.result import netcdf
+from jointplay.simulation.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
+from jointplay.simulation.result.histories import HistoryBuilder
+from jointplay.simulation.result.result import Result
+from jointplay.simulation.result.thinning import SUMMARY_RECORDS
+from jointplay.simulation.run import Run
+from jointplay.simulation.saving import save
+from jointplay.simulation.simulation import Simulation
+from jointplay.study.study import Study
+
+SAFETY = 2.5
+"""What differences between runs are multiplied by to make an error of them.
+
+Four draws of a chaotic figure, and a fifth that is the truth: it lies within so many times their
+range of the first in 95 to 98 of 100 cases, for normal and for skew distributions.
+"""
+
+CONTRACTS = 0.5
+"""Finer runs agree if they differ by no more than this part of what they have moved."""
+
+SENSITIVE = 5e-3
+"""A figure in which further runs differ by more than this part of it is called sensitive."""
+
+TOLERANCES = (1e-3, 6e-4, 2.5e-4)
+"""Tolerances of the further runs, where the run has none itself.
+
+All three for a strict certificate, else without the second: in one of thirty cases drawn at random
+a single further run agrees with the run by chance.
+"""
+
+RELATIVE = (4.0, 0.6, 0.25)
+"""The same relative to the run's own."""
+
+FINER = (3, 5, 10)
+"""How much smaller equal steps of the further runs are where contacts have bristles.
+
+Bristles that begin to stick are followed in first order and less, whatever chooses the steps: a
+tolerance leaves a run the error that equal steps have. Steps so far apart show how it falls.
+"""
+
+ASIDE_M = ((0.0, 0.0, 0.0), (-1e-7, 1e-7, -1e-7), (1e-7, -1e-7, 1e-7))
+"""How far aside journals start in these runs.
+
+A nanometre would not show every chaos: stick-slip hangs on switches that it need not reach, and
+that one step reaches and another does not.
+"""
+
+
+def certify(
+    source: Simulation | Result,
+    *,
+    progress: bool = False,
+    simulation: Simulation | None = None,
+    name: str = "",
+    claims: bool = False,
+    strict: bool = True,
+) -> Certificate:
+    """State the numerical error of every headline figure, from three further runs.
+
+    Their steps go by their own error, and journals start aside: see `TOLERANCES`, `ASIDE_M`.
+
+    Args:
+        source: what is certified; a simulation is run first.
+        progress: show a bar that names what runs.
+        simulation: what made the result; built from the result if not given.
+        name: of the run, which the bar shows.
+        claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
+            with clearance.
+        strict: without, from two further runs, as after every run.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+        JointplayError: the simulation cannot be run.
+    """
+    require_a("source", source, "Simulation", "Result")
+    if isinstance(source, Simulation):
+        simulation, result = source, source.run(progress, estimate=False)
+    else:
+        simulation, result = simulation or source.simulation, source
+    if result.status != Status.COMPLETED:
+        note = f"none, for the run did not complete ({result.message})"
+        return Certificate((), note=note, strict=strict)
+    plans = further_runs(simulation, result, strict)
+    # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
+    ideal, unknown = _ideal(simulation, result, progress)
+    with_claims = claims and fits(result)
+    what = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
+
+    def found(numbered: tuple[int, FurtherRun]) -> dict[str, Measured] | str:
+        number, further = numbered
+        label = f"{what}, {number} of {len(plans)} ({further}) "
+        figures = Headline(result.time, result.judge_from, ideal, hinges(result))
+        try:
+            run = further.completed(figures, label, progress)
+        except JointplayError as why:
+            return f"with {further}, {why}"
+        of_run = figures.finish(run)
+        return of_run | (claims_of(run.result(Status.COMPLETED), ideal) if with_claims else {})
+
+    outcomes = Study(enumerate(reversed(plans), 1), found).run(1)
+    notes = [one for one in outcomes if isinstance(one, str)]
+    measured = [one for one in outcomes if not isinstance(one, str)]
+    certified, sensitive = [], []
+    slow = _approaches_slowly(simulation)
+    for name, one in headline_of(result, ideal, with_claims).items():
+        others = [of[name] for of in measured if name in of]
+        # Where a further run failed, nobody knows.
+        error = math.inf if notes else max(numerical_error(one, others), one.sampling)
+        if name in COUNTS and math.isfinite(error) and one.value:
+            # That runs agree says nothing of a contact that barely touches, or barely not.
+            error = max(math.ceil(error), 1)
+        elif name.startswith(HEADLINE) and not notes and is_sensitive(one, others, slow):
+            sensitive.append(name)
+        certified.append(CertifiedFigure(name, one.value, float(error), one.unit))
+    if sensitive:
+        notes.append(
+            "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
+            f"among each other in {', '.join(sensitive)}; the errors cover what was found, and "
+            "one run is one draw"
+        )
+    notes += [unknown] if unknown else []
+    if claims and not with_claims:
+        notes.append(
+            "the measures of the paper's claims are left out: they need all histories at once, "
+            f"which take more than {spool.MOST_BYTES >> 20} MB; record less often"
+        )
+    runs = tuple(one.words for one in plans)
+    return Certificate(tuple(certified), runs, "; ".join(notes), strict)
+
+
+def number_of_runs(simulation: Simulation, strict: bool = True) -> int:
+    """How many runs `certify` makes, that of the ideal mechanism included."""
+    mechanism = simulation.mechanism
+    return len(TOLERANCES) - (not strict) + bool(mechanism.clearance or mechanism.gears)
+
+
+def scatter(runs: Sequence[Measured]) -> float:
+    """How far apart a figure's values in several runs are, in all or stretch by stretch.
+
+    The differences of stretches count as independent: those of sums by the root of their squares;
+    those of largest values by how small the largest could be, had it been each stretch's least.
+    """
+    values = [one.value for one in runs]
+    apart = float(np.ptp(values)) if np.isfinite(values).all() else math.inf
+    if not math.isfinite(apart) or not runs[0].parts.size:
+        return apart
+    parts = np.array([one.parts for one in runs])
+    power = runs[0].power
+    if math.isinf(power):
+        return max(apart, max(values) - float(parts.min(axis=0).max()))
+    together = float(np.linalg.norm(np.ptp(parts, axis=0)))
+    if power > 1.0:
+        together /= power * max(max(values), 1e-300) ** (power - 1.0)
+    return max(apart, together)
+
+
+def numerical_error(one: Measured, others: Sequence[Measured]) -> float:
+    """Error of a figure, given what the further runs made of it, the finest first."""
+    moved = abs(one.value - others[0].value)
+    uncertain = scatter(others)
+    if not math.isfinite(moved + uncertain):
+        return math.inf
+    if uncertain > CONTRACTS * moved:
+        return SAFETY * scatter([one, *others])
+    # Further runs may agree by chance: no error is known to better than a tenth of itself.
+    return max(moved + SAFETY * uncertain, 1.1 * moved)
+
+
+def is_sensitive(one: Measured, others: Sequence[Measured], slow: bool = False) -> bool:
+    """Whether the further runs differ more than the run does from them, and noticeably.
+
+    Not where they get on slowly in one direction (`slow`), each with a smaller step.
+    """
+    changes = np.diff([one.value, *(of.value for of in reversed(others))])
+    if slow and ((changes >= 0.0).all() or (changes <= 0.0).all()):
+        return False
+    uncertain = scatter(others)
+    moved = abs(one.value - others[0].value)
+    return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(one.value))
+
+
+@dataclass(frozen=True)
+class FurtherRun:
+    """A run that shows how far off another one is."""
+
+    simulation: Simulation
+    aside: tuple[float, float, float]
+    """How far aside journals start [m]."""
+    finer: float
+    """How much shorter macro steps are."""
+
+    def __str__(self) -> str:
+        simulation = self.simulation
+        if simulation.tolerance is None:
+            how = f"step {1e6 * simulation.step:.3g} µs"
+        else:
+            how = f"tolerance {simulation.tolerance:g}"
+        words = f"{simulation.integrator}, {how}"
+        if simulation.macro_step is not None:
+            words += f", macro step {1e6 * simulation.macro_step:.3g} µs"
+        return words
+
+    @property
+    def words(self) -> str:
+        """What it is, with where its journals start."""
+        return (
+            f"{self}, journals {1e9 * max(self.aside):g} nm aside" if any(self.aside) else f"{self}"
+        )
+
+    def completed(self, figures: Headline, label: str, progress: bool) -> Run:
+        """The run at its end, of whose records `figures` are made, or why there is none."""
+        try:
+            run = Run(self.simulation, progress, figures.take)
+        except JointplayError as error:
+            raise JointplayError(f"the run is refused: {error}") from None
+        if any(self.aside):
+            run.displace(self.aside)
+        run.shorten_macro_steps(self.finer)
+        run.label, figures.builder = label, HistoryBuilder(run)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
+            status = run.run_to_end(progress)
+        if status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if status != Status.COMPLETED:
+            raise JointplayError(f"the run {run.message(status)}")
+        return run
+
+
+def further_runs(simulation: Simulation, result: Result, strict: bool) -> list[FurtherRun]:
+    """The further runs, the finest last.
+
+    By the multi-rate method, for as long as the run lasted. With a tolerance, or with smaller
+    equal steps where that approaches the truth slowly.
+    """
+    lasted = float(result.time[-1])  # whose last digits must not shift when judging begins
+    base = replace(
+        simulation,
+        integrator=DEFAULT,
+        duration=lasted,
+        settle=None,
+        judge_from=result.audit.judged_from,
+    )
+    if _approaches_slowly(simulation):
+        macros = [1.0, 1.0, 2.0]
+        others = [  # with records at the same times
+            replace(
+                base, tolerance=None, step=base.step / times, record_every=base.record_every * times
+            )
+            for times in FINER
+        ]
+    else:
+        own = simulation.tolerance
+        tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
+        others = [replace(base, tolerance=one) for one in tolerances]
+        # As the run chose its macro steps, they would not show what they are off.
+        chosen = own is None and simulation.macro_step is None
+        macros = [1.0 if chosen else 0.5, 1.0, 1.0]
+    plans = [FurtherRun(*one) for one in zip(others, ASIDE_M, macros, strict=True)]
+    return plans if strict else [plans[0], plans[-1]]
+
+
+def _approaches_slowly(simulation: Simulation) -> bool:
+    """Whether any contact has bristles, see `FINER`."""
+    return any(one.friction.bristles for one in simulation.mechanism.clearance.values())
+
+
+def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Result | None, str]:
+    """The ideal mechanism's run with the same settings, or None and why there is none."""
+    if not has_play(result):
+        return None, ""
+    same = replace(simulation, duration=float(result.time[-1]), start=result.audit.start)
+    if not fits(result):  # what lies between records is interpolated
+        seldom = math.ceil(len(result.time) / SUMMARY_RECORDS)
+        same = replace(same, record_every=same.record_every * seldom)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # said below
+            run = tool_motion(ideal_simulation(same), progress)
+        return run.completed("the run"), ""
+    except JointplayError as error:
+        text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
+    warnings.warn(text, RuntimeWarning, stacklevel=4)
+    return None, text
+
+
+def errors_if_possible(result: Result, strict: bool, **told: Any) -> Certificate | None:
+    """What `certify` says of a finished run; None, with a warning, if it cannot be.
+
+    Whatever goes wrong here, the run has been made, and is kept. `told`: see `certify`.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+    """
+    try:
+        return certify(result, strict=strict, **told)
+    except Exception as error:  # noqa: BLE001
+        reason = str(error) if isinstance(error, JointplayError) else repr(error)
+        text = f"the result is complete, but its numerical errors cannot be estimated: {reason}"
+        warnings.warn(text, RuntimeWarning, stacklevel=3)
+        return None
+
+
+def add_certificate(
+    result: Result | None,
+    path: Path,
+    simulation: Simulation,
+    progress: bool = False,
+    strict: bool = True,
+    claims: bool = False,
+    name: str = "",
+) -> None:
+    """Certify a saved result, or estimate its errors, and save it again; until then it stays.
+
+    A run that was told to stop, or while it was saved, is not certified.
+
+    Args:
+        result, path: what `run_and_save` gave, and its file.
+        simulation, progress, strict, claims, name: see `certify`.
+
+    Raises:
+        JointplayError: the file cannot be written again; the message says where the result is.
+        KeyboardInterrupt: told to stop; the result is there without certificate.
+    """
+    if signals.stop_requested():
+        return
+    told: dict[str, Any] = {"progress": progress, "claims": claims, "name": name}
+    given = result or Result.open(path)
+    with closing(given.dataset):
+        if given.status == Status.INTERRUPTED:
+            return
+        certificate = errors_if_possible(given, strict, simulation=simulation, **told)
+    if certificate is None:
+        return
+    with signals.keeping(f"the certificate of {path}"):
+        if result is None:
+            netcdf.add_attributes(path, {"certificate": json.dumps(certificate.describe())})
+        else:
+            result.certificate = certificate
+            save(result, path, overwrite=True)
