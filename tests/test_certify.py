@@ -16,7 +16,7 @@ from jointplay import analysis, cli, paper
 from jointplay.paper import scara
 from jointplay.physics.kernel import Status
 from jointplay.show.reports import cases, sections
-from jointplay.simulation.analysis.figures import STRETCHES, Measured, _History
+from jointplay.simulation.analysis.headline_figures import STRETCHES, Measured, _History
 from jointplay.simulation.result.certificate import Certificate, CertifiedFigure, alone, plus_minus
 from jointplay.study.certification import (
     add_certificate,

@@ -41,7 +41,7 @@ from jointplay import analysis
 from jointplay.base.processes import cores
 from jointplay.physics.contact import FRICTION_LAWS
 from jointplay.physics.kernel.integrators import DEFAULT
-from jointplay.simulation.analysis.figures import figures
+from jointplay.simulation.analysis.headline_figures import figures
 from jointplay.simulation.result.audit import Audit
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 

@@ -18,7 +18,7 @@ from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.scenario import Scenario
 from jointplay.simulation.analysis.claims import Measures, measure
-from jointplay.simulation.analysis.figures import figures
+from jointplay.simulation.analysis.headline_figures import figures
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save

@@ -23,7 +23,13 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.integrators import DEFAULT
 from jointplay.simulation import spool
-from jointplay.simulation.analysis.figures import Headline, Measured, claims_of, fits, headline_of
+from jointplay.simulation.analysis.headline_figures import (
+    Headline,
+    Measured,
+    claims_of,
+    fits,
+    headline_of,
+)
 from jointplay.simulation.analysis.twins import has_play, hinges, ideal_simulation, tool_motion
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure

@@ -13,8 +13,8 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.schema import differences, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import told
-from jointplay.simulation.analysis.figures import figures
 from jointplay.simulation.analysis.headline import reference
+from jointplay.simulation.analysis.headline_figures import figures
 from jointplay.simulation.analysis.tool_error import difference
 from jointplay.simulation.analysis.twins import inputs, is_twin
 from jointplay.simulation.analysis.vibration import rattle
