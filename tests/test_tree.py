@@ -8,6 +8,7 @@ import pytest
 from conftest import joint
 
 import jointplay as jp
+from jointplay.model.frames import carried
 from jointplay.model.loop import PROXIMAL, Loop, misfit
 from jointplay.model.tree import BodyMotion, Tree
 from jointplay.physics.joints import PrismaticClearance, SphericalClearance
@@ -130,10 +131,9 @@ def test_bodies_move_as_in_pinocchio(branched, clearance):
     q, v, _ = states(mechanism)
     names = [*clearance, "j0", "j2", "j5"]
     pairs = [mechanism.frames(n) for n in dict.fromkeys(names)]
-    frame = model.frames[mechanism.tool_frame]
-    motion = BodyMotion.of(RECORDS, len(pairs))
+    motion, tool = BodyMotion.of(RECORDS, len(pairs)), carried(model, mechanism.tool_frame)
     for first, end in ((0, 7), (7, RECORDS)):
-        Tree(model).move(motion, first, end, q, v, (frame.parentJoint, frame.placement), pairs)
+        Tree(model).move(motion, first, end, q, v, tool, pairs)
     expected = [
         moved_by_pinocchio(mechanism, model, *state, pairs) for state in zip(q, v, strict=True)
     ]
@@ -287,10 +287,8 @@ def test_orientations_are_right_at_any_angle_and_turn_without_jumps(urdf, rpy, a
     )
     mechanism = jp.Mechanism(path)
     q = np.linspace(-7.0, 7.0, 141)[:, None]
-    motion = BodyMotion.of(len(q), 0)
-    frame = mechanism.model.frames[mechanism.tool_frame]
-    tool = frame.parentJoint, frame.placement
-    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), tool, [])
+    model = mechanism.model
+    motion = Tree(model).motion(q, tool=carried(model, mechanism.tool_frame))
     for (w, x, y, z), angle in zip(motion.orientation, q, strict=True):
         pin.framesForwardKinematics(mechanism.model, mechanism.data, angle)
         expected = mechanism.data.oMf[mechanism.tool_frame].rotation

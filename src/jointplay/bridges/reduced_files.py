@@ -22,6 +22,7 @@ from jointplay.accuracy.error_model import Contribution, Line, Tilt
 from jointplay.base.errors import JointplayError, require_known, require_non_negative
 from jointplay.bridges.reduction import Reduction
 from jointplay.model.elements import Element, document, moments, put, put_inertial, written
+from jointplay.model.frames import motions
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.play import Play
 from jointplay.simulation.motion.cartesian import joint_limits
@@ -83,16 +84,15 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
         joint, name = model.joints[index], names[index]
         if joint.nv != 1:
             raise JointplayError(f"joint {name!r} has {joint.nv} coordinates; one can be written")
-        column = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
-        twist = column.reshape(6, model.nv)[:, joint.idx_v]
-        slides = bool(np.linalg.norm(twist[3:]) < 0.5)
+        (way,) = motions(model, data, index)
+        slides = bool(np.linalg.norm(way[3:]) < 0.5)
         entry = mechanism.description.joints[name]
         one = reduced.get(name, Reduction(name, friction=entry.friction, viscous=entry.damping))
         parent, placement = carriers[model.parents[index]], model.jointPlacements[index]
         inertia = model.inertias[index]
         place = placement if parent is None else parent.place * placement
         limits = float(low[index - 1]), float(high[index - 1])
-        axis = twist[:3] if slides else twist[3:]
+        axis = way[:3] if slides else way[3:]
         inertia = inertia if inertia.mass > 0.0 else LEAST
         body = Body(
             name, f"{name}_link", parent, placement, place, slides, axis, limits, inertia,

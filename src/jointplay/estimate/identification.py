@@ -32,7 +32,7 @@ from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.restitution import by_flights, by_simulation, channels
 from jointplay.estimate.unknowns import LARGEST_SHARE, Estimate, Unknown, by_label, data, listed
 from jointplay.model.mechanism import Mechanism
-from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.loads.drive import JointFriction, urdf_friction
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
@@ -307,7 +307,7 @@ def identify(
     """
     require_a("machine", machine, "Simulation", "Mechanism")
     mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
-    friction = planning.urdf_friction(mechanism)
+    friction = urdf_friction(mechanism)
     if isinstance(machine, Simulation):
         motion = motion or machine.motion
         if machine.payloads:

@@ -34,7 +34,7 @@ from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.unknowns import LARGEST_SHARE, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
-from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.loads.drive import JointFriction, urdf_friction
 from jointplay.simulation.motion.cartesian import joint_limits
 from jointplay.simulation.result.result import AXES
 
@@ -321,16 +321,6 @@ def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
         if label.removesuffix(" torsional") not in machine.mechanism.gears
     )
     return SIZES if soft or any(one.name in WOUND for one in unknowns) else SIZES[:1]
-
-
-def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
-    """What the URDF says of its joints' friction."""
-    entries = mechanism.description.joints
-    return {
-        name: JointFriction(entries[name].friction, entries[name].damping)
-        for name in mechanism.joints
-        if name in entries
-    }
 
 
 def experiments(

@@ -14,6 +14,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import temporary
 from jointplay.base.streams import caught_stderr
+from jointplay.model.frames import motions
 from jointplay.model.gear import Gearing
 from jointplay.model.loop import Lock
 from jointplay.model.urdf import Description
@@ -213,10 +214,8 @@ def _axis(
         raise JointplayError(
             f"joint {name!r} is of the kind {kind.removeprefix('JointModel')}; {remedy}"
         )
-    jacobian = pin.getJointJacobian(source, data, index, pin.ReferenceFrame.LOCAL)
-    column = jacobian.reshape(6, source.nv)[:, joint.idx_v]  # flat for a single column
-    slides = kind.startswith(_PRISMATIC)
-    return (column[:3] if slides else column[3:]), slides
+    (way,), slides = motions(source, data, index), kind.startswith(_PRISMATIC)
+    return (way[:3] if slides else way[3:]), slides
 
 
 def _virtual_link(

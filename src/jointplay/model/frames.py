@@ -11,15 +11,32 @@ Frame = tuple[int, pin.SE3]
 Frames = tuple[Frame, Frame]
 """Two of them, such as bearing and journal."""
 
+WORLD_FRAME: Frame = (0, pin.SE3.Identity())
+
+
+def carried(model: pin.Model, index: int) -> Frame:
+    """Frame number `index` of a model."""
+    frame = model.frames[index]
+    return int(frame.parentJoint), frame.placement
+
+
+def motions(model: pin.Model, data: pin.Data, index: int) -> np.ndarray:
+    """Twist of each coordinate of Pinocchio's joint `index` in the joint's frame, (nv, 6).
+
+    After `pin.computeJointJacobians`; linear part first.
+    """
+    joint, local = model.joints[index], pin.ReferenceFrame.LOCAL
+    columns = pin.getJointJacobian(model, data, index, local).reshape(6, model.nv)
+    return columns[:, joint.idx_v : joint.idx_v + joint.nv].T
+
 
 def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
     """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
     signs = np.zeros(model.nv)
-    for index, sign in ((second, 1.0), (first, -1.0)):
-        while index > 0:
+    for end, sign in ((second, 1.0), (first, -1.0)):
+        for index in list(model.supports[end])[1:]:
             member = model.joints[index]
             signs[member.idx_v : member.idx_v + member.nv] += sign
-            index = model.parents[index]
     return signs
 
 

@@ -185,13 +185,6 @@ class Gearing(Described, ABC):
             energy = energy + 0.5 * bend / grip * np.square(hysteresis)
         return energy
 
-    def tooth_torque(self, twist: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Torque of teeth and damper at twists and their rates (n,) [N m]."""
-        depth, side = np.abs(twist) - self.play / 2.0, np.sign(twist)
-        elastic = self.curve().torque(np.maximum(depth, 0.0))
-        pushed = np.maximum(elastic + self.damping * side * rate, 0.0)
-        return np.asarray(np.where(depth > 0.0, side * pushed, 0.0))
-
     def first_load(self, twist: float) -> tuple[float, float, float]:
         """Work [J], torque [N m] and stiffness [N m/rad] at a twist never exceeded before [rad]."""
         curve, depth = self.curve(), abs(twist) - self.play / 2.0

@@ -35,7 +35,14 @@ from jointplay.model.beams import FlexibleLink
 from jointplay.model.builder import build, parse
 from jointplay.model.fixing import with_fixed
 from jointplay.model.flexible import cut_links, end_of_tool, hinges_of
-from jointplay.model.frames import Frame, Frames, motion_between, pose_between, signs_between
+from jointplay.model.frames import (
+    Frame,
+    Frames,
+    carried,
+    motion_between,
+    pose_between,
+    signs_between,
+)
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import Gear, Gearing
 from jointplay.model.loop import Lock, Loop, refuse_name
@@ -592,14 +599,8 @@ class Mechanism(Overview, Described):
         model = self.model
         if name in self.loops:
             loop = self.loops[name]
-            sides = []
-            for link, placement in (
-                (loop.bearing_link, loop.bearing),
-                (loop.journal_link, loop.journal),
-            ):
-                frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-                sides.append((int(frame.parentJoint), frame.placement * placement))
-            bearing, journal = sides
+            bearing = self._on_link(loop.bearing_link, loop.bearing)
+            journal = self._on_link(loop.journal_link, loop.journal)
         else:
             last = int(model.getJointId(name))
             first = last
@@ -609,6 +610,10 @@ class Mechanism(Overview, Described):
             journal = (last, pin.SE3.Identity())
         given = self.given_joints.get(name)
         return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
+
+    def _on_link(self, link: str, place: pin.SE3) -> Frame:
+        index, placement = carried(self.model, self.model.getFrameId(link, pin.FrameType.BODY))
+        return index, placement * place
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].

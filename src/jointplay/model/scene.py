@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from jointplay.model.frames import WORLD_FRAME, carried
 from jointplay.model.mechanism import Mechanism
-from jointplay.model.tree import BodyMotion, Tree
+from jointplay.model.tree import Tree
 from jointplay.model.visuals import Look, look
 
 
@@ -42,7 +43,7 @@ class Scene:
         self.mechanism, self.folders = mechanism, folders
         bodies = [frame for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
         self.links = [frame.name for frame in bodies]
-        self._frames = [(frame.parentJoint, frame.placement) for frame in bodies]
+        self._frames = [(int(frame.parentJoint), frame.placement) for frame in bodies]
 
     @cached_property
     def look(self) -> Look:
@@ -76,48 +77,26 @@ class Scene:
 
         Position [m] and quaternion (x, y, z, w), whose sign does not jump.
         """
-        model, ground = self.mechanism.model, (0, pin.SE3.Identity())
-        motion = BodyMotion.of(len(q), len(self.links))
-        states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
-        pairs = [(ground, frame) for frame in self._frames]
-        Tree(model).move(motion, 0, len(q), *states, ground, pairs)
+        pairs = [(WORLD_FRAME, frame) for frame in self._frames]
+        motion = Tree(self.mechanism.model).motion(q, pairs=pairs)
         poses = np.empty((len(q), len(self.links), 7))
         for k, places in enumerate(motion.poses):
             poses[:, k, :3] = places[:, :3]
             poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
-            continuous(poses[:, k, 3:])
         return poses
 
 
 def tool_places(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Where the tool is at configurations q (n, nq), world axes (n, 3) [m]."""
-    frame = mechanism.model.frames[mechanism.tool_frame]
-    motion = BodyMotion.of(len(q), 0)
-    carrier = int(frame.parentJoint), frame.placement
-    states = np.ascontiguousarray(q), np.zeros((len(q), mechanism.model.nv))
-    Tree(mechanism.model).move(motion, 0, len(q), *states, carrier, [])
-    return motion.tool[:, :3]
-
-
-def continuous(quaternions: np.ndarray) -> None:
-    """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
-    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
-    quaternions[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    model = mechanism.model
+    return Tree(model).motion(q, tool=carried(model, mechanism.tool_frame)).tool[:, :3]
 
 
 def quaternions(matrices: np.ndarray) -> np.ndarray:
-    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), by the largest component: (n, 4)."""
-    m = matrices
-    diagonal = m[:, (0, 1, 2), (0, 1, 2)]
-    trace = diagonal.sum(axis=1)
-    # Four times the products of each component with all others, whichever is used to divide.
-    products = np.empty((len(m), 4, 4))
-    for i in range(3):
-        products[:, i, i] = 1.0 + 2.0 * diagonal[:, i] - trace
-        j, k = (i + 1) % 3, (i + 2) % 3
-        products[:, i, j] = products[:, j, i] = m[:, i, j] + m[:, j, i]
-        products[:, i, 3] = products[:, 3, i] = m[:, k, j] - m[:, j, k]
-    products[:, 3, 3] = 1.0 + trace
-    best = products[:, range(4), range(4)].argmax(axis=1)
-    rows = products[np.arange(len(m)), best]
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), neighbours of like sign: (n, 4)."""
+    from scipy.spatial.transform import Rotation  # takes long to import
+
+    found: np.ndarray = Rotation.from_matrix(matrices).as_quat()
+    flips = np.sum(found[1:] * found[:-1], axis=1) < 0.0
+    found[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    return found

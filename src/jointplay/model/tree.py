@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from jointplay.base.compiler import internal, njit, stamp
 from jointplay.model.builder import z_to
-from jointplay.model.frames import Frame
+from jointplay.model.frames import WORLD_FRAME, Frame, motions
 from jointplay.physics.kernel import frames
 from jointplay.physics.kernel.frames import add, add_scaled, cross, dot, get_vector, scale
 
@@ -522,16 +522,12 @@ class Tree:
         self._last_body = [0]
         self._turned = [pin.SE3.Identity()]  # a joint's frame as seen from its last body
         for index in range(1, model.njoints):
-            joint, before = model.joints[index], model.parents[index]
-            local = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
-            columns = local.reshape(6, model.nv)[:, joint.idx_v : joint.idx_v + joint.nv].T
-            body, start = (
-                self._last_body[before],
-                self._turned[before] * model.jointPlacements[index],
-            )
-            for column in columns:
-                straight = bool(column[:3].any())
-                turn = pin.SE3(z_to(column[:3] if straight else column[3:]), np.zeros(3))
+            before = model.parents[index]
+            body = self._last_body[before]
+            start = self._turned[before] * model.jointPlacements[index]
+            for way in motions(model, data, index):
+                straight = bool(way[:3].any())
+                turn = pin.SE3(z_to(way[:3] if straight else way[3:]), np.zeros(3))
                 parents.append(body)
                 slides.append(straight)
                 placements.append(start * turn)
@@ -577,6 +573,20 @@ class Tree:
         """
         carriers, places = self.frames([tool, *(frame for pair in pairs for frame in pair)])
         move(self.bodies, q, v, first, end, carriers, places, *motion)
+
+    def motion(
+        self,
+        q: np.ndarray,
+        v: np.ndarray | None = None,
+        tool: Frame = WORLD_FRAME,
+        pairs: Sequence[tuple[Frame, Frame]] = (),
+    ) -> BodyMotion:
+        """What the bodies do in states q and v (n, nv), at rest without v; see `move`."""
+        q = np.ascontiguousarray(q, float)
+        v = np.zeros_like(q) if v is None else np.ascontiguousarray(v, float)
+        motion = BodyMotion.of(len(q), len(pairs))
+        self.move(motion, 0, len(q), q, v, tool, pairs)
+        return motion
 
     def reactions(
         self,

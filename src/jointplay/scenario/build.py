@@ -30,7 +30,13 @@ from jointplay.physics.joints import JOINT_WORDS
 from jointplay.physics.joints.base import RoundClearance
 from jointplay.scenario.declarations import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.loads import Load
-from jointplay.simulation.loads.drive import ComputedTorque, Drive, JointFriction, Torque
+from jointplay.simulation.loads.drive import (
+    ComputedTorque,
+    Drive,
+    JointFriction,
+    Torque,
+    urdf_friction,
+)
 from jointplay.simulation.motion.cartesian import cartesian_path
 from jointplay.simulation.motion.completion import complete_motion
 from jointplay.simulation.motion.reference import INTERPOLATIONS, Motion
@@ -153,12 +159,8 @@ def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] 
     """Friction of all moving joints, where the scenario says anything of it."""
     if not model.joint_friction:
         return None
-    entries = mechanism.description.joints
-    friction = {
-        name: JointFriction(entries[name].friction, entries[name].damping)
-        for name in mechanism.joints
-    }
-    return friction | made_by_joint(model.joint_friction, mechanism, "joint_friction")
+    given = made_by_joint(model.joint_friction, mechanism, "joint_friction")
+    return urdf_friction(mechanism) | given
 
 
 def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.base.errors import JointplayError, MissingName
-from jointplay.model.frames import signs_between
+from jointplay.model.frames import motions, signs_between
 from jointplay.model.loop import closing_rows
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload, velocity_after_pick
@@ -290,9 +290,8 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
         return index, np.array([0.0, 0.0, 1.0]), slides
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    local = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
-    column = local.reshape(6, model.nv)[:, model.joints[index].idx_v]
-    return index, column[:3] if slides else column[3:], slides
+    (way,) = motions(model, data, index)
+    return index, way[:3] if slides else way[3:], slides
 
 
 class LoadSchedule:

@@ -11,7 +11,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_positive,
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.kernel.integrators import DEFAULT, Integrator
 from jointplay.simulation.loads import limits as limits_of_joints
-from jointplay.simulation.loads.drive import JointFriction
+from jointplay.simulation.loads.drive import JointFriction, urdf_friction
 from jointplay.simulation.result.netcdf import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
@@ -60,16 +60,11 @@ def check_integration(simulation: Simulation, method: Integrator) -> tuple[float
 
 def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
     """Friction by joint: what is given, or the URDF's."""
-    frictions, joints = simulation.joint_friction, simulation.mechanism.joints
-    if frictions is None:
-        entries = simulation.mechanism.description.joints
-        frictions = {
-            name: JointFriction(entries[name].friction, entries[name].damping) for name in joints
-        }
-    for name in frictions:
+    given, joints = simulation.joint_friction, simulation.mechanism.joints
+    for name in given or ():
         if name not in joints:
             raise MissingName("moving joint", name, joints)
-    return frictions
+    return urdf_friction(simulation.mechanism) if given is None else given
 
 
 def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:

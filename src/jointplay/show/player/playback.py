@@ -25,8 +25,8 @@ from jointplay.base.errors import JointplayError, MissingName, require_finite, r
 from jointplay.base.units import round_below
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import Colour, Surface
-from jointplay.model.scene import Scene, continuous, quaternions, tool_places
-from jointplay.model.tree import BodyMotion, Tree
+from jointplay.model.scene import Scene, quaternions, tool_places
+from jointplay.model.tree import Tree
 from jointplay.model.visuals import Look
 from jointplay.physics.contact import elastic, resultant
 from jointplay.physics.geometry import touch
@@ -122,9 +122,11 @@ def close_up(
     loads = None
     if bearing is not None:
         loads, _ = bearing.element_loads(centre[now], rotation[now][:, :, 2], azimuth[now])
-    turn = quaternions(ideal[now])
-    continuous(turn)
-    found = {"turn": turn, "slide": slide[now], "displacement": displacement[now]}
+    found = {
+        "turn": quaternions(ideal[now]),
+        "slide": slide[now],
+        "displacement": displacement[now],
+    }
     found |= {"tilt": tilt[now], "place": place, "shift": shift}
     found |= {"normal": normal[:, :, None] * direction, "friction": friction[:, :, None] * against}
     return found, loads
@@ -153,15 +155,11 @@ def _relative_motion(
 
     Relative to the bearing, in bearing axes; the velocity is that of the journal's centre.
     """
-    tree, ground = Tree(mechanism.model), (0, pin.SE3.Identity())
-    pair = mechanism.frames(joint)
-    poses = []
-    for step in (-_STEP_S, 0.0, _STEP_S):
-        motion = BodyMotion.of(len(q), 1)
-        tree.move(motion, 0, len(q), np.ascontiguousarray(q + step * v), v, ground, [pair])
-        poses.append(motion.poses[0])
-    _, now, _ = poses
-    rate = (poses[2] - poses[0]) / (2.0 * _STEP_S)
+    tree, pairs = Tree(mechanism.model), [mechanism.frames(joint)]
+    before, now, after = (
+        tree.motion(q + step * v, pairs=pairs).poses[0] for step in (-_STEP_S, 0.0, _STEP_S)
+    )
+    rate = (after - before) / (2.0 * _STEP_S)
     rotation = now[:, 3:].reshape(-1, 3, 3)
     turning = rate[:, 3:].reshape(-1, 3, 3) @ np.swapaxes(rotation, 1, 2)
     spin = turning[:, (2, 0, 1), (1, 2, 0)]

@@ -14,8 +14,9 @@ import numpy as np
 import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName, require_finite
+from jointplay.model.frames import carried
 from jointplay.model.mechanism import frame_index
-from jointplay.model.tree import BodyMotion, Tree
+from jointplay.model.tree import Tree
 from jointplay.simulation.analysis.twins import has_play, is_twin
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import AXES, Result
@@ -77,16 +78,11 @@ def deviation(
 def seen_from(result: Result, body: str) -> Result:
     """The same run with the tool's motion seen from a body (link or frame), in its axes."""
     mechanism = result.simulation.mechanism
-    at = frame_index(mechanism.model, body, "body")
-    motions = []
-    for index in (at, mechanism.tool_frame):
-        frame = mechanism.model.frames[index]
-        motion = BodyMotion.of(len(result.time), 0)
-        q, v = (np.ascontiguousarray(one, float) for one in (result.q, result.v))
-        carrier = int(frame.parentJoint), frame.placement
-        Tree(mechanism.model).move(motion, 0, len(q), q, v, carrier, [])
-        motions.append(motion)
-    own, tool = motions
+    model = mechanism.model
+    own, tool = (
+        Tree(model).motion(result.q, result.v, carried(model, index))
+        for index in (frame_index(model, body, "body"), mechanism.tool_frame)
+    )
     if not len(result.time):
         return result
     turn = rotations(own.orientation).inv()

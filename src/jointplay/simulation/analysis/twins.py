@@ -116,17 +116,11 @@ def rim_centres(result: Result, joint: str) -> np.ndarray:
 
 def journal_poses(result: Result, joint: str) -> np.ndarray:
     """By records: the journal's centre [m], and its orientation row by row, in the bearing (12)."""
-    import pinocchio as pin
-
-    from jointplay.model.tree import BodyMotion, Tree
+    from jointplay.model.tree import Tree
 
     mechanism = result.simulation.mechanism
-    q = np.ascontiguousarray(result["q"].values)
-    motion = BodyMotion.of(len(q), 1)
-    ground = (0, pin.SE3.Identity())
-    pair = mechanism.frames(joint)
-    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), ground, [pair])
-    return motion.poses[0]
+    pairs = [mechanism.frames(joint)]
+    return Tree(mechanism.model).motion(result["q"].values, pairs=pairs).poses[0]
 
 
 def places(result: Result, joint: str) -> list[str]:

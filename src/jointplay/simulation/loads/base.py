@@ -158,14 +158,15 @@ def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Fram
     """
     import pinocchio as pin
 
+    from jointplay.model.frames import carried
     from jointplay.model.mechanism import frame_index
 
     model = mechanism.model
     place = pin.SE3(np.eye(3), np.array(at))
     if name == WORLD and not model.existFrame(name):
         return 0, place
-    held = model.frames[frame_index(model, name, "frame for a load", (WORLD,))]
-    return int(held.parentJoint), held.placement * place
+    index, held = carried(model, frame_index(model, name, "frame for a load", (WORLD,)))
+    return index, held * place
 
 
 def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:

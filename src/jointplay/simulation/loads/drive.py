@@ -86,6 +86,15 @@ class JointFriction(Described):
         return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
 
 
+def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
+    """Friction of the moving joints, as the URDF has it."""
+    entries = mechanism.description.joints
+    return {
+        name: JointFriction(entries[name].friction, entries[name].damping)
+        for name in mechanism.joints
+    }
+
+
 class Drive(Described, ABC):
     """What acts on one joint."""
 

@@ -25,6 +25,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.progress import ProgressBar
 from jointplay.model import closed_loops
+from jointplay.model.frames import carried
 from jointplay.model.loop import assemble, closing_rows, openings
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.tree import Tree
@@ -187,8 +188,8 @@ class Arm:
         """Centre (3,) and radius [m] of a sphere that the frame does not leave: the lengths from
         joint to joint, whatever their angles, and the strokes of those that slide.
         """
-        tree, frame = Tree(self.model), self.model.frames[self.frame]
-        (body,), (place,) = tree.frames([(frame.parentJoint, frame.placement)])
+        tree = Tree(self.model)
+        (body,), (place,) = tree.frames([carried(self.model, self.frame)])
         bodies, body, reach, link = tree.bodies, int(body), 0.0, place[9:]
         while body:
             reach += float(np.linalg.norm(link))

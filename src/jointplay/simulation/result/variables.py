@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.model.frames import Frame
+from jointplay.model.frames import WORLD_FRAME, Frame, carried
 from jointplay.model.impact import elastic_energy
 from jointplay.model.loop import ANGLE_ARM_M, locked
 from jointplay.model.mechanism import Mechanism
@@ -178,7 +178,7 @@ class BoundLoads:
         for name, site in self._sites.items():
             if site.frames is not None:
                 self.pairs["load", name] = site.frames
-                self.pairs["world", name] = ((0, pin.SE3.Identity()), site.frames[1])
+                self.pairs["world", name] = (WORLD_FRAME, site.frames[1])
 
     def _answers(self, records: Records) -> dict[str, np.ndarray]:
         """What each load's law gave, (n, size)."""
@@ -329,8 +329,7 @@ def kinematics(
     pairs += mechanism.locks.values()
     names += more
     pairs += more.values()
-    frame = mechanism.model.frames[mechanism.tool_frame]
-    tool = int(frame.parentJoint), frame.placement
+    tool = carried(mechanism.model, mechanism.tool_frame)
     body, n = BodyMotion.of(len(q), len(pairs)), len(q)
     for first, end, phase in stretches:
         Tree(phase.model).move(body, first, end, q, v, tool, pairs)
@@ -442,14 +441,10 @@ def applied_effort(
     Friction of gears is left out: it acts on motors, which have no mass to be moved.
     """
     effort = records.recorded("drive") + loads
-    hysteresis = records.recorded("gear")[:, :, 1]
-    for index, (name, gear) in enumerate(mechanism.gears.items()):
+    torques = records.recorded("gear")[:, :, 0].T
+    for torque, (name, gear) in zip(torques, mechanism.gears.items(), strict=True):
         motor, link = mechanism.motor(name), mechanism.coordinate(name)
-        lever = 1.0 + gear.kinematic_error(q[:, motor])[1]
-        rate = lever * v[:, motor] - v[:, link]
-        torque = gear.tooth_torque(gear.twist(q[:, motor], q[:, link]), rate)
-        torque = torque + hysteresis[:, index]
-        effort[:, motor] -= lever * torque
+        effort[:, motor] -= (1.0 + gear.kinematic_error(q[:, motor])[1]) * torque
         effort[:, link] += torque
     for name, joint in friction.items():
         at = mechanism.coordinate(name)
