@@ -70,8 +70,9 @@ def warm():
     """Processes that read results begin at once; all kernels are compiled once."""
     compile_in_turn()
     with pytest.MonkeyPatch.context() as patch:
-        # A further run after each of thousands: those that are about it ask for it.
-        patch.setattr(Simulation.run, "__defaults__", (False, False, True, False))
+        # Further runs after each of thousands: those that are about them ask for them.
+        patch.setattr(Simulation.run, "__defaults__", (False, False, False, False))
+        patch.setattr(Run.finish, "__defaults__", (False, False))
         patch.setitem(simulate.__kwdefaults__, "estimate", False)
         patch.setattr("jointplay.base.hdf5.sys", System())
         yield

@@ -381,7 +381,8 @@ def loose_joints(name):
     return brute, mechanism, q, [brute.Journal(mechanism, q, joint) for joint in case.joints]
 
 
-@pytest.mark.parametrize("mu", [0.1, pytest.param(0.0, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("mu", [0.1, 0.0])
 @pytest.mark.parametrize("name", ["ur5 elbow", "scara a, vertical axis"])
 def test_frictions_interval_holds_what_a_search_of_all_contacts_finds_and_little_more(name, mu):
     brute, mechanism, q, (journal,) = loose_joints(name)

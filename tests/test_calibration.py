@@ -282,6 +282,7 @@ def test_exchanged_labels_of_markers_are_found_and_put_right():
         rigid_body(markers[:, :2])
 
 
+@pytest.mark.thorough
 def test_encoders_on_both_sides_tell_play_compliance_and_their_own_errors_apart(arm):
     truth = Truth(arm, 9, n=40).eccentricity(shoulder=(3e-3, 1e-3))
     truth.play(friction=1.0, transition=0.4, elbow=5e-3).compliance(wrist=2e-2)

@@ -410,6 +410,7 @@ integration.estimate_errors = false
 """
 
 
+@pytest.mark.thorough
 def test_scenarios_ask_for_certificates(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO.format(more='macro_step = "0.2 ms"\ntolerance = 1e-3'))

@@ -430,7 +430,10 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
     assert told or "j friction, which cannot be determined, may hold the journal" in said
 
 
-@pytest.mark.parametrize(("robot", "name"), [("scara", "joint_b"), ("ur5", "elbow_joint")])
+@pytest.mark.parametrize(
+    ("robot", "name"),
+    [("scara", "joint_b"), pytest.param("ur5", "elbow_joint", marks=pytest.mark.thorough)],
+)
 def test_a_plan_has_different_experiments_that_can_be_done(robot, name):
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     tool = "suction_cup" if robot == "scara" else "tool0"

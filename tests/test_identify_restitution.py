@@ -186,6 +186,7 @@ def test_an_arm_that_is_held_level_does_not_bounce_freely_and_simulations_tell()
     assert abs(one.value - 0.5) <= one.half_width < 0.15
 
 
+@pytest.mark.thorough
 def test_noise_as_large_as_the_impacts_or_another_load_tells_nothing_by_simulations():
     simulation = hanging(0.5, angle=0.0, end=0.5)
     measured = felt(simulation)
@@ -262,6 +263,7 @@ def test_two_joints_hit_and_an_accelerometer_does_not_say_which():
         identify(mechanism, shaken, runs=40)
 
 
+@pytest.mark.thorough
 def test_a_ur5_whose_rims_strike_in_turn_tells_by_simulations():
     path = Path(__file__).parents[1] / "docs" / "gallery" / "ur5_elbow.toml"
     made = Scenario.load(str(path)).simulation("0.1 mm")

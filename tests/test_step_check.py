@@ -22,6 +22,15 @@ G = 9.81
 PIN = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def checked():
+    """Steps are checked where no other test asks for it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jp.Simulation.run, "__defaults__", (False, False, True, False))
+        patch.setattr(jp.Run.finish, "__defaults__", (False, True))
+        yield
+
+
 def geared(gear, step, integrator):
     robot = jp.Mechanism(shipped("scara.urdf"), gears={"joint_a": gear})
     every = round(1e-3 / step)

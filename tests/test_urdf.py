@@ -278,6 +278,7 @@ def test_endless_limits_reach_no_reader_that_cannot_have_them(urdf):
     assert parse(read(path)).nq == 1
 
 
+@pytest.mark.thorough
 def test_every_robot_is_read_with_all_its_words():
     for name in robots():
         path = robot_urdf(name)
