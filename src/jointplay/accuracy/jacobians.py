@@ -368,10 +368,8 @@ def _push(
     model, data = mechanism.model, mechanism.data
     pin.forwardKinematics(model, data, q)
     index, axes = place(mechanism, name)
-    first = index
-    while mechanism.owner(model.parents[first]) == name:
-        first = model.parents[first]
-    seat = data.oMi[model.parents[first]] * model.jointPlacements[first]
+    carrier, placement = mechanism.frames(name)[mechanism.clearance[name].exchanged]
+    seat = data.oMi[carrier] * placement  # of the virtual link, whichever body the bearing is in
     turned = seat.rotation.T @ axes.rotation
     arm = seat.rotation.T @ (data.oMi[index].translation - axes.translation)
     turn = pin.exp3(turned @ xi[3:])
