@@ -21,10 +21,14 @@ FUZZ = [Path(__file__).parents[2] / "benchmarks", "fuzz"]
 
 
 @pytest.mark.thorough
-def test_no_input_brings_a_traceback_or_is_taken_in_silence(tmp_path):
-    """The cases of `benchmarks/robustness/fuzz.py` after those of its quick form."""
-    cases, first = 150, fuzz.QUICK
-    command = [PYTHON, *FUZZ, "--cases", cases, "--first", first, "--kept", tmp_path / "kept"]
+@pytest.mark.parametrize(
+    ("options", "cases"),
+    [(["--quick"], fuzz.QUICK), (["--first", fuzz.QUICK, "--cases", 60], 60)],
+    ids=["quick form", "those after it"],
+)
+def test_no_input_brings_a_traceback_or_is_taken_in_silence(options, cases, tmp_path):
+    """The first cases of `benchmarks/robustness/fuzz.py`."""
+    command = [PYTHON, *FUZZ, *options, "--kept", tmp_path / "kept"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     last = done.stdout.splitlines()[-1]
