@@ -236,9 +236,8 @@ class FurtherRun:
     @property
     def words(self) -> str:
         """What it is, with where its journals start."""
-        return (
-            f"{self}, journals {1e9 * max(self.aside):g} nm aside" if any(self.aside) else f"{self}"
-        )
+        aside = f", journals {1e9 * max(self.aside):g} nm aside" if any(self.aside) else ""
+        return f"{self}{aside}"
 
     def completed(self, figures: Headline, label: str, progress: bool) -> Run:
         """The run at its end, of whose records `figures` are made, or why there is none."""
