@@ -16,7 +16,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.error_model import play_model
 from jointplay.base.errors import MissingName
 from jointplay.cli import main
-from jointplay.show.plots.design import cause_allocation
+from jointplay.show.plots.design import allocation
 from jointplay.study.courses import dynamic_error, fitting_step
 
 later = pytest.mark.thorough
@@ -159,7 +159,7 @@ def test_the_command_prints_the_table_and_writes_files(three, tmp_path, capsys):
     assert main(["allocate", str(three), "--target", "0.5 mm", "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "static worst case" in text
-    assert "a target one µm wider saves" in text
+    assert "a target 1 % wider saves" in text
     assert (out / "allocation.csv").read_text().count("\n") == 4
     assert (out / "allocation.png").stat().st_size > 5000
 
@@ -286,8 +286,8 @@ def test_the_command_line_allocates_by_class(tmp_path, capsys):
     assert main([*options, "--price", "C2=3", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "elbow_joint" in shown
-    assert "of 1000.00 µm" in shown
-    assert (out / "allocation.csv").read_text().startswith("joint,class,")
+    assert "of 1.0000 mm" in shown
+    assert (out / "allocation.csv").read_text().startswith("joint,cause,class,")
 
 
 # Causes of error.
@@ -466,6 +466,7 @@ def test_a_target_that_is_met_already_costs_nothing(arm):
         ({"limits": {"heat": 2.0}}, "at most 1 remains"),
         ({"keep": CAUSES}, "no cause is left"),
         ({"target": -1.0}, "target"),
+        ({"quantile": 0.99}, "nor other causes"),
     ],
 )
 def test_what_cannot_be_of_causes_is_refused_with_the_choices(arm, options, says):
@@ -475,8 +476,8 @@ def test_what_cannot_be_of_causes_is_refused_with_the_choices(arm, options, says
 
 def test_the_figure_shows_all_parts_and_prices(arm):
     found = allocate(arm, POSE, 1e-3, causes=CAUSES)
-    figure = cause_allocation(found)
-    parts, prices = (
+    figure = allocation(found)
+    parts, prices, _ = (
         sum(bar.get_width() for bars in panel.containers for bar in bars) for panel in figure.axes
     )
     assert parts == pytest.approx(
@@ -491,10 +492,15 @@ def test_the_command_line_spends_on_causes(tmp_path, capsys):
     more = ["--keep", "heat", "--price", "encoder=2", "--limit", "geometry=0.2"]
     assert main([*options, *more, "--weight", "elbow_joint=3", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
-    assert "worst case 2.0000 mm of 2.0000 mm" in shown
+    assert "worst case: 2.0000 mm of 2.0000 mm" in shown
     assert "assumed: prices: halving costs 1 at each joint, of elasticity, gear error" in shown
-    assert (out / "allocation.csv").read_text().startswith("joint,cause,before_m,after_m,")
+    assert (out / "allocation.csv").read_text().startswith("joint,cause,added_m,adds_m,")
     assert (out / "allocation.png").read_bytes().startswith(b"\x89PNG")
+    pair = ["--joint", "elbow_joint=6010", "--by-class", "elbow_joint"]
+    assert main([*options, *pair, "--causes", "play,geometry", "--price", "CN=2"]) == 0
+    assert ["elbow_joint", "play", "C2"] in [
+        line.split()[:3] for line in capsys.readouterr().out.splitlines()
+    ]
     assert main([*options, "--statistical", "--causes", "geometry"]) == 0
     assert "RMS" in capsys.readouterr().out
     path = tmp_path / "arm.toml"

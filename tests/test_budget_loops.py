@@ -376,7 +376,7 @@ def test_the_commands_take_a_scenario_with_a_loop(capsys):
     most = 0.2 / math.cos(math.asin(CRANK / ROD))
     assert float(row.split()[1]) == pytest.approx(most, rel=2e-3)
     assert main(["allocate", *order, "--target", "0.1 mm"]) == 0
-    assert "static worst case: 100.00 µm" in capsys.readouterr().out
+    assert "static worst case: 0.10000 mm" in capsys.readouterr().out
     pose = ["--clearance", "0.1 mm", "--pose", "crank_pin=40 deg"]
     assert main(["budget", *order, *pose]) == 0
     assert "guide" in capsys.readouterr().out

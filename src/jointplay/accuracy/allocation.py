@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 
 from jointplay.accuracy import cheapest
-from jointplay.accuracy.causes import CAUSES, Cause, cause_model, named, told_apart
+from jointplay.accuracy.causes import (
+    CAUSES,
+    Cause,
+    cause_model,
+    is_proportional,
+    named,
+    told_apart,
+)
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import configurations, force_on_tool
@@ -86,17 +93,17 @@ def offers_of(
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen of a cause at a joint."""
+    """What was chosen of a cause at a joint; numbers that say nothing of it are NaN."""
 
     joint: str
     cause: str
     remaining: float
-    """How large it is, as a part of what it was."""
+    """How large it is, as a part of what it was; of play alone 1, for any size is sought."""
     clearance: float
-    """Radial (across x, of a slider), NaN if it is none [m]."""
+    """Radial (across x, of a slider) [m]."""
     offer: Offer | None
     before: float
-    """What it added to the error as it was [m]."""
+    """What it added to the error as it was, of play alone NaN [m]."""
     after: float
     """What it adds in the end [m]."""
     gain: float
@@ -120,19 +127,17 @@ class Allocation:
     """Largest error of the tool [m]."""
     kind: str
     """What the error is: a worst case, a quantile or the root mean square, in words."""
-    cost: str
-    whole: bool
-    """Whether causes were improved; else only clearances and bearings."""
     choices: tuple[Choice, ...]
     was: float
-    """The error as it was [m]."""
+    """The error as it was, of play alone NaN [m]."""
     error: float
     """What is reached, by the static model with its second order [m]."""
     spread: tuple[float, float]
     """95 % interval of a quantile, for it is of samples; else the error itself [m]."""
     free: float
+    """Price without a target."""
     relief: float
-    """Price saved by a target one metre wider [1/m]."""
+    """Price saved by a target one metre wider [1/m]; 0 where only bearings are chosen."""
     mechanism: Mechanism
     """With these sizes and bearings; of causes the clearances alone."""
     notes: tuple[str, ...]
@@ -162,80 +167,76 @@ class Allocation:
 
     def table(self) -> Table:
         """A row for each; of causes those that matter, first those that were bought first."""
-        if not self.whole:
-            return replace(self.data(), notes=self._notes())
         small = [abs(o.before) <= _LISTED * self.was and not o.order for o in self.choices]
         kept = [one for one, left in zip(self.choices, small, strict=True) if not left]
-        shown = self._rows(sorted(kept, key=lambda one: (one.order == 0, -one.before)))
-        more = []
+        if not np.isnan(self.was):
+            kept.sort(key=lambda one: (one.order == 0, -one.before))
+        shown, more = self._rows(kept), []
         if any(small):
-            sums = {head: self.each(head)[small].sum() for head in ("before", "after")}
-            more = [(f"{sum(small)} more", *(sums.get(one.head) for one in shown.columns[1:]))]
-        return replace(shown, totals=more, notes=self._notes())
+            sums = {head: self.each(what)[small].sum() for head, what in _SUMMED.items()}
+            heads = [one.head for one in shown.columns if one.only != "data"]
+            more = [(f"{sum(small)} more", *(sums.get(head) for head in heads[1:]))]
+        return replace(shown, totals=more, notes=[self._headline(), *self.notes])
 
     def data(self) -> Table:
         """A row for each choice."""
         return self._rows(self.choices)
 
     def _rows(self, kept: Sequence[Choice]) -> Table:
+        """All that is known of any choice."""
+
         def of(head: str, what: str, unit: str = "", **more: Any) -> Column:
             return Column(head, [getattr(one, what) for one in kept], unit, **more)
 
-        total, sized = self.total or 1.0, not np.isnan(self.clearance).all()
-        offers = [one.offer for one in kept]
-        columns = [of("joint", "joint")]
-        if self.whole:
-            columns.append(of("cause", "cause"))
-        elif sized:
-            columns.append(of("clearance", "clearance", "m", fine=True))
-        if any(offers):
-            columns.append(Column("class", [None if o is None else o.name for o in offers]))
-            for way, axis in (("across", "x"), ("along", "z")):
-                far = [None if o is None else o.joint.travel[axis] for o in offers]
-                columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
-        price = of("price", "price", digits=4)
-        if self.whole:
-            columns += [
-                of("before", "before", "m"),
-                of("after", "after", "m"),
-                of("remains", "remaining", key="remaining"),
-                price,
-                Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
-                Column("bought", [one.order or None for one in kept]),
-                of("held by", "held"),
-            ]
-            return Table(columns)
-        gains = [of("error per clearance", "gain")] if sized else []
-        columns += [*gains, of("adds", "after", "m", fine=True), *([price] if any(offers) else [])]
-        if sized:
-            saved = of("a µm more saves", "saved", key="saved_by_a_micrometre")
-            columns += [saved, of("held by", "held")]
-        return Table(columns)
+        total, offers = self.total or 1.0, [one.offer for one in kept]
+        alone = len({one.cause for one in self.choices}) == 1
+        improved = not np.isnan(self.was)
+        columns = [
+            of("joint", "joint"),
+            of("cause", "cause", only="data" if alone else ""),
+            of("clearance", "clearance", "m", fine=True),
+            Column("class", [None if one is None else one.name for one in offers]),
+        ]
+        for way, axis in (("across", "x"), ("along", "z")):
+            far = [np.nan if one is None else one.joint.travel[axis] for one in offers]
+            columns.append(Column(f"free {way}", far, "m", fine=True, digits=3))
+        columns += [
+            of("error per clearance", "gain"),
+            of("added", "before", "m"),
+            of("adds", "after", "m"),
+            *([of("remains", "remaining", key="remaining")] if improved else []),
+            of("price", "price", digits=4),
+            Column("of all", [o.price / total for o in kept], "1", only="text", digits=4),
+            Column("bought", [one.order or None for one in kept]),
+            of("a µm more saves", "saved", key="saved_by_a_micrometre"),
+            of("held by", "held"),
+        ]
+        return Table([one for one in columns if not all(map(_is_none, one.values))])
 
-    def _notes(self) -> list[str]:
-        if self.whole:
-            line = (
-                f"{self.kind} {1e3 * self.error:.4f} mm of {1e3 * self.target:.4f} mm (as it is "
-                f"{1e3 * self.was:.4f} mm)"
-            )
-            if self.total == 0.0:
-                line += ": within the target already, nothing is spent"
-            else:
-                line += f"; price {self.total:.5g}; a target 1 % wider saves "
-                line += f"{0.01 * self.target * self.relief:.4g}"
-            return [line, *self.notes]
-        low, high = self.spread
-        interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
-        line = f"{self.kind}: {1e6 * self.error:.2f} µm{interval} of {1e6 * self.target:.2f} µm; "
-        if np.isnan(self.clearance).all():
-            line += f"price {self.total:g} (without a target {self.free:g})"
-        else:
-            line += f"cost {self.total:.5g} ({self.cost}); a target one µm wider saves "
-            line += f"{1e-6 * self.relief:.4g}"
-        return [line, *self.notes]
+    def _headline(self) -> str:
+        sizes = self.error, *self.spread, self.target, self.was
+        error, low, high, target, was = (f"{1e3 * one:#.5g}" for one in sizes)
+        interval = f" (95 %: {low} to {high})" if low != high else ""
+        line = f"{self.kind}: {error} mm{interval} of {target} mm"
+        line += "" if np.isnan(self.was) else f" (as it is {was} mm)"
+        line += f"; price {self.total:.5g}"
+        if self.total <= self.free * (1.0 + cheapest.FITS):
+            return line + "; within the target already, nothing is spent for it"
+        line += f" (without a target {self.free:.4g})" if self.free else ""
+        if self.relief:
+            line += f"; a target 1 % wider saves {0.01 * self.target * self.relief:.4g}"
+        return line
 
     def __str__(self) -> str:
         return str(self.table())
+
+
+def _is_none(value: Any) -> bool:
+    return value is None or value != value
+
+
+_SUMMED = {"added": "before", "adds": "after"}
+"""Columns of which there are sums."""
 
 
 def allocate(
@@ -325,14 +326,16 @@ def allocate(
         search.sizes = _clearances(mechanism, keys, cost, weights, least, most, quantile)
     if not keys and not search.offers:
         _refuse_nothing(mechanism, whole)
-    if quantile is not None and search.offers:
-        raise JointplayError("a quantile is for clearances that can be any, not for classes")
+    if quantile is not None and (search.offers or whole):
+        raise JointplayError(
+            "a quantile is for clearances that can be any, not for classes nor other causes"
+        )
     bar = ProgressBar(
         desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
     )
     with bar:
         try:
-            return search.allocated(target, bar, search.notes(prices, limits) if whole else ())
+            return search.allocated(target, bar, search.notes(prices, limits))
         except cheapest.Unreachable as unreachable:
             raise search.refusal(unreachable) from None
 
@@ -474,9 +477,10 @@ class _Search:
         whole = self.causes is not None
         free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if whole else 0.0)
         choices = tuple(self._choices(problem, z, taken, start, last))
+        was = start.at(np.ones(count)) if whole else np.nan
         return Allocation(
-            target, self._words(last), sizes.cost, whole, choices, start.at(np.ones(count)),
-            reached, ends, float(free), problem.relief, mechanism, tuple(notes),
+            target, self._words(last), choices, was, reached, ends, float(free), problem.relief,
+            mechanism, tuple(notes),
         )  # fmt: skip
 
     def _choices(
@@ -485,7 +489,7 @@ class _Search:
         """By joint and cause; `start` and `last` are the error as it was and is."""
         sizes, whole, count = self.sizes, self.causes is not None, len(self.keys)
         x, ones = z[:count], np.ones(count)
-        before = _by_key(start.model, start.parts(ones))
+        before = _by_key(start.model, start.parts(ones)) if whole else {}
         after = _by_key(last.model, last.parts(x))
         held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
         paid = sizes.prices(x) - (sizes.prices(sizes.most) if whole else 0.0)
@@ -502,27 +506,31 @@ class _Search:
             part, size, gain, saved, order = 1.0, np.nan, np.nan, np.nan, 0
             how = "kept" if offer is None else "class"
             if k is not None:
-                how, part, cost = held[k], float(x[k]), cost + float(paid[k])
+                how, cost = held[k], cost + float(paid[k])
+                if key[1] == "play" and is_proportional(self.mechanism, key[0]):
+                    size = self.mechanism.clearance[key[0]].radial_room * x[k]
                 if whole:
-                    how = {"least": "limit", "most": "as is"}.get(how, how)
+                    how, part = {"least": "limit", "most": "as is"}.get(how, how), float(x[k])
                     order = bought.index(k) + 1 if k in bought else 0
                 else:
                     unit = float(sizes.unit[k]) / _MM
-                    size, gain, saved = unit * x[k], gains[k] / unit, -1e-6 * slopes[k] / unit
+                    gain, saved = gains[k] / unit, -1e-6 * slopes[k] / unit
                     adds = gain * size
-            yield Choice(
-                *key, part, size, offer, before.get(key, 0.0), adds, gain, cost, saved, how, order
-            )
+            had = before.get(key, 0.0) if whole else np.nan
+            yield Choice(*key, part, size, offer, had, adds, gain, cost, saved, how, order)
 
-    def _words(self, error: Error) -> str:
+    @staticmethod
+    def _words(error: Error) -> str:
         if isinstance(error, cheapest.Quantile):
             return f"static {100 * error.quantile:g} % quantile, of {cheapest.SAMPLES} states"
         if isinstance(error, cheapest.RootMeanSquare):
             return "RMS"
-        return "static worst case" if self.causes is None else "worst case"
+        return "static worst case"
 
     def notes(self, prices: Collection[str], limits: Collection[str]) -> list[str]:
         """What was given and assumed of causes, prices and limits, and which plays stay."""
+        if self.causes is None:
+            return [f"price of clearances in mm: {self.sizes.cost}"] if self.keys else []
         given, assumed = told_apart(self.first, self.kind)
         notes = [*(f"given: {one}" for one in given), *(f"assumed: {one}" for one in assumed)]
         causes = list(dict.fromkeys(cause for _, cause in self.keys))
@@ -541,7 +549,7 @@ class _Search:
         if kept:
             notes.append(
                 f"kept: the play of the bearings of {', '.join(kept)}, which is not proportional "
-                "to their clearance: allocate by class chooses theirs"
+                "to their clearance: allocate by class (--by-class) chooses theirs"
             )
         return notes
 

@@ -387,7 +387,10 @@ class Problem:
             one[0, first:end] = 1.0
             limits.append(LinearConstraint(one, 1.0, 1.0))
         whole = np.concatenate([np.zeros(self._count), ones, np.zeros(more)])
-        found = milp(price, constraints=limits, integrality=whole, bounds=Bounds(low, high))
+        found = milp(
+            price, constraints=limits, integrality=whole, bounds=Bounds(low, high),
+            options={"presolve": False},  # which prints where it had been wrong
+        )  # fmt: skip
         return None if found.x is None else np.clip(found.x, low, high)
 
     def _cheapest(self) -> np.ndarray:

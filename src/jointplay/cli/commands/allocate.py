@@ -25,6 +25,8 @@ Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200
     --quiet
   whole error:
     --statistical  with --whole, the target is of the RMS, not of the worst case
+    --by-class LIST  with --whole, joints whose rolling bearings are chosen, too, among all classes
+        of their size
     --keep LIST  with --whole, causes that count but stay as they are, such as heat,play
     --limit CAUSE=X ...  with --whole, part of a cause that remains at least (default: 0.1)
 """
@@ -70,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
         more = {
             "statistical": options.statistical,
             "keep": options.keep or (),
+            "offers": dict.fromkeys(options.by_class or (), ()),
             "force": load_on_tool(options, stands.mechanism.gravity),
             **whole_errors(options, stands.scenario),
         }
@@ -92,19 +95,15 @@ def run(options: argparse.Namespace) -> int:
     )
     notes = [note for note in stands.notes if whole or rolling or not note.startswith("play:")]
     print("\n".join([*notes, f"at: {stands.poses.words}", str(allotment)]))
-    if rolling and not options.price and not whole:
+    if any(one.offer for one in allotment.choices) and not options.price:
         print("prices of the classes are assumed; give your own with --price CLASS=X")
     if options.verify is not None:
         _verify(options, stands, allotment)
     if options.out:
         from jointplay.show.plots import design as plots
 
-        contents: dict[str, Any] = {"allocation.csv": allotment.data().csv()}
-        if whole:
-            contents["allocation.png"] = plots.cause_allocation(allotment)
-        elif len(rolling) < len(joints):
-            contents["allocation.png"] = plots.allocation(allotment)
-        out.write(contents)
+        figure = plots.allocation(allotment)
+        out.write({"allocation.csv": allotment.data().csv(), "allocation.png": figure})
     return 0
 
 
@@ -126,7 +125,7 @@ def _verify(options: argparse.Namespace, stands: Standing, allotment: Any) -> No
 
 
 _OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
-_OF_THE_WHOLE = ("causes", "keep", "limit", "statistical", "force", "payload")
+_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical", "force", "payload")
 
 
 def _require_fitting(options: argparse.Namespace) -> None:
@@ -134,4 +133,5 @@ def _require_fitting(options: argparse.Namespace) -> None:
     for name in _OF_THE_WHOLE if options.whole is None else _OF_CLEARANCES:
         if getattr(options, name) not in (None, [], False):
             needs = "needs --whole" if options.whole is None else "does not go with --whole"
-            raise JointplayError(f"--{name} {needs}, which allocates causes of the whole error")
+            option = name.replace("_", "-")
+            raise JointplayError(f"--{option} {needs}, which allocates causes of the whole error")

@@ -202,45 +202,32 @@ def workspace_map(budget: PlayBudget) -> Figure:
 
 
 def allocation(allotment: Allocation) -> Figure:
-    """Clearances, what they add to the error, and what another micrometre of each would save."""
-    saved = Axis(f"saved by one µm more\n[cost, {allotment.cost}]")
-    shown = (
-        (allotment.clearance, Axis("clearance", "m", "fine"), COLOURS[1]),
-        (allotment.each("after"), Axis("adds to the error", "m", "fine"), COLOURS[0]),
-        (allotment.each("saved"), saved, COLOURS[3]),
-    )
-    panels = [
-        Panel(axis, Axis(rows=allotment.joints), [Bars(values, colour=colour)])
-        for values, axis, colour in shown
-    ]
-    reached, target = (f"{1e6 * one:.4g} µm" for one in (allotment.error, allotment.target))
-    title, size = f"{allotment.kind} {reached}, target {target}", 1.6 + 0.35 * len(allotment.joints)
-    return _row(panels, (9.0, size), title=title, same_y=True)
-
-
-def cause_allocation(allotment: Allocation) -> Figure:
-    """Each joint's causes as they are and in the end, and what each costs."""
+    """What each joint adds in the end (pale: as it was) and costs, by cause; its clearance."""
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(one.cause for one in allotment.choices))
     shown = np.zeros((3, len(causes), len(joints)))
+    sized = np.full((2, len(joints)), np.nan)
     for one in allotment.choices:
         cell = shown[:, causes.index(one.cause), joints.index(one.joint)]
-        cell += [one.before, one.after, one.price]
-    part = (
-        f"part of the {allotment.kind}, pale as it is ({1e3 * allotment.was:.4g} mm),\n"
-        f"full in the end ({1e3 * allotment.error:.4g} mm)"
-    )
+        cell += np.nan_to_num([one.before, one.after, one.price])
+        if not np.isnan(one.clearance):
+            sized[:, joints.index(one.joint)] = one.clearance, one.saved
     nameless = [""] * len(causes)
-    before = _stacked(shown[0], nameless, shift=-0.2, height=0.36, opacity=0.45)
     after = _stacked(shown[1], causes, shift=0.2, height=0.36)
-    rows = Axis(rows=joints)
-    panels = [
-        Panel(Axis(part, "m"), rows, [*before, *after]),
-        Panel(Axis(f"price, {allotment.total:.4g} in all"), rows, _stacked(shown[2], nameless)),
-    ]
+    part = f"part of the {allotment.kind}, {1e3 * allotment.error:.4g} mm"
+    if shown[0].any():
+        part += f"\npale as it is, {1e3 * allotment.was:.4g} mm"
+        after += _stacked(shown[0], nameless, shift=-0.2, height=0.36, opacity=0.45)
+    panels = [(Axis(part, "m"), after)]
+    panels.append((Axis(f"price, {allotment.total:.4g} in all"), _stacked(shown[2], nameless)))
+    names = (Axis("clearance", "m", "fine"), Axis("a µm more saves"))
+    for values, axis in zip(sized, names, strict=True):
+        if not np.isnan(values).all():
+            panels.append((axis, [Bars(np.nan_to_num(values), colour=COLOURS[1])]))
     note = "; ".join(one for one in allotment.notes if one.startswith("assumed"))
-    size = (9.0, 1.9 + 0.42 * len(joints))
-    return _row(panels, size, note=note, key=len(causes), same_y=True)
+    rows, size = Axis(rows=joints), (3.0 + 3.0 * len(panels), 1.9 + 0.42 * len(joints))
+    each = [Panel(axis, rows, marks) for axis, marks in panels]
+    return _row(each, size, note=note, key=len(causes), same_y=True)
 
 
 # Figure of an identification: what was found beside the scenario, restitution, agreement.
