@@ -13,7 +13,7 @@ from conftest import body, joint, tip
 
 from jointplay import JointplayError, Mechanism, calibrate, encoder_differences
 from jointplay.cli import main
-from jointplay.estimate import StaticPoses, Term
+from jointplay.estimate import StaticPoses, Term, plan_calibration
 from jointplay.estimate.kinematic_model import Poses
 from jointplay.estimate.selection import improves
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors, rotations_of, same_labels
@@ -506,3 +506,26 @@ def test_the_effect_of_a_term_is_what_it_moves_the_tool_by(arm):
     assert effect.low <= wanted <= effect.high
     assert effect.words()[1] in str(fit)
     assert "compliance,m," in fit.data.csv(6)
+
+
+def test_a_plan_promises_what_its_poses_then_tell(arm, capsys):
+    """And they tell more than as many poses at random."""
+    terms, error = ("offset", "placement", "compliance"), (NOISE, 5.0 * NOISE)
+    plan = plan_calibration(arm, terms, count=16, error=error)
+    expected = {
+        one.label: half
+        for one, half in zip(plan.unknowns, plan.half_width[-1], strict=True)
+        if one.sought
+    }
+    ratios = []
+    for motor in (np.array([one.positions for one in plan.experiments]), None):
+        truth = Truth(arm, 5, n=len(plan.experiments))
+        if motor is not None:
+            truth.motor = motor
+            truth.q = motor.copy()
+        fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=error)
+        found = [one.half_width / expected[one.label] for one in fit.coefficients if not one.reason]
+        ratios.append(np.median(found))
+    assert 0.6 < ratios[0] < 1.7
+    assert ratios[1] > ratios[0]
+    assert "measure the tool at: waist=" in str(plan)

@@ -1,6 +1,9 @@
 """What measurements say of a machine: play, friction, elasticity, geometry, impacts.
 
-Also which measurement would say more. Nothing here draws, or knows of a command line.
+Also which measurement would say more. What is sought is an `Unknown`; a kind of measurement is a
+model of its signals (`LeastSquares`) in a module of its own; `solve` finds the unknowns, and an
+`Estimate` tells each: its value and interval, or why the measurement cannot tell. Nothing here
+draws, or knows of a command line.
 """
 
 import lazy_loader

@@ -1,4 +1,5 @@
 from .calibration import calibrate as calibrate
+from .calibration import plan_calibration as plan_calibration
 from .encoders import encoder_differences as encoder_differences
 from .identification import Identification as Identification
 from .identification import identify as identify

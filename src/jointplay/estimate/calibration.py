@@ -19,10 +19,14 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from jointplay.accuracy.poses import moving
 from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.progress import ProgressBar
+from jointplay.base.units import told
+from jointplay.estimate import planning
 from jointplay.estimate.kinematic_model import COORDINATE, Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
+from jointplay.estimate.planning import MeasurementPlan
 from jointplay.estimate.selection import Calibration, Problem, Selection, Step, held_back
 from jointplay.estimate.static_poses import (
     StaticPoses,
@@ -298,6 +302,58 @@ def calibrate(
             f"({rows}); put right"
         )
     return Calibration(poses, tuple(fits.steps), coefficients, play, words, tuple(notes), effects)
+
+
+def plan_calibration(
+    mechanism: Mechanism,
+    terms: Sequence[Term | str] = TERMS,
+    *,
+    count: int = 20,
+    error: tuple[float, float] = (1e-3, 5e-3),
+    payloads: Sequence[Payload] = (),
+    point: Sequence[float] = (0.0, 0.0, 0.0),
+    seed: int = 0,
+) -> MeasurementPlan:
+    """Poses whose measurement would tell most of the coefficients of terms.
+
+    Args:
+        mechanism, terms, payloads, point: see `calibrate`.
+        count: of poses.
+        error: scatter of positions [m] and orientations [rad] about the model.
+        seed: of the poses to choose from, which are spread over the workspace.
+
+    Raises:
+        JointplayError: see `Term`, `Poses`; no pose is free of self-collision.
+    """
+    require_a("mechanism", mechanism, "Mechanism")
+    free, notes = planning.free_poses(mechanism, None, seed)
+    names = tuple(moving(mechanism))
+    motor = free[:, [mechanism.coordinate(name) for name in names]]
+    n, ideal = len(motor), mechanism.ideal()
+    still = StaticPoses(
+        names, motor, position=np.zeros((n, 3)), orientation=np.tile(np.eye(3), (n, 1, 1)),
+        ordered=False,
+    )  # fmt: skip
+    poses = Poses(ideal, still, payloads)
+    columns = [
+        # Of features that would be chosen, one from the middle.
+        one if one.options is None else
+        replace(one, feature=one.options[:, one.options.shape[1] // 2])
+        for term in terms
+        for one in poses.columns(term if isinstance(term, Term) else Term.parse(term))
+    ]  # fmt: skip
+    base = Placed(poses, error, tuple(columns), np.asarray(point, float))
+    rows = np.arange(n)
+    least, owner = base.at(rows), base.owner(rows)
+    effect = least.effects(np.array([one.nominal for one in base.unknowns]))
+    own = [effect[: len(owner)][owner == row] for row in rows]
+    known = effect[len(owner) :]
+    found = planning.Information(np.array([one.T @ one for one in own]), known.T @ known, ())
+    options = [planning.Experiment(tuple(row), None, passes=False) for row in motor.tolist()]
+    words = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
+    return planning.planned(
+        mechanism, base.unknowns, found, options, count, f"statistical, linearised; {words}", notes
+    )
 
 
 def read_poses(mechanism: Mechanism, path: str | Path) -> StaticPoses:

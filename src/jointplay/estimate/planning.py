@@ -1,11 +1,12 @@
 """Which poses and motions would identify most: the Fisher information of what could be measured.
 
-An experiment is a pose that is passed slowly in both directions, with or without a push on the
-tool, or at which the machine stands and the tool is pushed one way and the other. Each adds its
-information; the unknown offset of its place is projected out first. What all experiments share and
-nobody knows, how the machine gives way, is estimated with the unknowns; for that each push is made
-with two sizes. Experiments are chosen one after the other, each time the one after which the sum of
-the unknowns' logarithmic variances is least.
+To identify play, an experiment is a pose that is passed slowly in both directions, with or without
+a push on the tool, or at which the machine stands and the tool is pushed one way and the other;
+each adds its information, the unknown offset of its place projected out first. What all experiments
+share and nobody knows, how the machine gives way, is estimated with the unknowns; for that each
+push is made with two sizes. To calibrate, an experiment is a pose at which the tool is measured.
+Experiments are chosen one after the other, each time the one after which the sum of the unknowns'
+logarithmic variances is least (`planned`).
 
 Only what can be done is offered: poses, and the ways to them, within the joints' limits and free of
 self-collision, with loads within the limits of effort. No two experiments of a plan are alike:
@@ -64,6 +65,8 @@ _TRIED = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision."""
 APART = 0.1
 """Distance below which two experiments that do the same are the same, by the robot's reach."""
+_NAMED = 3
+"""Unknowns that are named as acting together with one."""
 _PRIOR = 1e-4
 """Information that unknowns have before, in their scales: next to none."""
 
@@ -85,7 +88,7 @@ class Experiment:
         """One line."""
         pose = ",".join(f"{n}={x:.3g}" for n, x in zip(joints, self.positions, strict=True))
         if self.force is None:
-            return f"pass slowly both ways: {pose}"
+            return f"{'pass slowly both ways' if self.passes else 'measure the tool at'}: {pose}"
         size = float(np.linalg.norm(self.force))
         push = " and ".join(f"{part * size:g} N" for part in self.sizes)
         axis = AXES[int(np.argmax(np.abs(self.force)))]
@@ -107,8 +110,8 @@ class MeasurementPlan:
     [SI]."""
     partners: tuple[tuple[str, ...], ...]
     """Of each unknown, those that it cannot be told apart from."""
-    signals: tuple[Key, ...]
-    noise: Mapping[str, float]
+    basis: str
+    """What the expectations rest on, in words."""
     gains: np.ndarray
     """Factor by which each experiment multiplies the determinant of the information about the
     unknowns that are sought, (experiments,)."""
@@ -140,19 +143,13 @@ class MeasurementPlan:
             words = f"+- {one.shown(half)}"
             if half > LARGEST_SHARE * one.scale:
                 near = "" if half > 10.0 * one.scale else f" ({words})"
-                acts = f": acts only together with {', '.join(others)}" if others else near
+                more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+                acts = f": acts only together with {', '.join(others[:_NAMED])}{more}"
+                acts = acts if others else near
                 words = f"cannot tell{acts}"
             if one.sought:
                 rows.append((one.label, one.shown(one.nominal), words))
-        noise = ", ".join(
-            f"{kind} {self.noise[kind]:g} {SHOWN[kind].replace('*', ' ')}"
-            for kind in dict.fromkeys(kind for kind, _ in self.signals)
-        )
-        end = (
-            f"statistical, from the static model at the nominal values; noise of a record: {noise}"
-            f"; {RECORDS} records a visit, passing at {SPEED:g} rad/s"
-        )
-        return "\n".join([*lines, *self.notes, str(Table.of_texts(rows)), end])
+        return "\n".join([*lines, *self.notes, str(Table.of_texts(rows)), self.basis])
 
 
 def plan_measurement(
@@ -187,8 +184,6 @@ def plan_measurement(
             of self-collision, or no load within the limits of effort.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    if count < 1:
-        raise JointplayError(f"at least one experiment is needed, got {count}")
     friction = joint_friction if joint_friction is not None else urdf_friction(mechanism)
     machine = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     known_keys = {"tool": AXES, "link": [*mechanism.gears], "torque": moving(mechanism)}
@@ -200,7 +195,7 @@ def plan_measurement(
         raise JointplayError(
             "link encoders are informative only for gears with play, and there are none"
         )
-    free, notes = _free_poses(mechanism, poses, seed)
+    free, notes = free_poses(mechanism, poses, seed)
     torqued = [name for kind, name in keys if kind == "torque"]
     unknowns = machine.unknowns(torqued, push > 0.0, also, known)
     options = experiments(mechanism, free, push, sizes(machine, unknowns))
@@ -216,19 +211,40 @@ def plan_measurement(
         )
     spread = {**NOISE, **(noise or {})}
     found = informations(machine, unknowns, keys, spread, able)
-    chosen, widths, gains = _greedy(unknowns, found, count, distances(mechanism, able) < APART)
-    if len(chosen) < count:
-        notes.append(f"{count} were asked for, but no more than {len(chosen)} differ")
+    records = ", ".join(
+        f"{kind} {spread[kind]:g} {SHOWN[kind]}".replace("*", " ") for kind in signals
+    )
+    words = (
+        f"statistical, from the static model at the nominal values; noise of a record: {records}; "
+        f"{RECORDS} records a visit, passing at {SPEED:g} rad/s"
+    )
+    return planned(mechanism, unknowns, found, able, count, words, notes)
+
+
+def planned(
+    mechanism: Mechanism,
+    unknowns: tuple[Unknown, ...],
+    found: Information,
+    options: Sequence[Experiment],
+    count: int,
+    basis: str,
+    notes: Sequence[str] = (),
+) -> MeasurementPlan:
+    """The best of k experiments, one after the other, by what each tells of the unknowns."""
+    if count < 1:
+        raise JointplayError(f"at least one experiment is needed, got {count}")
+    alike = distances(mechanism, options) < APART
+    chosen, widths, gains = _greedy(unknowns, found, count, alike)
+    few = f"{count} were asked for, but no more than {len(chosen)} differ"
     return MeasurementPlan(
         tuple(moving(mechanism)),
         unknowns,
-        tuple(able[i] for i in chosen),
+        tuple(options[i] for i in chosen),
         widths,
         _partners(unknowns, found, chosen),
-        keys,
-        spread,
+        basis,
         gains,
-        tuple(notes),
+        (*notes, *([few] if len(chosen) < count else [])),
     )
 
 
@@ -238,7 +254,7 @@ def _ways(mechanism: Mechanism) -> np.ndarray:
     return np.minimum(10.0 * _APPROACH, _ROOM * np.where(high > low, high - low, np.inf))
 
 
-def _free_poses(
+def free_poses(
     mechanism: Mechanism, given: np.ndarray | None, seed: int
 ) -> tuple[np.ndarray, list[str]]:
     """Configurations that, with the ways to them, hit nothing of the robot, (n, nq), and notes."""

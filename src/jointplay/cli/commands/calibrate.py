@@ -7,10 +7,12 @@ joint's play: an interval, an upper bound, or why this measurement cannot tell. 
 JOINT motor [rad], JOINT link [rad], tool x [m] (y, z), tool rx [rad] (ry, rz: rotation vector), or
 marker NAME x [m], or point (names), and group (names); rows in the order of approach.
 
+With --plan: the most informative poses.
+
 Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
 
     FILE | ROBOT  robot
-    CSV  table of the poses
+    [CSV]  table of the poses
   robot:
     --point X,Y,Z  nominal place of the measured point in the tool's frame, such as "0,0,0.24" [m]
     --payload MASS  body that the tool carried all the time, at the measured point
@@ -24,6 +26,9 @@ Example: jointplay calibrate my_robot.urdf poses.csv --tool flange --out found
     --folds K  hold back every K-th row in turn, or each of the: rows, groups, points (default 3)
     --scatter LENGTH[,ANGLE]  scatter of positions and orientations about the model, such as "2 mm,
         5 mrad" (default: estimated from the residuals)
+  plan:
+    --plan  propose in which poses to measure
+    --count N  number of poses to choose (default 20)
     --out DIR  folder for the tables (CSV, JSON) and the figure
     --quiet
 """
@@ -41,7 +46,10 @@ ENCODERS = "encoders.csv"
 
 
 def run(options: argparse.Namespace) -> int:
-    out = Outputs(options.out, [*TABLES, ENCODERS])
+    if options.plan == (options.csv is not None):
+        words = "a table of poses (CSV), or --plan to ask where to measure"
+        raise JointplayError(f"give {words}{'; not both' if options.plan else ''}")
+    out = Outputs(options.out, ["plan.txt"] if options.plan else [*TABLES, ENCODERS])
     folds = options.folds
     if folds not in ("rows", "groups", "points"):
         try:
@@ -52,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     scatter = _scatter(options.scatter)
     point = vector(options.point or "0,0,0", "m", "--point")
     out.claim()
-    from jointplay.estimate import Term, calibrate, encoder_differences
+    from jointplay.estimate import Term, calibrate, encoder_differences, plan_calibration
     from jointplay.estimate.calibration import TERMS, read_poses
     from jointplay.estimate.unknowns import data
     from jointplay.model.payload import Payload
@@ -61,7 +69,6 @@ def run(options: argparse.Namespace) -> int:
     always = [Term.parse(text) for text in options.always]
     robot = scenario_of(options, still=True).mechanism(options.case)
     mechanism = robot.ideal()
-    poses = read_poses(mechanism, options.csv)
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
@@ -69,6 +76,16 @@ def run(options: argparse.Namespace) -> int:
     notes = []
     if robot.tool_reason:
         notes.append(f"tool: {robot.tool!r} (chosen: {robot.tool_reason}; see --tool)")
+    if options.plan:
+        about: dict[str, Any] = {"payloads": payloads, "point": point}
+        if scatter is not None:
+            about["error"] = scatter
+        plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
+        print("\n".join([*notes, str(plan)]))
+        if options.out:
+            out.write({"plan.txt": f"{plan}\n"})
+        return 0
+    poses = read_poses(mechanism, options.csv)
     if poses.link is not None:
         found = encoder_differences(mechanism, poses, payloads)
         notes += ["encoders, link less motor:", *(f"{one}\n" for one in found)]
