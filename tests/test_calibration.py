@@ -508,24 +508,34 @@ def test_the_effect_of_a_term_is_what_it_moves_the_tool_by(arm):
     assert "compliance,m," in fit.data.csv(6)
 
 
-def test_a_plan_promises_what_its_poses_then_tell(arm, capsys):
-    """And they tell more than as many poses at random."""
+def test_a_plan_promises_what_its_poses_then_tell(arm):
     terms, error = ("offset", "placement", "compliance"), (NOISE, 5.0 * NOISE)
     plan = plan_calibration(arm, terms, count=16, error=error)
-    expected = {
-        one.label: half
-        for one, half in zip(plan.unknowns, plan.half_width[-1], strict=True)
-        if one.sought
-    }
-    ratios = []
-    for motor in (np.array([one.positions for one in plan.experiments]), None):
-        truth = Truth(arm, 5, n=len(plan.experiments))
-        if motor is not None:
-            truth.motor = motor
-            truth.q = motor.copy()
-        fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=error)
-        found = [one.half_width / expected[one.label] for one in fit.coefficients if not one.reason]
-        ratios.append(np.median(found))
-    assert 0.6 < ratios[0] < 1.7
-    assert ratios[1] > ratios[0]
-    assert "measure the tool at: waist=" in str(plan)
+    expected = dict(zip((one.label for one in plan.unknowns), plan.half_width[-1], strict=True))
+    truth = Truth(arm, 5, n=16)
+    truth.motor = np.array([one.positions for one in plan.experiments])
+    truth.q = truth.motor.copy()
+    fit = calibrate(arm, truth.measured(), (), always=terms, folds=2, error=error)
+    found = [one.half_width / expected[one.label] for one in fit.coefficients if not one.reason]
+    assert 0.6 < np.median(found) < 1.7
+    assert (plan.half_width[1:] <= plan.half_width[:-1] * (1.0 + 1e-9)).all()
+
+
+def test_the_command_plans_poses_or_measures(tmp_path, capsys):
+    order = ["calibrate", "ur5", "--tool", "tool0", "--term", "offset"]
+    plan = [
+        "--plan",
+        "--count",
+        "2",
+        "--scatter",
+        "0.1 mm, 0.5 mrad",
+        "--out",
+        str(tmp_path / "to"),
+    ]
+    assert main([*order, *plan]) == 0
+    said = capsys.readouterr().out
+    assert "2. measure the tool at: shoulder_pan_joint=" in said
+    assert (tmp_path / "to" / "plan.txt").read_text() in said
+    for wrong, words in ((order, "give a table"), ([*order, "--plan", "--count", "0"], "got 0")):
+        assert main(wrong) == 2
+        assert words in capsys.readouterr().err

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 TERMS = ("offset", "placement", "compliance", "eccentricity", "play")
 """Calibration that are tried if none are named."""
+CANDIDATES = 200
+"""Poses among which a plan chooses."""
 DRAWS = 1000
 """Of coefficients for an effect's interval."""
 _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r") for axis in "xyz")
@@ -326,7 +328,7 @@ def plan_calibration(
         JointplayError: see `Term`, `Poses`; no pose is free of self-collision.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    free, notes = planning.free_poses(mechanism, None, seed)
+    free, notes = planning.free_poses(mechanism, None, seed, CANDIDATES)
     names = tuple(moving(mechanism))
     motor = free[:, [mechanism.coordinate(name) for name in names]]
     n, ideal = len(motor), mechanism.ideal()
@@ -343,12 +345,8 @@ def plan_calibration(
         for one in poses.columns(term if isinstance(term, Term) else Term.parse(term))
     ]  # fmt: skip
     base = Placed(poses, error, tuple(columns), np.asarray(point, float))
-    rows = np.arange(n)
-    least, owner = base.at(rows), base.owner(rows)
-    effect = least.effects(np.array([one.nominal for one in base.unknowns]))
-    own = [effect[: len(owner)][owner == row] for row in rows]
-    known = effect[len(owner) :]
-    found = planning.Information(np.array([one.T @ one for one in own]), known.T @ known, ())
+    rows, nominal = np.arange(n), np.array([one.nominal for one in base.unknowns])
+    found = planning.Information.of(base.at(rows), nominal, base.owner(rows))
     options = [planning.Experiment(tuple(row), None, passes=False) for row in motor.tolist()]
     words = f"scatter of positions {told(error[0], 'm')}, of orientations {told(error[1], 'rad')}"
     return planning.planned(

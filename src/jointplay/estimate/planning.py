@@ -255,13 +255,13 @@ def _ways(mechanism: Mechanism) -> np.ndarray:
 
 
 def free_poses(
-    mechanism: Mechanism, given: np.ndarray | None, seed: int
+    mechanism: Mechanism, given: np.ndarray | None, seed: int, count: int = POSES
 ) -> tuple[np.ndarray, list[str]]:
     """Configurations that, with the ways to them, hit nothing of the robot, (n, nq), and notes."""
     shapes, names, ways = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
     at = [mechanism.coordinate(name) for name in names]
     if given is None:  # with room for the ways
-        poses = over_workspace(mechanism, _TRIED * POSES, seed)
+        poses = over_workspace(mechanism, _TRIED * count, seed)
         low, high = joint_limits(mechanism, names)
         ends = np.isfinite(low) & np.isfinite(high) & (high > low)
         low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
@@ -278,7 +278,7 @@ def free_poses(
             for side in (0.0, 1.0, -1.0)
         )
     )
-    free = list(islice(clear, POSES if given is None else None))
+    free = list(islice(clear, count if given is None else None))
     if not free:
         raise JointplayError(
             f"the robot hits itself at, or on the way to, each of the {len(poses)} poses tried"
@@ -363,8 +363,16 @@ class Information:
     """Shape (k, p + c, p + c)."""
     before: np.ndarray
     """What is known before, shape (p + c, p + c)."""
-    soft: tuple[str, ...]
+    soft: tuple[str, ...] = ()
     """Labels of the compliances."""
+
+    @classmethod
+    def of(cls, problem: LeastSquares, theta: np.ndarray, part: np.ndarray) -> Information:
+        """Of the parts of any measurement, at unknowns (p,); by the part of each number, (m,)."""
+        effect, m = problem.project(problem.effects(theta)), len(problem.measured)
+        parts = [effect[:m][part == one] for one in range(int(part.max()) + 1)]
+        known = effect[m:].T @ effect[m:]
+        return cls(np.array([one.T @ one for one in parts]), known)
 
 
 def informations(
