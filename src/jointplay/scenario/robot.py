@@ -106,7 +106,7 @@ def description_of(path: Path, settings: Sequence[Setting]) -> Description:
 def _of_robot(
     place: str | None, joints: Sequence[str], settings: Sequence[Setting], ideal: bool, still: bool
 ) -> Scenario:
-    """See `robot_scenario`; its steps are those of any scenario."""
+    """The scenario of `robot_scenario`, with the steps of any other."""
     joints = require_names("joints", joints, "names")
     scara = place is None
     place = SCARA if place is None else _prefixed(place)

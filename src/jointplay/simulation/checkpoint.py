@@ -30,7 +30,7 @@ _STATISTICS = "unjudged."
 
 
 def save(run: Run, path: Path) -> Path:
-    """See `Run.checkpoint`."""
+    """Write the state of `run`, from which `continue_run` goes on bit for bit."""
     files.check_own(path, CHECKPOINT, "checkpoint")
     memory = run.memory()
     on_disk = run.on_disk if run.on_disk is not None and run.on_disk.needed else None

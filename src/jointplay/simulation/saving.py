@@ -29,7 +29,7 @@ CHECKPOINT_S = 60.0
 
 
 def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
-    """See `Simulation.run_to`."""
+    """Run, with records and checkpoints beside `path`, and save; `resume` continues from them."""
     records, kept = working_paths(path)
     working_files.check_own(path)
     resume = resume and kept.exists()

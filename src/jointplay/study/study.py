@@ -163,7 +163,7 @@ class Measure(Generic[Value]):
     words: str = "a run"
     """What a simulation is called where it fails."""
     check_step: bool = False
-    """See `Run.finish`."""
+    """Whether each run checks its step by a second one, as `Run.finish` does."""
 
     def __call__(self, simulation: Simulation) -> Value:
         seed = "" if simulation.seed is None else f" with seed {simulation.seed}"

@@ -63,7 +63,7 @@ def worn_depth(result: Result, joint: str) -> np.ndarray:
 
 
 def worn_depths(result: Result) -> Depths:
-    """See `worn_depth`; of all joints that wear."""
+    """The `worn_depth` of all joints that wear."""
     return {name: worn_depth(result, name) for name in all_wearing(result.simulation)}
 
 

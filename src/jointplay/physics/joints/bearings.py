@@ -759,7 +759,7 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def search_room(self) -> float:
-        """See `Clearance.search_room`; with preload what the elements give way by."""
+        """As `Clearance.search_room`; with preload the deflection of the elements [m]."""
         light = 1e-3 * self.ratings()[1] / self.count
         return max(self.radial_room, (light / self.stiffness_of_element) ** (1.0 / self.exponent))
 
@@ -1023,7 +1023,7 @@ class BallBearing(RollingBearing):
         return self.d_bore
 
     def of_classes(self) -> dict[str, RollingBearing]:
-        """See `RollingBearing.of_classes`; of a pair of angular contact bearings it and preloaded.
+        """By clearance class; of a pair of angular contact bearings as it is, and preloaded.
 
         The preload, if none is given, is a hundredth of the static rating.
         """

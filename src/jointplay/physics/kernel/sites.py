@@ -25,7 +25,7 @@ class JointSite:
     parameters: np.ndarray
     """Of the normal-force law, for each contact, shape (contacts, `MAX_PARAMETERS`)."""
     dimensions: tuple[float, ...]
-    """See `geometry.touch`."""
+    """Of its surfaces, as `geometry.touch` takes them [m]."""
     holds: bool = False
     """Whether springs, not surfaces, connect its bodies."""
     carriers: Carriers | None = None
@@ -63,7 +63,7 @@ class LoadSite:
     carriers: Carriers | None = None
     """Between frames: Pinocchio joints that carry them, and the frames' placements in these."""
     signs: np.ndarray | None = None
-    """See `JointSite`."""
+    """Of the coordinates that move the frames, as of a `JointSite`."""
 
     @property
     def size(self) -> int:
