@@ -186,7 +186,7 @@ def test_rolling_bearings_have_close_ups(open_page, mixed, tmp_path):
 
 
 def test_orbits_are_in_micrometres_within_the_play_in_operation(mixed):
-    for name, room in (("balls", BALLS.radial_room), ("rollers", ROLLERS.radial_room)):
+    for name, room in (("balls", BALLS.radial_travel), ("rollers", ROLLERS.radial_travel)):
         outline = analysis.clearance_outline(mixed, name)
         assert np.hypot(*outline) == pytest.approx(np.full(361, room))
         panel = mixed.plot.orbit(name).axes[0]

@@ -212,7 +212,7 @@ def energies(cases):
     ):
         slope, about = 0.0, 0.0
         for _ in range(20):
-            size = bearing.search_room
+            size = bearing.search_radius
             centre = random.normal(size=3) * [size, size, 4.0 * size]
             lean = random.normal(size=2) * 4.0 * size / bearing.d_pitch
             axes = pin.exp3(np.append(lean, 0.7))

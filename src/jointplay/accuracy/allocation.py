@@ -635,7 +635,7 @@ def _clearances(
     names = [name for name, _ in keys]
     for name in weights:
         require_known("joint with clearance", name, names)
-    radial = np.array([mechanism.clearance[name].radial_room for name in names])
+    radial = np.array([mechanism.clearance[name].radial_travel for name in names])
     weight = np.array([weights.get(name, 1.0) for name in names])
     return Sizes(keys, weight, least / radial, most / radial, _MM * radial, cost)
 

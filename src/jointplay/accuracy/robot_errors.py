@@ -24,17 +24,17 @@ CLASSES = ("calibrated-industrial", "industrial", "printed")
 class JointErrors(Described):
     """Errors of one joint besides its play; what is not given is that of the robot."""
 
-    encoder: float | None = quantity("rad", "m", default=None, least=0.0, words="resolution")
+    encoder: float | None = quantity("rad", "m", default=None, least=0.0, label="resolution")
     """Resolution of the encoder, at the joint [rad or m]."""
-    zero_offset: float | None = quantity("rad", "m", default=None, least=0.0, words="zero offset")
+    zero_offset: float | None = quantity("rad", "m", default=None, least=0.0, label="zero offset")
     """How far the encoder's zero may be off, either way [rad or m]."""
-    gear_error: float | None = quantity("rad", "m", default=None, least=0.0, words="gear error")
+    gear_error: float | None = quantity("rad", "m", default=None, least=0.0, label="gear error")
     """Amplitude of the gear's own error [rad or m]."""
-    axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
+    axis_offset: float | None = quantity("m", default=None, least=0.0, label="axis offset")
     """How far the axis may be off along each of x, y, z, either way [m]."""
-    axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
+    axis_tilt: float | None = quantity("rad", default=None, least=0.0, label="axis tilt")
     """How far it may be tilted about x and y, either way [rad]."""
-    heating: float | None = quantity("K", default=None, least=0.0, words="heating")
+    heating: float | None = quantity("K", default=None, least=0.0, label="heating")
     """By how much its link may become warmer [K]."""
     torsional_stiffness: float | None = quantity("N*m/rad", "N/m", default=None, above=0.0)
     """About (along) the axis, of gear, shaft and drive [N m/rad or N/m]; if not given, a gear's
@@ -55,21 +55,21 @@ class RobotErrors(Described):
     assumed: str | None = choice("class of errors", CLASSES, default=None)
     """Class of robots from which all that is not given is assumed: ``calibrated-industrial``,
     ``industrial`` or ``printed``."""
-    encoder: float | None = quantity("rad", default=None, least=0.0, words="resolution")
+    encoder: float | None = quantity("rad", default=None, least=0.0, label="resolution")
     """Resolution of the encoders of joints that turn, at the joint [rad]."""
-    zero_offset: float | None = quantity("rad", default=None, least=0.0, words="zero offset")
+    zero_offset: float | None = quantity("rad", default=None, least=0.0, label="zero offset")
     """How far their zeros may be off, either way [rad]."""
-    gear_error: float | None = quantity("rad", default=None, least=0.0, words="gear error")
+    gear_error: float | None = quantity("rad", default=None, least=0.0, label="gear error")
     """Amplitude of the error of their gears [rad]."""
-    axis_offset: float | None = quantity("m", default=None, least=0.0, words="axis offset")
+    axis_offset: float | None = quantity("m", default=None, least=0.0, label="axis offset")
     """How far each axis may be off along each of x, y, z, either way [m]."""
-    axis_tilt: float | None = quantity("rad", default=None, least=0.0, words="axis tilt")
+    axis_tilt: float | None = quantity("rad", default=None, least=0.0, label="axis tilt")
     """How far it may be tilted about x and y, either way [rad]."""
-    heating: float | None = quantity("K", default=None, least=0.0, words="heating")
+    heating: float | None = quantity("K", default=None, least=0.0, label="heating")
     """By how much links may become warmer [K]."""
-    expansion: float | None = quantity("1/K", default=None, least=0.0, words="expansion")
+    expansion: float | None = quantity("1/K", default=None, least=0.0, label="expansion")
     """By how much they grow [1/K]."""
-    stiffness_spread: float | None = quantity("", default=None, least=0.0, words="spread")
+    stiffness_spread: float | None = quantity("", default=None, least=0.0, label="spread")
     """Relative uncertainty of all stiffnesses, either way."""
     tilt_stiffness: float | None = quantity("N*m/rad", default=None, above=0.0)
     """In tilt, of joints without bearing or clearance of their own [N m/rad]."""

@@ -67,7 +67,7 @@ def quantity(
     choices: tuple[str, Mapping[str, Any]] | None = None,
     above: float | None = None,
     least: float | None = None,
-    words: str = "",
+    label: str = "",
     finite: bool = True,
 ) -> Any:
     """Field of a dataclass that holds a number, or several, in an SI unit.
@@ -78,7 +78,7 @@ def quantity(
         choices: what words are called that stand for a value, and these.
         above: 0.0 if the number must be positive, as `check_fields` demands.
         least: 0.0 if it must not be negative.
-        words: what errors call it; the field's name, if not given.
+        label: what errors call it; the field's name, if not given.
         finite: without, files may have infinity or no number (NaN) here.
     """
     if not units or not all(isinstance(unit, str) for unit in units):
@@ -87,7 +87,7 @@ def quantity(
         raise ValueError("a range begins at zero, or the class checks it itself")
     check = require_positive if above == 0.0 else require_non_negative
     check = require_finite if above is None and least is None else check
-    about = {"units": units, "check": check, "words": words, "finite": finite, "choices": choices}
+    about = {"units": units, "check": check, "label": label, "finite": finite, "choices": choices}
     if default_factory is not dataclasses.MISSING:
         return dataclasses.field(default_factory=default_factory, metadata=about)
     return dataclasses.field(default=default, metadata=about)
@@ -127,16 +127,16 @@ def check_fields(value: Any) -> None:
 
 def _checked_numbers(field: Field, given: Any) -> Any:
     """A number in its range, or several in a tuple or vectors; anything else as it is."""
-    hint, words, where = field.hint, field.words, (field.name,)
+    hint, label, where = field.hint, field.label, (field.name,)
     unit = field.units[0].replace("*", " ")
     if hint in (float, float | None) and field.check is not None:
-        return field.check(words, given, unit, where)
+        return field.check(label, given, unit, where)
     if hint == _VECTOR:
-        return require_vector(words, given, unit, where)
+        return require_vector(label, given, unit, where)
     if hint == tuple[_VECTOR, ...]:
-        return tuple(require_vector(words, one, unit, (*where, i)) for i, one in enumerate(given))
+        return tuple(require_vector(label, one, unit, (*where, i)) for i, one in enumerate(given))
     if hint == tuple[float, ...]:
-        return tuple(require_finite(words, one, unit, (*where, i)) for i, one in enumerate(given))
+        return tuple(require_finite(label, one, unit, (*where, i)) for i, one in enumerate(given))
     return given
 
 
@@ -180,7 +180,7 @@ class Field:
     default: Any = None
     check: Callable[[str, float, str, Where], float] | None = None
     """Raises if its number is out of range; None: of no quantity."""
-    words: str = ""
+    label: str = ""
     """What errors call it."""
 
 
@@ -212,7 +212,7 @@ def fields_of(kind: type) -> dict[str, Field]:
             finite=said.get("finite", True),
             default=None if one.default is missing else one.default,
             check=said.get("check"),
-            words=said.get("words") or one.name,
+            label=said.get("label") or one.name,
         )
     return fields
 

@@ -60,7 +60,7 @@ def _compare_tilts(
         largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
     """
     clearance = mechanism.clearance.get(joint)
-    if clearance is None or clearance.hinge is None or not clearance.hinge.leans:
+    if clearance is None or clearance.hinge is None or not clearance.hinge.tilts:
         return None
     model, data = mechanism.model, mechanism.data
     full, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
@@ -474,11 +474,11 @@ def _across(
     else:
         # Each rim carries half the force, and what the moment over the length asks for.
         push = math.hypot(load[0], load[1]) / 2.0
-        push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
+        push += math.hypot(load[3], load[4]) / hinge.length if hinge.tilts else push
         push = max(push, 1.0)
         stiffness = push / float(depths(clearance, 0, np.array(push)))
         tilting = 2.0 * stiffness * arm**2
     found["contact_stiffness"] = stiffness
-    if hinge.leans or isinstance(clearance, RollingBearing):
+    if hinge.tilts or isinstance(clearance, RollingBearing):
         found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
     return found

@@ -104,7 +104,7 @@ class _Bearing:
     ) -> None:
         """How displacements move the tool (n, 3, 6), the load (n, 6) and its inertial part."""
         self.joint, self.move, self.load, hinge = joint, move, load, joint.hinge
-        leaning = hinge if hinge is not None and hinge.leans else None
+        leaning = hinge if hinge is not None and hinge.tilts else None
         self.sure = _determined(joint, load, inertia)
         """Whether the load determines where the journal lies, (n,)."""
         if leaning is None:
@@ -140,7 +140,7 @@ class _Bearing:
         point = play.support(self.load).point
         if isinstance(play, JournalPlay | BallPlay):
             depth = _depths(joint, self.rim)
-            point[:, _LATERAL] *= (1.0 + depth / joint.radial_room)[:, None]
+            point[:, _LATERAL] *= (1.0 + depth / joint.radial_travel)[:, None]
         friction = values.get("friction")
         if friction is None:
             friction = friction_of(self.joint) or 0.0
@@ -520,12 +520,12 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
     added = [faint[:, None] * every[0], faint[:, None] * every[1], inertia]
     arm = 0.0
     if hinge is not None:
-        if hinge.leans:
+        if hinge.tilts:
             arm = hinge.length / 2.0
             pressed = np.sum([np.linalg.norm(r, axis=1) for r in _rims(load, hinge.length)], axis=0)
         if hinge.axial > 0.0:
             added.append((friction * pressed)[:, None] * every[2])
-        if hinge.leans:
+        if hinge.tilts:
             moment = friction * (pressed * hinge.radius + np.abs(load[:, 2]) * arm)
             added += [moment[:, None] * every[3], moment[:, None] * every[4]]
     sure = np.ones(len(load), bool)
@@ -536,7 +536,7 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
             off = play.support(load + side * more).point - here
             lean = arm * np.linalg.norm(off[:, 3:5], axis=1)
             off_by = np.hypot(np.linalg.norm(off[:, :2], axis=1), lean)
-            sure &= off_by <= _MOVED * joint.radial_room
+            sure &= off_by <= _MOVED * joint.radial_travel
     return sure & (across + np.abs(load[:, 2]) > 0.0)
 
 

@@ -212,7 +212,7 @@ class FlexibleLink(Described):
     """Material of the section, with a density."""
     segments: int = 7
     """Number of hinges; with one more rigid pieces."""
-    damping_ratio: float = quantity("", default=0.01, least=0.0, words="damping ratio")
+    damping_ratio: float = quantity("", default=0.01, least=0.0, label="damping ratio")
     """Of the first bending mode of the link alone, clamped and free; it grows in proportion to the
     frequency."""
     torsion: bool = True
@@ -232,7 +232,7 @@ class FlexibleLink(Described):
     """EI in both planes, instead of section and material [N m^2]."""
     torsion_stiffness: float | None = quantity("N*m^2", default=None, above=0.0)
     """GJ, likewise [N m^2]."""
-    line_mass: float | None = quantity("kg/m", default=None, above=0.0, words="mass per length")
+    line_mass: float | None = quantity("kg/m", default=None, above=0.0, label="mass per length")
     """Mass per length, likewise [kg/m]."""
     gyration_radius: float | None = quantity("m", default=None, above=0.0)
     """Of the section's mass about the beam's axis, likewise [m]."""

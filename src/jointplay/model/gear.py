@@ -312,13 +312,13 @@ class Gear(Gearing):
 
     kind: ClassVar[str] = "backlash"
 
-    play: float = quantity("rad", least=0.0, words="gear play")
+    play: float = quantity("rad", least=0.0, label="gear play")
     """Angle by which the joint turns freely while the motor stands [rad]."""
-    rotor_inertia: float = quantity("kg*m^2", above=0.0, words="rotor inertia")
+    rotor_inertia: float = quantity("kg*m^2", above=0.0, label="rotor inertia")
     """Inertia of the rotor, referred to the joint [kg m^2]."""
-    stiffness: float = quantity("N*m/rad", above=0.0, words="gear stiffness")
+    stiffness: float = quantity("N*m/rad", above=0.0, label="gear stiffness")
     """Stiffness of the teeth in contact and the shaft [N m/rad]."""
-    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="gear damping")
+    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
     """Damping of the teeth in contact and the shaft [N m s/rad]."""
 
     def __post_init__(self) -> None:
@@ -348,15 +348,15 @@ def _back_driving(efficiency: float, given: float | None) -> float:
 class _Lossy(Gearing):
     """What refined gears have in common."""
 
-    rotor_inertia: float = quantity("kg*m^2", above=0.0, words="rotor inertia")
+    rotor_inertia: float = quantity("kg*m^2", above=0.0, label="rotor inertia")
     """Inertia of the rotor, referred to the joint [kg m^2]."""
-    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="gear damping")
+    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
     """Damping of the teeth in contact and the shaft [N m s/rad]."""
-    rated_torque: float | None = quantity("N*m", default=None, above=0.0, words="rated torque")
+    rated_torque: float | None = quantity("N*m", default=None, above=0.0, label="rated torque")
     """To which catalogues refer lost motion and hysteresis [N m]."""
-    no_load_torque: float = quantity("N*m", default=0.0, least=0.0, words="no-load running torque")
+    no_load_torque: float = quantity("N*m", default=0.0, least=0.0, label="no-load running torque")
     """Dry friction of the gear without load, referred to the joint [N m]."""
-    viscous: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="viscous gear friction")
+    viscous: float = quantity("N*m*s/rad", default=0.0, least=0.0, label="viscous gear friction")
     """Viscous friction of the gear, referred to the joint [N m s/rad]."""
 
 
@@ -366,13 +366,13 @@ class _Catalogued(_Lossy):
 
     catalogue: str | None = None
     """Name of a gear whose catalogue gives the numbers that are not given here."""
-    play: float = quantity("rad", default=None, least=0.0, words="gear play")
+    play: float = quantity("rad", default=None, least=0.0, label="gear play")
     """Angle by which the joint turns freely while the motor stands [rad]; 0 if not given."""
-    hysteresis: float = quantity("rad", default=None, least=0.0, words="hysteresis")
+    hysteresis: float = quantity("rad", default=None, least=0.0, label="hysteresis")
     """Width of the torsion loop at zero torque beyond the play [rad]; 0 if not given."""
-    presliding: float | None = quantity("rad", default=None, above=0.0, words="presliding angle")
+    presliding: float | None = quantity("rad", default=None, above=0.0, label="presliding angle")
     """Angle in which hysteresis turns over by all but 1/e [rad]; a quarter of it if not given."""
-    stated_lost_motion: float | None = quantity("rad", default=None, above=0.0, words="lost motion")
+    stated_lost_motion: float | None = quantity("rad", default=None, above=0.0, label="lost motion")
     """Lost motion of the catalogue [rad]: it makes the gear softer below the torque at which it is
     measured. If not given, lost motion follows from the other numbers."""
     efficiency: float = quantity("", default=1.0)
@@ -503,21 +503,21 @@ class StrainWaveGear(_Catalogued):
     kind: ClassVar[str] = "strain-wave"
     needs: ClassVar[tuple[str, ...]] = ("ratio", "stiffness_1")
 
-    ratio: float = quantity("", default=None, above=0.0, words="gear ratio")
+    ratio: float = quantity("", default=None, above=0.0, label="gear ratio")
     """Turns of the motor in a turn of the joint."""
-    stiffness_1: float = quantity("N*m/rad", default=None, above=0.0, words="stiffness K1")
+    stiffness_1: float = quantity("N*m/rad", default=None, above=0.0, label="stiffness K1")
     """K1, up to `torque_1` [N m/rad]."""
-    stiffness_2: float | None = quantity("N*m/rad", default=None, above=0.0, words="stiffness K2")
+    stiffness_2: float | None = quantity("N*m/rad", default=None, above=0.0, label="stiffness K2")
     """K2, up to `torque_2` [N m/rad]; K1 if not given."""
-    stiffness_3: float | None = quantity("N*m/rad", default=None, above=0.0, words="stiffness K3")
+    stiffness_3: float | None = quantity("N*m/rad", default=None, above=0.0, label="stiffness K3")
     """K3, beyond [N m/rad]; K2 if not given."""
-    torque_1: float | None = quantity("N*m", default=None, above=0.0, words="torque T1")
+    torque_1: float | None = quantity("N*m", default=None, above=0.0, label="torque T1")
     """T1 [N m]."""
-    torque_2: float | None = quantity("N*m", default=None, above=0.0, words="torque T2")
+    torque_2: float | None = quantity("N*m", default=None, above=0.0, label="torque T2")
     """T2 [N m]."""
-    error_amplitude: float = quantity("rad", default=None, least=0.0, words="kinematic error")
+    error_amplitude: float = quantity("rad", default=None, least=0.0, label="kinematic error")
     """Amplitude of the kinematic error, an angle of the joint [rad]; 0 if not given."""
-    error_phase: float = quantity("rad", default=0.0, words="phase of the kinematic error")
+    error_phase: float = quantity("rad", default=0.0, label="phase of the kinematic error")
     """Its phase where the motor is at zero [rad]."""
 
     def _check(self) -> None:
@@ -567,13 +567,13 @@ class CycloidalGear(_Catalogued):
     kind: ClassVar[str] = "cycloidal"
     needs: ClassVar[tuple[str, ...]] = ("stiffness",)
 
-    stiffness: float = quantity("N*m/rad", default=None, above=0.0, words="gear stiffness")
+    stiffness: float = quantity("N*m/rad", default=None, above=0.0, label="gear stiffness")
     """Torsional stiffness of the catalogue [N m/rad]."""
-    error_orders: tuple[float, ...] = quantity("", default=(), words="error order")
+    error_orders: tuple[float, ...] = quantity("", default=(), label="error order")
     """Cycles of the kinematic error in a turn of the joint."""
-    error_amplitudes: tuple[float, ...] = quantity("rad", default=(), words="kinematic error")
+    error_amplitudes: tuple[float, ...] = quantity("rad", default=(), label="kinematic error")
     """Their amplitudes, angles of the joint [rad]."""
-    error_phases: tuple[float, ...] = quantity("rad", default=(), words="phase of an error")
+    error_phases: tuple[float, ...] = quantity("rad", default=(), label="phase of an error")
     """Their phases where the motor is at zero [rad]; 0 if none is given."""
 
     def _check(self) -> None:
@@ -610,9 +610,9 @@ class GearStage(Described):
         JointplayError: a value that cannot be.
     """
 
-    ratio: float = quantity("", above=0.0, words="ratio of a stage")
+    ratio: float = quantity("", above=0.0, label="ratio of a stage")
     """Turns of its input in a turn of its output."""
-    backlash: float = quantity("rad", default=0.0, least=0.0, words="backlash of a stage")
+    backlash: float = quantity("rad", default=0.0, least=0.0, label="backlash of a stage")
     """Free angle of its output shaft while its input stands [rad]."""
     efficiency: float = quantity("", default=1.0)
     """Where the motor drives."""
@@ -639,7 +639,7 @@ class GearTrain(_Lossy):
 
     stages: tuple[GearStage, ...]
     """From the motor to the joint."""
-    stiffness: float = quantity("N*m/rad", above=0.0, words="gear stiffness")
+    stiffness: float = quantity("N*m/rad", above=0.0, label="gear stiffness")
     """Stiffness of all teeth in contact and shafts, referred to the joint [N m/rad]."""
 
     def __post_init__(self) -> None:

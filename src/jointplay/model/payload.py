@@ -32,15 +32,15 @@ class Payload(Described):
 
     frame: str
     """Frame that holds the payload; usually the tool."""
-    mass: float = quantity("kg", least=0.0, words="payload mass")
+    mass: float = quantity("kg", least=0.0, label="payload mass")
     """Mass [kg]; 0: no payload."""
-    pick: float = quantity("s", default=0.0, least=0.0, words="payload pick time")
+    pick: float = quantity("s", default=0.0, least=0.0, label="payload pick time")
     """Time at which it is picked up [s]; a payload picked up at 0 is there from the start."""
-    release: float | None = quantity("s", default=None, words="payload release time")
+    release: float | None = quantity("s", default=None, label="payload release time")
     """Time at which it is released [s]; None: never."""
-    centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), words="payload centre")
+    centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), label="payload centre")
     """Centre of mass in the frame [m]."""
-    inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0), words="payload inertia")
+    inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0), label="payload inertia")
     """Moments of inertia about it, along the frame's axes [kg m^2]."""
 
     def __post_init__(self) -> None:

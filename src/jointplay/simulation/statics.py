@@ -591,7 +591,7 @@ class StaticEquilibrium:
         # Springs are as far from their middle as the weight bends them.
         bent = max(self.weight(), 1.0)
         least = {
-            name: joint.search_room * (1.0 if joint.springs is None else bent)
+            name: joint.search_radius * (1.0 if joint.springs is None else bent)
             for name, joint in joints.items()
         }
         for name in joints:

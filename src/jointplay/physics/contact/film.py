@@ -81,7 +81,7 @@ class FilmLaw(Law):
     """
     transition: float = quantity("m", default=1e-6, above=0.0)
     """Penetration depth e_t at which the film has vanished [m]."""
-    least_thickness: float = quantity("m", default=1e-6, above=0.0, words="least film thickness")
+    least_thickness: float = quantity("m", default=1e-6, above=0.0, label="least film thickness")
     """Smallest film thickness, because the surfaces are rough [m]."""
 
     def parameters(self, film: FilmProperties) -> tuple[float, ...]:

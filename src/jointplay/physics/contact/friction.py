@@ -27,7 +27,7 @@ class Ambrosio(FrictionLaw):
     )
     validity = "sliding; no sticking: a resting contact creeps below v1, freely below v0"
 
-    mu_d: float = quantity("", default=0.1, least=0.0, words="friction coefficient")
+    mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Dynamic friction coefficient."""
     v0: float = quantity("m/s", default=1e-4, least=0.0)
     """Sliding speed at which the ramp begins [m/s].
@@ -67,7 +67,7 @@ class Coulomb(FrictionLaw):
     reference = "C. A. de Coulomb, Theorie des machines simples (1785)"
     validity = "sliding; no sticking: a resting contact creeps below v_t"
 
-    mu_d: float = quantity("", default=0.1, least=0.0, words="friction coefficient")
+    mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Dynamic friction coefficient."""
     v_t: float = quantity("m/s", default=1e-3, above=0.0)
     """Sliding speed at which the ramp ends [m/s]."""
@@ -90,7 +90,7 @@ class Threlfall(FrictionLaw):
     reference = "D. C. Threlfall, Mech. Mach. Theory 13 (1978) 475-483"
     validity = "sliding, where it is 0.95 mu_d; no sticking: a resting contact creeps below v_r"
 
-    mu_d: float = quantity("", default=0.1, least=0.0, words="friction coefficient")
+    mu_d: float = quantity("", default=0.1, least=0.0, label="friction coefficient")
     """Friction coefficient."""
     v_r: float = quantity("m/s", default=1e-3, above=0.0)
     """Sliding speed at which the rise ends [m/s]."""

@@ -160,15 +160,15 @@ class HuntCrossley(PointContactLaw):
     reference = "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445"
     validity = "c_e above 0.8, as Lankarani-Nikravesh; away from 10 µm and n = p, q = 1 unproven"
 
-    n: float = quantity("", default=1.5, above=0.0, words="exponent n")
+    n: float = quantity("", default=1.5, above=0.0, label="exponent n")
     """Exponent of the elastic part, >= 1."""
-    p: float = quantity("", default=1.5, least=0.0, words="exponent p")
+    p: float = quantity("", default=1.5, least=0.0, label="exponent p")
     """Exponent of the penetration in the damping; with 0 the force jumps at the first touch."""
-    q: float = quantity("", default=1.0, above=0.0, words="exponent q")
+    q: float = quantity("", default=1.0, above=0.0, label="exponent q")
     """Exponent of the penetration rate."""
-    stiffness: float | None = quantity("", default=None, above=0.0, words="stiffness k")
+    stiffness: float | None = quantity("", default=None, above=0.0, label="stiffness k")
     """Stiffness k [N/m^n], a number without its unit; None: from the joint's Hertz stiffness."""
-    damping: float | None = quantity("", default=None, least=0.0, words="damping b")
+    damping: float | None = quantity("", default=None, least=0.0, label="damping b")
     """Damping b [N s^q/m^(p+q)], a number without its unit; None: from c_e (eq. 14)."""
 
     def __post_init__(self) -> None:

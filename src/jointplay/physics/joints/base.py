@@ -91,15 +91,15 @@ class Material(Described):
         JointplayError: a constant that is not positive, or Poisson's ratio outside (-1, 0.5].
     """
 
-    young: float = quantity("Pa", default=207e9, above=0.0, words="Young's modulus")
+    young: float = quantity("Pa", default=207e9, above=0.0, label="Young's modulus")
     """Young's modulus E [Pa]."""
-    poisson: float = quantity("", default=0.3, words="Poisson's ratio")
+    poisson: float = quantity("", default=0.3, label="Poisson's ratio")
     """Poisson's ratio nu."""
     density: float | None = quantity("kg/m^3", default=None, above=0.0)
     """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
-    yield_strength: float | None = quantity("Pa", default=None, above=0.0, words="yield strength")
+    yield_strength: float | None = quantity("Pa", default=None, above=0.0, label="yield strength")
     """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
-    expansion: float | None = quantity("1/K", default=None, words="thermal expansion")
+    expansion: float | None = quantity("1/K", default=None, label="thermal expansion")
     """Linear expansion [1/K]; None: how clearances change with temperature is not known."""
     name: str | None = None
     """What the material is called."""
@@ -166,7 +166,7 @@ class Hinge:
     """Of the journal, at which friction about the axis acts [m]."""
     length: float
     """Of the journal [m]."""
-    leans: bool
+    tilts: bool
     """Whether it can tilt; it then touches at both ends."""
     lateral: float
     """How far it can be aside, either way [m]."""
@@ -275,14 +275,14 @@ class Clearance(Described, ABC):
         return {name: getattr(self, name) for name in self.clearance_fields}
 
     @property
-    def radial_room(self) -> float:
+    def radial_travel(self) -> float:
         """Radius of the journal centre's clearance circle; across x, for a slider [m]."""
         return next(iter(self.clearances.values()))
 
     @property
-    def search_room(self) -> float:
+    def search_radius(self) -> float:
         """A length on which the journal's place of rest is searched, never zero [m]."""
-        return self.radial_room
+        return self.radial_travel
 
     @property
     def resultant(self) -> tuple[float, ...] | None:
@@ -307,12 +307,12 @@ class Clearance(Described, ABC):
     @property
     def rooms(self) -> tuple[float, ...]:
         """Clearance that belongs to each contact [m]."""
-        return (self.radial_room,) * len(self.contacts)
+        return (self.radial_travel,) * len(self.contacts)
 
     @property
     def words(self) -> str:
         """Kind and clearance, for a line of text."""
-        return f"{self.kind}, {readable(self.radial_room, 'm')}"
+        return f"{self.kind}, {readable(self.radial_travel, 'm')}"
 
     def warmed(self, journal: float, bearing: float) -> Self:
         """The joint with halves that are warmer by so much [K].
@@ -370,13 +370,13 @@ class Clearance(Described, ABC):
             r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
             moments = np.zeros((_ON_A_SPHERE, 3))
             return np.column_stack([r * np.cos(phi), r * np.sin(phi), z, moments])
-        leans = "pitch" in self.freedoms
+        tilts = "pitch" in self.freedoms
         phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
         c, s = np.cos(phi), np.sin(phi)
-        heights = (outline.size[2], -outline.size[2]) if leans else (0.0,)
+        heights = (outline.size[2], -outline.size[2]) if tilts else (0.0,)
         parts = [np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights]
         if outline.walls:
-            arm = outline.size[0] if leans else 0.0
+            arm = outline.size[0] if tilts else 0.0
             parts.append(np.column_stack([zero, zero, zero + 1.0, arm * s, -arm * c, zero]))
         return np.concatenate(parts)
 
@@ -392,7 +392,7 @@ class Clearance(Described, ABC):
         """
         form = self.outline.form
         if form == "ball":
-            return bool(np.linalg.norm(offset) <= self.radial_room)
+            return bool(np.linalg.norm(offset) <= self.radial_travel)
         x, y, z = np.abs(offset)
         wide, high, along = (max(self.room_to_start.get(part, 0.0), least) for part in "xyz")
         if form == "block":
@@ -533,7 +533,7 @@ class SlidingClearance(Clearance):
     Where surfaces slide, its bush is then a body of its own between the two, held by a
     `CompliantMount`. An ideal joint gives way nowhere. Seats of rolling bearings have no `torsion`.
     """
-    seat_mass: float | None = quantity("kg", default=None, above=0.0, words="mass of the bush")
+    seat_mass: float | None = quantity("kg", default=None, above=0.0, label="mass of the bush")
     """Of the bush in its seat [kg]; None takes a steel one as long as the bearing, its wall half as
     thick as its bore's half width (`compliance.parts_of_seat`).
     """
@@ -548,7 +548,7 @@ class SlidingClearance(Clearance):
         return grown[0], grown[1]
 
     @staticmethod
-    def _require_room(name: str, cold: float, hot: float) -> None:
+    def _require_clearance(name: str, cold: float, hot: float) -> None:
         if hot <= 0.0:
             raise JointplayError(
                 f"the {name} of {readable(cold, 'm')} becomes {readable(hot, 'm')}: the joint "
@@ -690,11 +690,11 @@ class RoundClearance(SlidingClearance):
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": "journal_radius"}
 
-    bearing_radius: float = quantity("m", default=10e-3, above=0.0, words="bearing radius")
+    bearing_radius: float = quantity("m", default=10e-3, above=0.0, label="bearing radius")
     """R_i [m]; the standard of the clearance literature, the paper gives none."""
-    radial_clearance: float | None = quantity("m", default=None, words="radial clearance")
+    radial_clearance: float | None = quantity("m", default=None, label="radial clearance")
     """C_r, radial, not diametral [m]; 0: an ideal joint."""
-    journal_radius: float | None = quantity("m", default=None, words="journal radius")
+    journal_radius: float | None = quantity("m", default=None, label="journal radius")
     """R_j [m]."""
 
     def __post_init__(self) -> None:
@@ -707,7 +707,7 @@ class RoundClearance(SlidingClearance):
     def warmed(self, journal: float, bearing: float) -> Self:
         inner, outer = self._growths(journal, bearing)
         radius, bore = self.rj * (1.0 + inner), self.ri * (1.0 + outer)
-        self._require_room("radial clearance", self.cr, bore - radius)
+        self._require_clearance("radial clearance", self.cr, bore - radius)
         return replace(
             self, bearing_radius=bore, journal_radius=radius, radial_clearance=None,
             **self._warmed_lengths(1.0 + inner, 1.0 + outer),

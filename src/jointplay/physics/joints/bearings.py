@@ -197,23 +197,23 @@ class RollingBearing(WholeLawJoint):
 
     designation: str | None = None
     """Of a catalogue, with its class behind a stroke or a space: ``"6010/C3"``, ``"RB5013 C0"``."""
-    bore: float | None = quantity("m", default=None, above=0.0, words="bore")
+    bore: float | None = quantity("m", default=None, above=0.0, label="bore")
     """Diameter of the shaft [m]; None takes the designation's."""
     outside_diameter: float | None = quantity(
-        "m", default=None, above=0.0, words="outside diameter"
+        "m", default=None, above=0.0, label="outside diameter"
     )
     """[m]; None takes the designation's."""
-    width: float | None = quantity("m", default=None, above=0.0, words="width")
+    width: float | None = quantity("m", default=None, above=0.0, label="width")
     """Of one row's rings [m]; None takes the designation's."""
     clearance_class: str | None = None
     """Class of internal clearance, the middle of its range; None takes the designation's, or CN."""
-    radial_clearance: float | None = quantity("m", default=None, words="radial clearance")
+    radial_clearance: float | None = quantity("m", default=None, label="radial clearance")
     """C_r as bought, half of the full travel; negative for preload [m]. None: the class's."""
-    elements: int | None = quantity("", default=None, above=0.0, words="number of elements")
+    elements: int | None = quantity("", default=None, above=0.0, label="number of elements")
     """Z, in each row; None estimates."""
-    element_diameter: float | None = quantity("m", default=None, above=0.0, words="diameter")
+    element_diameter: float | None = quantity("m", default=None, above=0.0, label="diameter")
     """D [m]; None estimates."""
-    pitch_diameter: float | None = quantity("m", default=None, above=0.0, words="pitch diameter")
+    pitch_diameter: float | None = quantity("m", default=None, above=0.0, label="pitch diameter")
     """d_m, of the circle of the elements' centres [m]; None takes the mean of bore and outside."""
     element_stiffness: float | None = quantity("", default=None, above=0.0)
     """K of an element between both rings [N/m^n]; None: Hertz's of the geometry."""
@@ -748,7 +748,7 @@ class RollingBearing(WholeLawJoint):
         return bool(self.element_loads(np.zeros(3), np.eye(3)[2], 0.0)[0].max() > 0.0)
 
     @cached_property
-    def radial_room(self) -> float:
+    def radial_travel(self) -> float:
         return float(self._reach[0])
 
     @cached_property
@@ -758,10 +758,10 @@ class RollingBearing(WholeLawJoint):
         return np.abs(self._free_set.support(loads).value)
 
     @property
-    def search_room(self) -> float:
-        """As `Clearance.search_room`; with preload the deflection of the elements [m]."""
+    def search_radius(self) -> float:
+        """As `Clearance.search_radius`; with preload the deflection of the elements [m]."""
         light = 1e-3 * self.ratings()[1] / self.count
-        return max(self.radial_room, (light / self.stiffness_of_element) ** (1.0 / self.exponent))
+        return max(self.radial_travel, (light / self.stiffness_of_element) ** (1.0 / self.exponent))
 
     @property
     def depth_limit(self) -> float:
@@ -856,7 +856,7 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def play_words(self) -> str:
-        return "none (preloaded)" if self.preloaded else f"{1e6 * self.radial_room:.3g} µm"
+        return "none (preloaded)" if self.preloaded else f"{1e6 * self.radial_travel:.3g} µm"
 
     @property
     def words(self) -> str:
@@ -935,9 +935,9 @@ class BallBearing(RollingBearing):
     arrangement: str | None = choice("arrangement", ARRANGEMENTS, default=None)
     """``single``, or a pair: ``DB`` back to back, ``DF`` face to face, ``DT`` in tandem. None takes
     the designation's, or ``single``."""
-    spacing: float | None = quantity("m", default=None, above=0.0, words="spacing")
+    spacing: float | None = quantity("m", default=None, above=0.0, label="spacing")
     """Distance of the centres of a pair's rows [m]; None puts the rings side by side."""
-    contact_angle: float | None = quantity("rad", default=None, least=0.0, words="contact angle")
+    contact_angle: float | None = quantity("rad", default=None, least=0.0, label="contact angle")
     """Nominal contact angle [rad]; None takes the designation's, 0 for deep-groove bearings."""
     preload: float | None = quantity("N", default=None, least=0.0)
     """Axial force by which a pair is preloaded [N]; None goes by the clearance."""
@@ -1175,7 +1175,7 @@ class CrossedRollerBearing(RollingBearing):
     _filling: ClassVar[float] = ROLLER_FILLING
     _most: ClassVar[float] = 4.08
 
-    roller_length: float | None = quantity("m", default=None, above=0.0, words="roller length")
+    roller_length: float | None = quantity("m", default=None, above=0.0, label="roller length")
     """L [m]; None takes 0.9 of the diameter."""
 
     def __post_init__(self) -> None:

@@ -87,11 +87,11 @@ class _Held(WholeLawJoint):
         return {}
 
     @property
-    def radial_room(self) -> float:
+    def radial_travel(self) -> float:
         return 0.0
 
     @property
-    def search_room(self) -> float:
+    def search_radius(self) -> float:
         return 1.0 / float(np.diag(self.elasticity.stiffness)[:2].max())
 
     @property
@@ -211,9 +211,9 @@ class CompliantMount(_Held):
         return f"compliant, {', '.join(parts)}, rigid otherwise"
 
     @property
-    def search_room(self) -> float:
+    def search_radius(self) -> float:
         if not {"x", "y"} <= set(self.locked):
-            return super().search_room
+            return super().search_radius
         return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())
 
 

@@ -49,15 +49,15 @@ class Elasticity(Described):
     matrix: Sequence[Sequence[float]] | None = quantity("", default=None)
     """Instead of numbers: of displacements along x, y, z and rotations about them, (6, 6); zero
     in the row and column of a direction that is free."""
-    damping_time: float = quantity("s", default=1e-5, least=0.0, words="damping time")
+    damping_time: float = quantity("s", default=1e-5, least=0.0, label="damping time")
     """Damping over stiffness [s]: a swing of angular frequency w decays by w damping_time / 2."""
-    radial: float | None = quantity("N/m", default=None, above=0.0, words="radial stiffness")
+    radial: float | None = quantity("N/m", default=None, above=0.0, label="radial stiffness")
     """Across z, in x and y alike [N/m]."""
-    axial: float | None = quantity("N/m", default=None, above=0.0, words="axial stiffness")
+    axial: float | None = quantity("N/m", default=None, above=0.0, label="axial stiffness")
     """Along z [N/m]."""
-    tilt: float | None = quantity("N*m/rad", default=None, above=0.0, words="tilt stiffness")
+    tilt: float | None = quantity("N*m/rad", default=None, above=0.0, label="tilt stiffness")
     """About x and y alike [N m/rad]."""
-    torsion: float | None = quantity("N*m/rad", default=None, above=0.0, words="torsion stiffness")
+    torsion: float | None = quantity("N*m/rad", default=None, above=0.0, label="torsion stiffness")
     """About z [N m/rad]."""
     radial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
     """Points (displacement [m], force [N]), added in x and in y; at most 12."""

@@ -120,11 +120,11 @@ class Oil:
     """
 
     name: str
-    kinematic_40: float = quantity("m^2/s", above=0.0, words="kinematic viscosity at 40 C")
+    kinematic_40: float = quantity("m^2/s", above=0.0, label="kinematic viscosity at 40 C")
     """nu at 40 C [m^2/s]."""
-    kinematic_100: float = quantity("m^2/s", above=0.0, words="kinematic viscosity at 100 C")
+    kinematic_100: float = quantity("m^2/s", above=0.0, label="kinematic viscosity at 100 C")
     """nu at 100 C [m^2/s]."""
-    density_40: float = quantity("kg/m^3", default=870.0, above=0.0, words="density")
+    density_40: float = quantity("kg/m^3", default=870.0, above=0.0, label="density")
     """rho at 40 C [kg/m^3]."""
     expansion: float = quantity("1/K", default=7e-4)
     """Relative fall of the density with temperature [1/K]."""

@@ -39,19 +39,19 @@ class PrismaticClearance(SlidingClearance):
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"clearance": None, "clearance_y": None}
 
-    length: float = quantity("m", default=80e-3, above=0.0, words="slider length")
+    length: float = quantity("m", default=80e-3, above=0.0, label="slider length")
     """Of the slider, along z [m]."""
-    width: float = quantity("m", default=40e-3, above=0.0, words="slider width")
+    width: float = quantity("m", default=40e-3, above=0.0, label="slider width")
     """Of the slider, along x [m]."""
-    height: float = quantity("m", default=40e-3, above=0.0, words="slider height")
+    height: float = quantity("m", default=40e-3, above=0.0, label="slider height")
     """Of the slider, along y [m]."""
-    clearance: float = quantity("m", least=0.0, words="slider clearance")
+    clearance: float = quantity("m", least=0.0, label="slider clearance")
     """On each side, across x [m]; 0: an ideal joint."""
     clearance_y: float | None = quantity(
-        "m", default=None, least=0.0, words="slider clearance across y"
+        "m", default=None, least=0.0, label="slider clearance across y"
     )
     """On each side, across y [m]; None takes that across x, 0 is `planar`."""
-    corner_radius: float = quantity("m", default=1e-3, above=0.0, words="slider corner radius")
+    corner_radius: float = quantity("m", default=1e-3, above=0.0, label="slider corner radius")
     """Rounding of the corners, which makes eq. 11 a sphere on a plane [m]."""
     lock_tilt: bool = False
     """The slider stays parallel to the guide: whole faces touch."""
@@ -87,7 +87,7 @@ class PrismaticClearance(SlidingClearance):
         ):
             if play:
                 room = 0.5 * ((side + 2.0 * play) * (1.0 + outer) - side * (1.0 + inner))
-                self._require_room(name, play, room)
+                self._require_clearance(name, play, room)
                 grown[name] = room
         return replace(self, **grown)
 

@@ -50,16 +50,16 @@ class RevoluteClearance(RoundClearance):
         "axial_clearance": "journal_length",
     }
 
-    bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
+    bearing_length: float = quantity("m", default=40e-3, above=0.0, label="bearing length")
     """L_i, between the end walls [m]; this project's choice, the paper gives none."""
-    axial_clearance: float | None = quantity("m", default=None, words="axial clearance")
+    axial_clearance: float | None = quantity("m", default=None, label="axial clearance")
     """C_a, on each side [m]; None takes C_r, as in all cases of the paper, unless `journal_length`
     is given; 0 is `lock_axial`.
     """
-    journal_length: float | None = quantity("m", default=None, words="journal length")
+    journal_length: float | None = quantity("m", default=None, label="journal length")
     """L_j [m]."""
     axial_stiffness: float | None = quantity(
-        "N/m^1.5", default=None, above=0.0, words="axial stiffness"
+        "N/m^1.5", default=None, above=0.0, label="axial stiffness"
     )
     """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one.
 
@@ -73,7 +73,7 @@ class RevoluteClearance(RoundClearance):
     """No end walls."""
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
-    wear_rate: float | None = quantity("m^3/(N*m)", default=None, above=0.0, words="wear rate")
+    wear_rate: float | None = quantity("m^3/(N*m)", default=None, above=0.0, label="wear rate")
     """Specific wear rate of the bearing K/H [m^3/(N m)]; None: wear is not reckoned (`wear`)."""
     worn: Sequence[float] | Sequence[Sequence[float]] | None = quantity("m", default=None)
     """How deep the bore is worn at equal azimuths from the bearing's x axis [m].
@@ -131,7 +131,7 @@ class RevoluteClearance(RoundClearance):
     def _warmed_lengths(self, journal: float, bearing: float) -> dict[str, Any]:
         length, between = self.lj * journal, self.li * bearing
         if self.walls:
-            self._require_room("axial clearance", self.ca, 0.5 * (between - length))
+            self._require_clearance("axial clearance", self.ca, 0.5 * (between - length))
             return {"bearing_length": between, "journal_length": length, "axial_clearance": None}
         # As long as each other, where nothing limits the journal along the axis.
         return {"bearing_length": between, "journal_length": min(length, between)}

@@ -523,7 +523,7 @@ class _Case:
             away = np.abs(self.values("journal_centre")[:, j]).max(axis=0)
             went = max(float(np.hypot(away[0], away[1])), float(away[2]))
             far = went + float(tilt) * clearance.outline.size[0]
-            pairs = [(0.35 * size, clearance.radial_room), (0.5 * size, far)]
+            pairs = [(0.35 * size, clearance.radial_travel), (0.5 * size, far)]
         else:
             outline = clearance.outline
             pairs = [(1.1 * a, b) for a, b in zip(outline.size, outline.room, strict=True)]

@@ -84,7 +84,7 @@ def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     circle = np.array([np.cos(angle), np.sin(angle)])
     if rolls(result, joint):
-        room = result.simulation.mechanism.clearance[joint].radial_room
+        room = result.simulation.mechanism.clearance[joint].radial_travel
         return room * circle if room > 0.0 else None
     if given.get("radial_clearance") is not None:
         return float(given["radial_clearance"]) * circle

@@ -43,7 +43,7 @@ class ControllerDescription(LoadFunctionDescription):
 
     joints: tuple[str, ...]
     """Joints whose torques it sets."""
-    period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
+    period: float | None = quantity("s", default=None, above=0.0, label="period of a controller")
     """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it measures: ``link``, ``motor``, or ``both``."""
@@ -85,7 +85,7 @@ class Controller(OfFunction, Load):
     """At module level of an importable file (files then name it as ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
-    period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
+    period: float | None = quantity("s", default=None, above=0.0, label="period of a controller")
     """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it measures: ``link``, ``motor``, or ``both``."""

@@ -53,18 +53,18 @@ class JointFriction(Described):
     Armstrong-Helouvry et al., Automatica 30 (1994) 1083-1138, for the Stribeck term.
     """
 
-    coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, words="Coulomb joint friction")
+    coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, label="Coulomb joint friction")
     """Dry friction [N m, or N for prismatic joints]."""
     viscous: float = quantity(
-        "N*m*s/rad", "N*s/m", default=0.0, least=0.0, words="viscous joint friction"
+        "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="viscous joint friction"
     )
     """Viscous friction [N m s/rad, or N s/m for prismatic joints]."""
     static: float | None = quantity(
-        "N*m", "N", default=None, least=0.0, words="static joint friction"
+        "N*m", "N", default=None, least=0.0, label="static joint friction"
     )
     """Friction at breakaway [N m or N]; None: equal to the dry friction."""
     stribeck_speed: float = quantity(
-        "rad/s", "m/s", default=0.01, above=0.0, words="Stribeck speed"
+        "rad/s", "m/s", default=0.01, above=0.0, label="Stribeck speed"
     )
     """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
 
@@ -122,7 +122,7 @@ class ComputedTorque(Drive):
 
     bandwidth: float = quantity("rad/s", default=100.0, above=0.0)
     """Closed-loop natural frequency of each axis [rad/s]."""
-    damping_ratio: float = quantity("", default=1.0, least=0.0, words="damping ratio")
+    damping_ratio: float = quantity("", default=1.0, least=0.0, label="damping ratio")
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
 
@@ -156,9 +156,9 @@ class Torque(Drive):
     kind: ClassVar[str] = "torque"
     follows: ClassVar[bool] = False
 
-    times: tuple[float, ...] = quantity("s", words="torque times")
+    times: tuple[float, ...] = quantity("s", label="torque times")
     """Increasing [s]."""
-    values: tuple[float, ...] = quantity("N*m", "N", words="torque values")
+    values: tuple[float, ...] = quantity("N*m", "N", label="torque values")
     """[N m, or N for prismatic joints]."""
 
     def __post_init__(self) -> None:
@@ -197,27 +197,27 @@ class Servo(Drive):
     """Name of a servo whose numbers are taken where none are given here."""
     voltage: float = quantity("V", above=0.0)
     """Of the supply, the largest on the motor [V]."""
-    p_gain: float = quantity("V/rad", above=0.0, words="P gain")
+    p_gain: float = quantity("V/rad", above=0.0, label="P gain")
     """Voltage per error of position beyond the dead band [V/rad]."""
-    d_gain: float = quantity("V*s/rad", default=0.0, least=0.0, words="D gain")
+    d_gain: float = quantity("V*s/rad", default=0.0, least=0.0, label="D gain")
     """Voltage per error of speed [V s/rad]; the speed is not quantised."""
-    torque_constant: float = quantity("N*m/A", default=None, above=0.0, words="torque constant")
+    torque_constant: float = quantity("N*m/A", default=None, above=0.0, label="torque constant")
     """Torque per current, referred to the joint [N m/A]; V s/rad of back-EMF as well."""
     resistance: float = quantity("ohm", default=None, above=0.0)
     """Of the winding [ohm]."""
-    friction: float = quantity("N*m", default=None, least=0.0, words="friction of a servo")
+    friction: float = quantity("N*m", default=None, least=0.0, label="friction of a servo")
     """Dry friction of the motor, referred to the joint [N m]; 0 if not given."""
-    viscous: float = quantity("N*m*s/rad", default=None, least=0.0, words="viscous friction")
+    viscous: float = quantity("N*m*s/rad", default=None, least=0.0, label="viscous friction")
     """Viscous friction of the motor, referred to the joint [N m s/rad]; 0 if not given."""
-    dead_band: float = quantity("rad", default=0.0, least=0.0, words="dead band")
+    dead_band: float = quantity("rad", default=0.0, least=0.0, label="dead band")
     """Error of position up to which no voltage answers [rad]."""
-    dead_band_counts: float = quantity("", default=0.0, least=0.0, words="dead band in counts")
+    dead_band_counts: float = quantity("", default=0.0, least=0.0, label="dead band in counts")
     """The same in counts of the encoder."""
-    resolution: float = quantity("rad", default=0.0, least=0.0, words="resolution of the encoder")
+    resolution: float = quantity("rad", default=0.0, least=0.0, label="resolution of the encoder")
     """Angle of the joint in a count of the encoder [rad]; 0: it reads exactly."""
     encoder: str = choice("encoder", ENCODERS[::-1], default=ENCODERS[1])
     """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
-    period: float | None = quantity("s", default=None, above=0.0, words="period of a servo")
+    period: float | None = quantity("s", default=None, above=0.0, label="period of a servo")
     """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
 
     def __post_init__(self) -> None:

@@ -44,11 +44,11 @@ class LoadedFriction(OnJoint):
     kind: ClassVar[str] = "loaded-friction"
     stores: ClassVar[bool] = True  # its answer at rest is zero
 
-    coefficient: float = quantity("", least=0.0, words="coefficient of friction")
+    coefficient: float = quantity("", least=0.0, label="coefficient of friction")
     """Of friction."""
-    radius: float = quantity("m", default=0.0, least=0.0, words="bearing radius")
+    radius: float = quantity("m", default=0.0, least=0.0, label="bearing radius")
     """Of the bearing [m]."""
-    axial_radius: float = quantity("m", default=0.0, least=0.0, words="axial radius")
+    axial_radius: float = quantity("m", default=0.0, least=0.0, label="axial radius")
     """Mean radius of the face that takes the force along the axis [m]."""
 
     def site(self, mechanism: Mechanism) -> Site:

@@ -78,7 +78,7 @@ class _Between(OnFrame):
     """Link or frame at its other end; ``world`` is the ground."""
     other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
-    damping: float = quantity("N*s/m", default=0.0, least=0.0, words="spring damping")
+    damping: float = quantity("N*s/m", default=0.0, least=0.0, label="spring damping")
     """[N s/m]."""
 
     def site(self, mechanism: Mechanism) -> Site:
@@ -108,9 +108,9 @@ class Spring(_Between):
 
     kind: ClassVar[str] = "spring"
 
-    stiffness: float = quantity("N/m", above=0.0, words="spring stiffness")
+    stiffness: float = quantity("N/m", above=0.0, label="spring stiffness")
     """[N/m]."""
-    free_length: float = quantity("m", least=0.0, words="free length")
+    free_length: float = quantity("m", least=0.0, label="free length")
     """Length at which it does not pull [m]."""
 
     def law(self) -> Callable[..., None]:
@@ -137,9 +137,9 @@ class CurveSpring(_Between):
 
     kind: ClassVar[str] = "curve-spring"
 
-    lengths: tuple[float, ...] = quantity("m", words="spring lengths")
+    lengths: tuple[float, ...] = quantity("m", label="spring lengths")
     """Increasing [m]."""
-    forces: tuple[float, ...] = quantity("N", words="spring forces")
+    forces: tuple[float, ...] = quantity("N", label="spring forces")
     """Force at each length [N]."""
 
     def __post_init__(self) -> None:
@@ -231,9 +231,9 @@ class Stop(_AtJoint):
 
     kind: ClassVar[str] = "stop"
 
-    lower: float | None = quantity("rad", "m", default=None, words="lower stop")
+    lower: float | None = quantity("rad", "m", default=None, label="lower stop")
     """Where the lower one begins; the URDF's limit if not given [rad or m]."""
-    upper: float | None = quantity("rad", "m", default=None, words="upper stop")
+    upper: float | None = quantity("rad", "m", default=None, label="upper stop")
     """The upper one."""
 
     def __post_init__(self) -> None:

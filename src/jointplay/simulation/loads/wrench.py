@@ -125,7 +125,7 @@ class WrenchOverTime(_InAxes):
 
     kind: ClassVar[str] = "wrench-over-time"
 
-    times: tuple[float, ...] = quantity("s", words="wrench times")
+    times: tuple[float, ...] = quantity("s", label="wrench times")
     """Increasing [s]."""
     forces: tuple[Vector, ...] = quantity("N", default=())
     """Force at each time [N]; none if not given."""
