@@ -52,7 +52,7 @@ class Film:
 def bearing(*rooms, film=None, kinds=("rim", "rim")):
     return SimpleNamespace(
         contacts=("A", "B"),
-        rooms=rooms,
+        contact_clearances=rooms,
         normal=Law(),
         film=film,
         resultant=None,

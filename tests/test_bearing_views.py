@@ -150,7 +150,7 @@ def test_the_page_has_what_elements_do(mixed):
         elements = found[name]["elements"]
         assert elements["rollers"] == (name == "rollers")
         loads = unpack(block, elements["loads"])
-        assert loads.shape[1] == len(bearing.rooms_of_rows) * bearing.count
+        assert loads.shape[1] == len(bearing.row_places) * bearing.count
         expected = analysis.element_loads(mixed, name).values
         moments = np.searchsorted(mixed.time, unpack(block, entry["time"])[:, 0] - 1e-7)
         assert loads == pytest.approx(expected[moments], abs=1.1 * elements["loads"]["quantum"])

@@ -182,7 +182,7 @@ def test_journal_begins_where_it_was_put(file):
 def test_ideal_slider_crank_gives_one_point_and_the_closed_form():
     simulation = crank(joints={"piston_pin": {"ideal": True}}, integration={"integrator": "rk4"})
     turning = steady_motion.Turning.of(simulation, 1, 3, records=400)
-    kept = turning.kept(turning.run(), ["guide.acceleration", "guide.position"])
+    kept = turning.observed(turning.run(), ["guide.acceleration", "guide.position"])
     assert repeats_after(once_per_turn(kept[:-1], 400), 1e-3 * np.ptp(kept[:, 0])) == 1
     angle = 2.0 * np.pi * np.arange(len(kept)) / 400
     exact = 0.05 * np.cos(angle) + np.sqrt(0.12**2 - (0.05 * np.sin(angle)) ** 2)

@@ -464,7 +464,7 @@ def test_a_full_disk_at_any_write_of_the_arrays_loses_nothing(stop, here, tmp_pa
         SCENARIO.format(axes=axes, options='histories = ["tool_position"]', duration="1 ms")
     )
     reference = jp.sweep(path, tmp_path / "whole").load()
-    count, put = 0, sealed.put
+    count, write_whole = 0, sealed.write_whole
     with monkeypatch.context() as patched:
         patched.setattr(store_module, "FLUSH_S", 0.0)  # after each case
 
@@ -473,9 +473,9 @@ def test_a_full_disk_at_any_write_of_the_arrays_loses_nothing(stop, here, tmp_pa
             count += 1
             if count > 8 * stop:
                 raise OSError(28, "No space left on device")
-            put(path, content)
+            write_whole(path, content)
 
-        patched.setattr(sealed, "put", full)
+        patched.setattr(sealed, "write_whole", full)
         with pytest.raises(JointplayError, match="No space left on device"):
             jp.sweep(path, tmp_path / "s")
     ran = len(here.ran)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import jointplay as jp
 from jointplay.study import plan_of, sweeps
 from jointplay.study.axes import DISTRIBUTIONS, GROWING, METHODS, points, read
-from jointplay.study.keys import path_of, put, units_of
+from jointplay.study.keys import path_of, set_key, units_of
 
 MU = "joints.joint_b.friction.mu_d"
 CR = "joints.joint_b.radial_clearance"
@@ -92,16 +92,16 @@ def test_samples_are_a_dimension_whatever_their_number_of_distributions(planned)
 def test_elements_of_lists_are_counted_from_one():
     assert path_of("payloads[2].mass") == ("payloads", 1, "mass")
     changes = {}
-    put(changes, {"payloads": [{"mass": 1}, {"mass": 2}]}, ("payloads", 1, "mass"), 5)
+    set_key(changes, {"payloads": [{"mass": 1}, {"mass": 2}]}, ("payloads", 1, "mass"), 5)
     assert changes == {"payloads": [{"mass": 1}, {"mass": 5}]}
     with pytest.raises(jp.JointplayError, match="has 1 of them"):
-        put({}, {"payloads": [{"mass": 1}]}, ("payloads", 1, "mass"), 5)
+        set_key({}, {"payloads": [{"mass": 1}]}, ("payloads", 1, "mass"), 5)
 
 
 def test_a_key_of_a_law_that_is_a_word_keeps_the_law():
     changes = {}
     base = {"joints": {"b": {"friction": "ambrosio"}}}
-    put(changes, base, ("joints", "b", "friction", "mu_d"), 0.2)
+    set_key(changes, base, ("joints", "b", "friction", "mu_d"), 0.2)
     assert changes == {"joints": {"b": {"friction": {"law": "ambrosio", "mu_d": 0.2}}}}
 
 

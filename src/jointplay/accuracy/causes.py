@@ -150,7 +150,7 @@ class Compliance(Cause):
             gear, load = joint.mechanism.gears.get(joint.name), joint.load[:, along]
             if own.elasticity is not None:
                 shift += own.elasticity.displacements(carried)
-                told[own.elasticity.words] = "given"
+                told[own.elasticity.summary] = "given"
             elif bearing is None:
                 stiffness = joint.size("tilt_stiffness", told, "{:g} N m/rad in tilt")
                 shift[:, 3:5] += carried[:, 3:5] / stiffness

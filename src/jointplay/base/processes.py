@@ -138,7 +138,7 @@ class Pool(Generic[Item, Value]):
             is an error.
         small: items are so small that one can wait with each process.
         early: whether a process that is told to stop ends its work early and saves it.
-        kept: what is left of the work if a process is killed, in words.
+        recovery: what is left of the work if a process is killed, in words.
         name: of the items, with which errors say of which they are.
     """
 
@@ -151,10 +151,10 @@ class Pool(Generic[Item, Value]):
         lost: Callable[[Item], Value] | None = None,
         small: bool = False,
         early: bool = False,
-        kept: str = "nothing was kept",
+        recovery: str = "nothing was kept",
         name: str = "",
     ) -> None:
-        self._kept, self._name, self._early = kept, name, early
+        self._recovery, self._name, self._early = recovery, name, early
         setup = partial(begin, True) if early else begin
         told = progress.current() is not None
         self._target = partial(_serve, work, setup, told, () if _FORKS else imported_modules())
@@ -255,7 +255,7 @@ class Pool(Generic[Item, Value]):
         self._deaths[key] += 1
         self._again.extend(queue)
         if self._lost is None:
-            text = f"a process was ended from outside (too little memory?); {self._kept}"
+            text = f"a process was ended from outside (too little memory?); {self._recovery}"
             raise with_item(JointplayError(text), self._name, key)
         if self._done == 0 and len(self._deaths) > 2 * self._number:
             raise JointplayError("the worker processes end before they have done any work")

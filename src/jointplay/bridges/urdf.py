@@ -98,8 +98,8 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
     joint = mechanism.clearance[name]
     if max(joint.play(second_order=False).reach) == 0.0:
         raise JointplayError(
-            f"joint {name!r} has no play ({joint.words}), and a URDF cannot say how it gives way: "
-            "leave it out, or give it a bearing with clearance"
+            f"joint {name!r} has no play ({joint.summary}), and a URDF cannot say how it gives "
+            "way: leave it out, or give it a bearing with clearance"
         )
     entry = mechanism.description.joints[name]
     child = mechanism.model.getFrameId(entry.child, pin.FrameType.BODY)

@@ -535,13 +535,13 @@ class Mechanism(Overview, Described):
         hinges = self.hinges
         for name, its in hinges.items():
             one = self.clearance[its[0]]
-            facts[f"link {name}"] = f"flexible, {len(its)} hinges, each {one.words}"
+            facts[f"link {name}"] = f"flexible, {len(its)} hinges, each {one.summary}"
         in_links = {name for its in hinges.values() for name in its}
         for name, joint in self.clearance.items():
             if name in in_links:
                 continue
             play = f"{joint.kind} with clearance, play {joint.play_words}"
-            facts[f"joint {name}"] = play if joint.springs is None else joint.words
+            facts[f"joint {name}"] = play if joint.springs is None else joint.summary
         for name, loop in self.loops.items():
             kind = self.loop_class(name).kind
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"

@@ -87,7 +87,7 @@ class Ensembles:
         Yields what `wait` waits for.
         """
         pool: Pool[Callable[[], Any], Any]
-        pool = Pool(call, self.jobs, kept="the tables have the runs so far")
+        pool = Pool(call, self.jobs, recovery="the tables have the runs so far")
         with ThreadPoolExecutor(1) as thread, closing(pool):
             yield thread.submit(self._collect, pool)
 

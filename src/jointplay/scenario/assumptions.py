@@ -80,7 +80,7 @@ def standing(
     if play and mechanism.clearance:
         parts: dict[str, list[str]] = {}
         for name, joint in mechanism.clearance.items():
-            parts.setdefault(joint.words, []).append(name)
+            parts.setdefault(joint.summary, []).append(name)
         alike = [f"{', '.join(names)} ({words})" for words, names in parts.items()]
         lines.append(f"play: {'; '.join(alike)}")
     lines += [*scenario.notes, *scenario.assumptions]
@@ -129,7 +129,7 @@ def _joints(mechanism: Mechanism, given: Mapping[str, Any]) -> list[str]:
 
 def _parts(joint: Clearance, given: Mapping[str, Any]) -> list[str]:
     if not isinstance(joint, SlidingClearance):
-        return [joint.words]
+        return [joint.summary]
     parts = []
     said = set(given)
     for name, field in fields_of(type(joint)).items():

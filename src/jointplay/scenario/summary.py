@@ -74,7 +74,7 @@ def _facts(run: Run) -> dict[str, str]:
         steps = contact_duration(mechanism, name, run.workspace.q) / step
         words = f"{joint.kind}: {_fields(joint)}"
         if isinstance(joint, RollingBearing):
-            words = f"{joint.words}: {_fields(joint, zeros=False)}"
+            words = f"{joint.summary}: {_fields(joint, zeros=False)}"
             guessed = "; ".join(
                 f"{field.replace('_', ' ')} {text}" for field, text in joint.estimates.items()
             )

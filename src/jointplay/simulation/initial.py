@@ -81,7 +81,7 @@ class InitialState:
         pin.forwardKinematics(mechanism.model, mechanism.data, self.q)  # for `journal_pose`
         for name, joint in mechanism.clearance.items():
             push = PERTURBATION * random.uniform(-1.0, 1.0, 3)
-            rooms = np.array([joint.room_to_start.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
+            rooms = np.array([joint.start_travels.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
             if name in mechanism.loops:
                 lies = mechanism.journal_pose(name).translation.copy() if at_rest else np.zeros(3)
                 free = mechanism.relative_jacobian(name, self.q)[:3].any(axis=1)
@@ -92,7 +92,7 @@ class InitialState:
                 if part in joint.freedoms:
                     i = mechanism.coordinates.index(Coordinate(name, part))
                     shift = target - self.q[i] if at_rest and i not in self.given else target
-                    limits = joint.room_to_start.get(part, 0.0) > 0.0
+                    limits = joint.start_travels.get(part, 0.0) > 0.0
                     if limits:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
             if at_rest:

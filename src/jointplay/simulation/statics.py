@@ -399,7 +399,7 @@ def limited_freedoms(joint: Clearance) -> list[str]:
     freedoms = []
     for axis, part in enumerate(VIRTUAL_LINK[:3]):
         centre = _ANGLE * np.eye(3)[axis]
-        held = joint.resultant is not None or joint.room_to_start.get(part, 0.0) > 0.0
+        held = joint.resultant is not None or joint.start_travels.get(part, 0.0) > 0.0
         if part in joint.freedoms and held:
             _, follows = joint.ideal_part(np.eye(3), centre)
             freedoms += [part] if abs(follows[axis]) < 0.5 * _ANGLE else []

@@ -247,7 +247,7 @@ class Lines(Memory[Arrays]):
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
         super().__init__()
-        self.kept = f"the runs so far are in {str(path)!r}; the same command continues"
+        self.recovery = f"the runs so far are in {str(path)!r}; the same command continues"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             there = path.read_bytes() if path.exists() else b""

@@ -129,7 +129,7 @@ def is_whole(path: Key) -> bool:
     return any(kind.hint is int for kind in kinds(path))
 
 
-def put(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: Any) -> None:
+def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: Any) -> None:
     """Set `path` to `value` in `changes`, which are to be merged onto the tables `base`.
 
     Raises:

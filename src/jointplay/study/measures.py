@@ -66,7 +66,7 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
     }
 
 
-def about(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
+def unit_and_meaning(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
     """Unit and meaning of a measure; None if it is a user's own."""
     if name.startswith(NUMERICAL_ERROR):
         figure = name.removeprefix(NUMERICAL_ERROR).replace("_", " ")

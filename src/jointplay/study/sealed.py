@@ -332,7 +332,7 @@ class Contents:
             return
         plain = _TEXTS.encode(block) if array.dtype == "string" else block.tobytes()
         content, key = _PACKED.encode(plain), f"{name}/c/{place}"
-        put(self.folder / key, content + _SKIPPED + seal(self.store, key, content))
+        write_whole(self.folder / key, content + _SKIPPED + seal(self.store, key, content))
         self.chunks.setdefault(name, set()).add(place)
 
     def delete(self, name: str, chunk: str) -> None:
@@ -478,7 +478,7 @@ def pieces(
         yield chunk, place, tuple(slice(low - begin, high - begin) for low, high, _, begin in ends)
 
 
-def put(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes) -> None:
     """Write a file of a store whole or not at all; on disk it is after `os.sync`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + PARTIAL)

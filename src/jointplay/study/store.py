@@ -107,7 +107,7 @@ class SweepStore:
         """Attributes of the store: of which study it is."""
         mine = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
         own = {"jointplay_sweep": sealed.FORMAT, "store": store, "versions": versions()}
-        return {**self.plan.about, **mine, **own}
+        return {**self.plan.attributes, **mine, **own}
 
     def _make(self) -> None:
         """Begin a new store; what there was in the folder was of an older one."""
@@ -306,7 +306,7 @@ class SweepStore:
         for folder, array in self.contents.arrays.items():
             name, content = f"{folder}/{METADATA}", sealed.encoded(array.metadata)
             if self._written.get(name) != content:
-                sealed.put(self.path / name, content)
+                sealed.write_whole(self.path / name, content)
                 self._written[name] = content
 
     # ---- Cases ----------------------------------------------------------------------------------
@@ -344,7 +344,7 @@ class SweepStore:
                 )
             known += own[shared:]
 
-    kept = "--resume continues"
+    recovery = "--resume continues"
 
     def __contains__(self, index: Any) -> bool:
         return bool(self.state[index])

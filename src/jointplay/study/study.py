@@ -30,7 +30,7 @@ class Store(Protocol[Taken]):
     """Keeps what was found, by the keys of cases."""
 
     @property
-    def kept(self) -> str:
+    def recovery(self) -> str:
         """What is left if a process is killed, in words."""
 
     def __contains__(self, key: Any) -> bool:
@@ -43,7 +43,7 @@ class Store(Protocol[Taken]):
 class Memory(dict[Any, Value]):
     """A store that ends with the process."""
 
-    kept = "nothing was kept"
+    recovery = "nothing was kept"
 
     def keep(self, key: Any, value: Value) -> None:
         self[key] = value
@@ -151,7 +151,8 @@ class Study(Generic[Item, Value]):
         from jointplay.physics import kernel
 
         kernel.compiled()  # once, for all of them
-        return Pool(self.measure, number, early=self._early, kept=self.store.kept, name=self.name)
+        left = self.store.recovery
+        return Pool(self.measure, number, early=self._early, recovery=left, name=self.name)
 
 
 @dataclass(frozen=True)
@@ -160,18 +161,18 @@ class Measure(Generic[Value]):
 
     of: Callable[[Result], Value]
     """A function of a module, which other processes find."""
-    words: str = "a run"
+    label: str = "a run"
     """What a simulation is called where it fails."""
     check_step: bool = False
     """Whether each run checks its step by a second one, as `Run.finish` does."""
 
     def __call__(self, simulation: Simulation) -> Value:
         seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
-        return self.of(run_to_the_end(simulation, f"{self.words}{seed}", self.check_step))
+        return self.of(run_to_the_end(simulation, f"{self.label}{seed}", self.check_step))
 
 
-def run_to_the_end(simulation: Simulation, words: str, check_step: bool = False) -> Result:
-    """Simulate; what stops a run, which is called `words`, is said in the error, not in a warning.
+def run_to_the_end(simulation: Simulation, label: str, check_step: bool = False) -> Result:
+    """Simulate; what stops a run, which is called `label`, is said in the error, not in a warning.
 
     Raises:
         KeyboardInterrupt: it was interrupted.
@@ -180,4 +181,4 @@ def run_to_the_end(simulation: Simulation, words: str, check_step: bool = False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         result = simulation.run(check_step=check_step, estimate=False)
-    return result.completed(words)
+    return result.completed(label)

@@ -25,7 +25,7 @@ from jointplay.scenario.reading import merge
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
 from jointplay.study.journal import Index
-from jointplay.study.keys import put
+from jointplay.study.keys import set_key
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Dimensions of samples of distributions, and of repeated runs."""
@@ -94,7 +94,7 @@ class SweepPlan:
         return math.prod(self.shape)
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """The dimensions in words: ``clearance 5 x repeat 4 = 20 cases``."""
         parts = " x ".join(f"{name} {size}" for name, size in self.sizes.items())
         return f"{parts} = {self.count} cases"
@@ -108,14 +108,14 @@ class SweepPlan:
         changes: dict[str, Any] = {}
         at = dict(zip(self.sizes, index, strict=True))
         for axis in self.axes:
-            changes = self.taken(axis, axis.values[at[axis.name]], changes)
+            changes = self.with_value(axis, axis.values[at[axis.name]], changes)
         for k, axis in enumerate(self.drawn):
-            changes = self.taken(axis, float(self.drawn_values[at[SAMPLE], k]), changes)
+            changes = self.with_value(axis, float(self.drawn_values[at[SAMPLE], k]), changes)
         if self.repeats > 1:
-            put(changes, self.base, ("integration", "seed"), self.seed + at[REPEAT])
+            set_key(changes, self.base, ("integration", "seed"), self.seed + at[REPEAT])
         return changes
 
-    def taken(
+    def with_value(
         self, axis: Axis, value: Any, changes: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Changes with a value of an axis besides."""
@@ -123,7 +123,7 @@ class SweepPlan:
         if not axis.keys:
             return merge(taken, value)
         for key in axis.keys:
-            put(taken, self.base, key, value)
+            set_key(taken, self.base, key, value)
         return taken
 
     def values(self, index: Index) -> dict[str, Any]:
@@ -168,7 +168,7 @@ class SweepPlan:
         return found
 
     @property
-    def about(self) -> dict[str, Any]:
+    def attributes(self) -> dict[str, Any]:
         """Attributes of the store, for its readers."""
         return {
             "case": self.case,
@@ -182,9 +182,9 @@ class SweepPlan:
         }
 
     def meaning(self, measure: str) -> tuple[str, str, str]:
-        from jointplay.study.measures import USER, about
+        from jointplay.study.measures import USER, unit_and_meaning
 
-        known = about(measure, self.joints)
+        known = unit_and_meaning(measure, self.joints)
         return (*known, "") if known else ("", measure.replace("_", " "), USER)
 
     def grown(self, identity: Mapping[str, str], sizes: Sequence[str]) -> set[str]:
@@ -398,7 +398,7 @@ def _check(made: SweepPlan) -> None:
         if (most := made.until.most) < made.samples:
             raise JointplayError(f"until stops at {most} samples, but samples is {made.samples}")
     if made.count > MOST_CASES:
-        raise JointplayError(f"{made.words}; at most {MOST_CASES} are possible")
+        raise JointplayError(f"{made.summary}; at most {MOST_CASES} are possible")
     if made.drawn:
         _ = made.points
     for name in made.measures:

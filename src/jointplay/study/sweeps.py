@@ -164,7 +164,7 @@ def run_plan(
     first = probe(made, progress)
     if made.count > MANY and not yes:
         guess = cost_of(made, first, number)
-        raise JointplayError(f"{made.words}: {guess}; use --yes to run it anyway")
+        raise JointplayError(f"{made.summary}: {guess}; use --yes to run it anyway")
     _ = made.identity  # reads the files, and says what is missing
     made = _largest_so_far(made, Path(path)) if resume or extend else made
     with ExitStack() as stack:
@@ -314,7 +314,10 @@ def _check_values(made: SweepPlan, bench: Bench, progress: bool) -> None:
 def _refusal(made: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
     """Why neither the scenario nor any of a few cases can take a value; None if one can."""
     place = list(made.sizes).index(SAMPLE if axis.sampled else axis.name)
-    others = (made.taken(axis, value), *(made.changes(one) for one in _some(made, {place: number})))
+    others = (
+        made.with_value(axis, value),
+        *(made.changes(one) for one in _some(made, {place: number})),
+    )
     reason = None
     for changes in others:
         try:

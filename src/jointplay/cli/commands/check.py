@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     if scenario.sweep:
         from jointplay.study import plan_of
 
-        lines.append(f"sweep: {plan_of(scenario).words}")
+        lines.append(f"sweep: {plan_of(scenario).summary}")
     if place is not None:
         lines.append(_draw(*place, scenario.title, runs))
     print("\n".join(lines))

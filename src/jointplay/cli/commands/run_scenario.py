@@ -181,7 +181,7 @@ class _Summaries:
         self._ideal = {case for case, one in simulations.items() if not _gives(one)}
 
         kept_in = next(iter(items.values())).path.parent
-        self.kept = f"completed results are in {str(kept_in)!r}"
+        self.recovery = f"completed results are in {str(kept_in)!r}"
 
     def __contains__(self, case: object) -> bool:
         return case in self.results

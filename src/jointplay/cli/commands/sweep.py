@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.study.sweep_table import table
 
     made = plan_of(options.file)
-    words = f"{made.scenario.path}: {made.words}"
+    words = f"{made.scenario.path}: {made.summary}"
     run_plan(
         made,
         options.out,

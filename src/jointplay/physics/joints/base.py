@@ -305,12 +305,12 @@ class Clearance(Described, ABC):
         return self.springs is None
 
     @property
-    def rooms(self) -> tuple[float, ...]:
+    def contact_clearances(self) -> tuple[float, ...]:
         """Clearance that belongs to each contact [m]."""
         return (self.radial_travel,) * len(self.contacts)
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """Kind and clearance, for a line of text."""
         return f"{self.kind}, {readable(self.radial_travel, 'm')}"
 
@@ -341,7 +341,7 @@ class Clearance(Described, ABC):
         return 0.1 * min(self.outline.size[:2])
 
     @property
-    def room_to_start(self) -> dict[str, float]:
+    def start_travels(self) -> dict[str, float]:
         """How far the journal's centre can be from the bearing's, by translation [m]."""
         rooms = zip(VIRTUAL_LINK[:3], self.outline.room, strict=True)
         return {part: room for part, room in rooms if part in self.freedoms}
@@ -394,7 +394,7 @@ class Clearance(Described, ABC):
         if form == "ball":
             return bool(np.linalg.norm(offset) <= self.radial_travel)
         x, y, z = np.abs(offset)
-        wide, high, along = (max(self.room_to_start.get(part, 0.0), least) for part in "xyz")
+        wide, high, along = (max(self.start_travels.get(part, 0.0), least) for part in "xyz")
         if form == "block":
             return bool(x + lean <= wide and y + lean <= high)
         return bool(np.hypot(x, y) + lean <= wide and (self.slides() or z + lean <= along))

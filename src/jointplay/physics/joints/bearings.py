@@ -244,7 +244,7 @@ class RollingBearing(WholeLawJoint):
 
     @property
     @abstractmethod
-    def rooms_of_rows(self) -> tuple[tuple[float, float], ...]:
+    def row_places(self) -> tuple[tuple[float, float], ...]:
         """Place h along the axis and y_0 of each row [m]; see `contact.rolling`."""
 
     def __post_init__(self) -> None:
@@ -277,7 +277,7 @@ class RollingBearing(WholeLawJoint):
         if self.count * self.d_element > math.pi * self.d_pitch:
             refuse("elements", f"{self.count} {element} on a pitch circle of {pitch}")
         self.bought_clearance  # noqa: B018 - classes that the bore does not have are refused
-        self.rooms_of_rows  # noqa: B018
+        self.row_places  # noqa: B018
 
     # Dimensions: given, of the catalogue, or estimated.
 
@@ -481,7 +481,7 @@ class RollingBearing(WholeLawJoint):
         """M_0 [N m]."""
         if self.drag_torque is not None:
             return self.drag_torque
-        return len(self.rooms_of_rows) * 1e-3 * MEAN_DRAG * (1e3 * self.d_pitch) ** 3
+        return len(self.row_places) * 1e-3 * MEAN_DRAG * (1e3 * self.d_pitch) ** 3
 
     @property
     def friction_lever(self) -> float:
@@ -506,7 +506,7 @@ class RollingBearing(WholeLawJoint):
             rollers=self.roller_elements,
             count=self.count,
             stiffness=self.stiffness_of_element,
-            rows=self.rooms_of_rows,
+            rows=self.row_places,
             drag=self.drag,
             friction=self.friction_lever,
             damping=self.damping_time,
@@ -621,7 +621,7 @@ class RollingBearing(WholeLawJoint):
         across = c * centre[..., 0, None] + s * centre[..., 1, None]
         rise, steep = centre[..., 2, None], axis[..., 2, None] - 1.0
         loads, angles = [], []
-        for h, y in self.rooms_of_rows:
+        for h, y in self.row_places:
             if self.roller_elements:
                 way = np.where(np.arange(self.count) % 2 == 0, 1.0, -1.0)
                 delta = across - d["reach"] + way * (y + rise - d["radius"] * lie)
@@ -698,7 +698,7 @@ class RollingBearing(WholeLawJoint):
 
         `outer_turns`: see `life`.
         """
-        loads = np.asarray(loads, float).reshape(-1, len(self.rooms_of_rows), self.count)
+        loads = np.asarray(loads, float).reshape(-1, len(self.row_places), self.count)
         shares, factor, mean, life, slope = self._life
         inner, outer = (
             self.ratings()[0] * share * (1.0 + factor**power) ** (1.0 / life)
@@ -770,7 +770,7 @@ class RollingBearing(WholeLawJoint):
     @property
     def span(self) -> float:
         """Distance of the rows' centres [m]."""
-        places = [h for h, _ in self.rooms_of_rows]
+        places = [h for h, _ in self.row_places]
         return max(places) - min(places)
 
     @property
@@ -796,7 +796,7 @@ class RollingBearing(WholeLawJoint):
         d, up = self._numbers, abs(float(offset[2])) + 0.0
         if self.roller_elements:
             return bool(across + up + d["radius"] * steep <= max(self.cr, 0.0) + least)
-        for h, y in self.rooms_of_rows:
+        for h, y in self.row_places:
             x = d["reach"] + across + abs(h) * steep
             high = abs(y) + up + d["radius"] * steep
             if x * x + high * high > (d["distance"] + least) ** 2:
@@ -808,7 +808,7 @@ class RollingBearing(WholeLawJoint):
         c, s, zero = np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
         angles = [math.pi / 4.0, -math.pi / 4.0] if self.roller_elements else []
         d, parts = self._numbers, []
-        for h, y in self.rooms_of_rows:
+        for h, y in self.row_places:
             slopes = angles or [math.atan2(y, d["reach"])] if y else angles or self._play_angles
             for angle in slopes:
                 across, up = math.cos(angle), math.sin(angle)
@@ -831,7 +831,7 @@ class RollingBearing(WholeLawJoint):
     def _free_set(self) -> ElementPlay:
         d = self._numbers
         return ElementPlay(
-            rows=self.rooms_of_rows,
+            rows=self.row_places,
             count=self.count,
             cage=self.cage_angle,
             radius=d["radius"],
@@ -859,7 +859,7 @@ class RollingBearing(WholeLawJoint):
         return "none (preloaded)" if self.preloaded else f"{1e6 * self.radial_travel:.3g} µm"
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         name = self.designation or f"{1e3 * self.d_bore:g} x {1e3 * self.d_outside:g} mm"
         across, along, tilt = map(float, self._reach)
         if self.preloaded:
@@ -1082,7 +1082,7 @@ class BallBearing(RollingBearing):
         return 0.5 * self.d_pitch + more
 
     @cached_property
-    def rooms_of_rows(self) -> tuple[tuple[float, float], ...]:
+    def row_places(self) -> tuple[tuple[float, float], ...]:
         """Place h along the axis and y_0 of each row [m]."""
         a, clearance = self.distance, self.operating_clearance
         if clearance >= 0.5 * a:
@@ -1170,7 +1170,7 @@ class CrossedRollerBearing(RollingBearing):
     roller_elements: ClassVar[bool] = True
     section: ClassVar[str] = "crossed_roller"
     alpha: ClassVar[float] = math.pi / 4.0
-    rooms_of_rows: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 0.0),)
+    row_places: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 0.0),)
     _normal_class: ClassVar[str] = "C0"
     _filling: ClassVar[float] = ROLLER_FILLING
     _most: ClassVar[float] = 4.08

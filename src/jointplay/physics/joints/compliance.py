@@ -122,8 +122,8 @@ class _Held(WholeLawJoint):
         return self
 
     @property
-    def words(self) -> str:
-        return f"compliant, {self.elasticity.words}"
+    def summary(self) -> str:
+        return f"compliant, {self.elasticity.summary}"
 
     @property
     def play_words(self) -> str:
@@ -200,9 +200,9 @@ class CompliantMount(_Held):
         return tuple(one for one in VIRTUAL_LINK if one not in self.locked)
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         if not self.locked:
-            return super().words
+            return super().summary
         diagonal = np.diag(self.elasticity.stiffness)
         free = [RELATIVE.index(one) for one in self.freedoms]
         parts = [

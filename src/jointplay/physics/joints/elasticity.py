@@ -153,7 +153,7 @@ class Elasticity(Described):
         return resultant.spring_numbers(turn.T @ linear @ turn, [curves[int(k)] for k in at])
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """Stiffness, for a line of text."""
         x, _, z, tilt, _, turn = np.diag(self.stiffness)
         parts = [f"{1e-6 * x:.3g} N/µm across"]

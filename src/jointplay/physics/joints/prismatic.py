@@ -144,7 +144,7 @@ class PrismaticClearance(SlidingClearance):
         return tuple(name for name, *_ in self._places)
 
     @property
-    def rooms(self) -> tuple[float, ...]:
+    def contact_clearances(self) -> tuple[float, ...]:
         return tuple((self.clearance, self.cy)[wall] for _, _, wall, _ in self._places)
 
     @property

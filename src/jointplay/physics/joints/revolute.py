@@ -164,7 +164,7 @@ class RevoluteClearance(RoundClearance):
         return cls(lock_tilt=True, lock_axial=True, **fields)  # type: ignore[arg-type]
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         return (
             f"radial {readable(self.cr, 'm')}, axial {readable(self.ca, 'm')}, "
             f"bearing {2e3 * self.ri:g} x {1e3 * self.li:g} mm"
@@ -253,7 +253,7 @@ class RevoluteClearance(RoundClearance):
         return radial + (("axial_A", "axial_B") if self.walls else ())
 
     @property
-    def rooms(self) -> tuple[float, ...]:
+    def contact_clearances(self) -> tuple[float, ...]:
         return tuple(self.cr if name.startswith("radial") else self.ca for name in self.contacts)
 
     @property

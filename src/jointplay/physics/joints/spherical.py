@@ -53,7 +53,7 @@ class SphericalClearance(RoundClearance):
         return Outline("ball", (self.rj,) * 3, (self.cr,) * 3)
 
     @property
-    def room_to_start(self) -> dict[str, float]:
+    def start_travels(self) -> dict[str, float]:
         return dict.fromkeys(VIRTUAL_LINK[:3], self.cr / np.sqrt(3.0))
 
     @property

@@ -320,7 +320,7 @@ def _sunk(result: Result, name: str, joint: Clearance, judged: np.ndarray) -> fl
     gaps = result["gap_min"].sel(joint=name)
     parts = [
         -float(np.nanmin(gaps.sel(contact=contact).values[judged], initial=0.0)) / room
-        for contact, room in zip(joint.contacts, joint.rooms, strict=False)
+        for contact, room in zip(joint.contacts, joint.contact_clearances, strict=False)
     ]
     return max(parts, default=0.0)
 

@@ -501,7 +501,7 @@ class _Case:
             "bore": 0.5 * clearance.d_bore,
             "outside": 0.5 * clearance.d_outside,
             "width": clearance.row_width or 1.25 * clearance.d_element,
-            "rows": clearance.rooms_of_rows,
+            "rows": clearance.row_places,
             "reach": 0.0 if rollers else clearance.reach,
             "angle": math.pi / 4.0 if rollers else getattr(clearance, "alpha", 0.0),
             "groove": 0.5 if rollers else getattr(clearance, "inner_groove", 0.52),

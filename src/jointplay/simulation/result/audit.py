@@ -467,7 +467,7 @@ class Auditor:
         for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
             if joint.springs is not None:  # they give way, and nothing penetrates
                 continue
-            for gap, room in zip(gaps, joint.rooms, strict=False):
+            for gap, room in zip(gaps, joint.contact_clearances, strict=False):
                 depth = max(depth, -gap)
                 if joint.resultant is None:  # elements give way by more than they are free
                     relative = max(relative, -gap / room)

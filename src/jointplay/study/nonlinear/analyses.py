@@ -17,7 +17,7 @@ from jointplay.scenario.overrides import words
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, observables, poincare
 from jointplay.study.nonlinear.rows import Key, Observation, Varied, rows
-from jointplay.study.nonlinear.steady_motion import RECORDS, Turning, room, turn
+from jointplay.study.nonlinear.steady_motion import RECORDS, Turning, start_travel, turn
 
 TURNS = {
     "turns": (20, 2),
@@ -385,7 +385,7 @@ def _run_up(job: Analysis, rows: Rows, say: Say) -> Findings:
 def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
     """On which orbit the motion ends, over where a journal starts."""
     study = job.study
-    reach = np.array(room(study.simulation(), study.joint))
+    reach = np.array(start_travel(study.simulation(), study.joint))
     steps = (np.arange(job.grid) + 0.5) * 2.0 / job.grid - 1.0
     places = [(float(reach[0] * x), float(reach[1] * y)) for x in steps for y in steps
               if np.hypot(x, y) < 1.0]  # fmt: skip

@@ -129,7 +129,7 @@ class Observation:
 
     def _kept(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
         turning = self.turning(simulation)
-        return turning.kept(turning.run(place), self.names)[:-1]
+        return turning.observed(turning.run(place), self.names)[:-1]
 
     def section(self, key: Key) -> np.ndarray:
         """Quantities once a turn, turn by turn, shape (keep names,)."""
@@ -171,7 +171,7 @@ class Observation:
         turning = self.turning(self.simulation(*key))
         result = turning.run()
         ideal = ideal_simulation(result).run(check_step=False, estimate=False)
-        return np.concatenate([turning.kept(r, self.names).ravel() for r in (result, ideal)])
+        return np.concatenate([turning.observed(r, self.names).ravel() for r in (result, ideal)])
 
     def section_from(self, key: Key) -> np.ndarray:
         """As `section`, the journal put to (x, y) [m] at the start."""

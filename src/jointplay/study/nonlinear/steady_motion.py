@@ -129,7 +129,7 @@ class Turning:
             result = run.finish(check_step=False)
         return result.completed()
 
-    def kept(self, result: Result, names: Sequence[str]) -> np.ndarray:
+    def observed(self, result: Result, names: Sequence[str]) -> np.ndarray:
         """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
         columns = [observe(result, name) for name in names]
         return np.stack(columns, axis=1)[self.settle * self.records :]
@@ -174,7 +174,7 @@ def orders(values: np.ndarray, turns: int, highest: float) -> tuple[np.ndarray, 
     return at[at <= highest + 1e-9], amplitudes[at <= highest + 1e-9]
 
 
-def room(simulation: Simulation, joint: str) -> tuple[float, float]:
+def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
     """How far the journal of a joint can be put aside at the start along x and y [m].
 
     Raises:
@@ -183,7 +183,7 @@ def room(simulation: Simulation, joint: str) -> tuple[float, float]:
     clearance = simulation.mechanism.clearance
     if joint not in clearance:
         raise MissingName("joint with clearance", joint, clearance)
-    rooms = clearance[joint].room_to_start
+    rooms = clearance[joint].start_travels
     x, y = rooms.get("x", 0.0), rooms.get("y", 0.0)
     if not (x > 0.0 and y > 0.0):
         raise JointplayError(f"the journal of {joint!r} cannot move in both x and y")
