@@ -1,7 +1,7 @@
 import pytest
 
 from jointplay import JointplayError, Scenario
-from jointplay.scenario.overrides import Setting, given_by, parse, tree, words
+from jointplay.scenario.overrides import Setting, given_by, parse, setting_texts, tree
 
 SCARA = "jointplay:scara.toml"
 
@@ -20,7 +20,7 @@ SCARA = "jointplay:scara.toml"
 def test_a_setting_is_read_as_toml_and_text_needs_no_quotes(text, key, value):
     setting = parse(text)
     assert (setting.key, setting.value) == (key, value)
-    assert [(one.key, one.value) for one in map(parse, words([setting]))] == [(key, value)]
+    assert [(one.key, one.value) for one in map(parse, setting_texts([setting]))] == [(key, value)]
 
 
 @pytest.mark.parametrize("text", ["", "=", "step", "step=", "=3", "a b=1", "a..b=1", "[a]\nb=1"])

@@ -88,7 +88,7 @@ def test_the_tool_is_one_that_the_joint_with_play_moves(urdf):
 
 def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
     from jointplay.cli import parser
-    from jointplay.cli.commands.inputs import scenario_of, standing
+    from jointplay.cli.commands.inputs import posed_machine, scenario_of
     from jointplay.physics.joints import RevoluteClearance
 
     path = str(urdf(*TWO_ARMS))
@@ -97,7 +97,7 @@ def test_python_scenarios_and_the_command_line_choose_the_same_tool(urdf):
     run = scenario_of(parser().parse_args(line)).simulation().mechanism
     ideal = scenario_of(parser().parse_args([*line, "--ideal"])).simulation().mechanism
     line = ["budget", path, "--joint", "right_a=0.1 mm"]
-    budget = standing(parser().parse_args(line)).mechanism
+    budget = posed_machine(parser().parse_args(line)).mechanism
     assert {one.tool for one in (made, run, ideal, budget)} == {"right_2"}
     assert made.tool_reason == run.tool_reason != ""
 

@@ -43,7 +43,7 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
     return [*common, *own, *scenario.assumptions]
 
 
-def standing(
+def notes_at_poses(
     scenario: Scenario,
     case: str,
     poses: Poses,

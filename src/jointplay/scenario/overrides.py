@@ -108,7 +108,7 @@ def given_by(settings: Iterable[Setting], path: Key) -> str | None:
     return given[-1] if given else None
 
 
-def words(settings: Iterable[Setting]) -> list[str]:
+def setting_texts(settings: Iterable[Setting]) -> list[str]:
     """Settings as lines that `parse` reads, to be kept with a result."""
     return [f"{dotted(s.key)}={inline(s.value)}" for s in settings]
 

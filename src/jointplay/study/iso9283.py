@@ -203,7 +203,7 @@ class Group:
             title, unit = "" if suffix in tuple("xyzabc") else TITLES[kind][1], _unit(symbol)
             sign = "+-" if kind == "RD" or (unit == "rad" and kind.startswith("R")) else ""
             known = math.isfinite(one.low)
-            words = one.words(1e3, f"m{unit}") if known else f"{1e3 * one.value:.4g} m{unit}"
+            words = one.text(1e3, f"m{unit}") if known else f"{1e3 * one.value:.4g} m{unit}"
             rows.append((symbol, title, sign + words))
         lines = [*aligned(rows), *([self.note] if self.note else [])]
         return "\n".join([f"{self.head}:", *(f"  {line}" for line in lines)])

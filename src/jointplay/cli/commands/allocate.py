@@ -37,11 +37,11 @@ from typing import Any
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs, given, numbers_by_name
 from jointplay.cli.commands.inputs import (
-    Standing,
+    PosedMachine,
     chosen_preset,
     is_scenario,
     load_on_tool,
-    standing,
+    posed_machine,
     whole_errors,
 )
 
@@ -58,10 +58,10 @@ def run(options: argparse.Namespace) -> int:
     named = is_scenario(options) or any("bearing" in one for one in tables)
     if options.clearance is None and not named and not whole:
         options.clearance = options.axial_clearance or 1e-4  # sizes are what is sought
-    stands = standing(options)
-    if options.verify is not None and stands.motion is None:
+    posed = posed_machine(options)
+    if options.verify is not None and posed.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    joints = [one for one in stands.mechanism.clearance.values() if one.clearances]
+    joints = [one for one in posed.mechanism.clearance.values() if one.clearances]
     rolling = [one for one in joints if isinstance(one, RollingBearing)]
     if rolling and len(rolling) == len(joints) and not whole:
         for name in (*_OF_CLEARANCES, "weight"):
@@ -73,19 +73,19 @@ def run(options: argparse.Namespace) -> int:
             "statistical": options.statistical,
             "keep": options.keep or (),
             "offers": dict.fromkeys(options.by_class or (), ()),
-            "force": load_on_tool(options, stands.mechanism.gravity),
-            **whole_errors(options, stands.scenario),
+            "force": load_on_tool(options, posed.mechanism.gravity),
+            **whole_errors(options, posed.scenario),
         }
     prices = numbers_by_name(options.price, f"--price {'CAUSE' if whole else 'CLASS'}=X")
     weights = numbers_by_name(options.weight, "--weight JOINT=X")
     limits = numbers_by_name(options.limit, "--limit CAUSE=X")
     out.claim()
     allotment = allocate(
-        stands.mechanism,
-        stands.poses.q,
+        posed.mechanism,
+        posed.poses.q,
         options.target,
         quantile=options.quantile,
-        driven=stands.poses.driven,
+        driven=posed.poses.driven,
         progress=not options.quiet,
         prices=prices,
         weights=weights,
@@ -93,12 +93,12 @@ def run(options: argparse.Namespace) -> int:
         **more,
         **given(options, "cost", "least", "most"),
     )
-    notes = [note for note in stands.notes if whole or rolling or not note.startswith("play:")]
-    print("\n".join([*notes, f"at: {stands.poses.words}", str(allotment)]))
+    notes = [note for note in posed.notes if whole or rolling or not note.startswith("play:")]
+    print("\n".join([*notes, f"at: {posed.poses.words}", str(allotment)]))
     if any(one.offer for one in allotment.choices) and not options.price:
         print("prices of the classes are assumed; give your own with --price CLASS=X")
     if options.verify is not None:
-        _verify(options, stands, allotment)
+        _verify(options, posed, allotment)
     if options.out:
         from jointplay.show.plots import design as plots
 
@@ -107,14 +107,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _verify(options: argparse.Namespace, stands: Standing, allotment: Any) -> None:
+def _verify(options: argparse.Namespace, posed: PosedMachine, allotment: Any) -> None:
     from jointplay.study.courses import dynamic_error
 
-    assert stands.motion is not None
+    assert posed.motion is not None
     error = dynamic_error(
         allotment.mechanism,
-        stands.motion,
-        stands.simulation,
+        posed.motion,
+        posed.simulation,
         runs=options.verify,
         jobs=options.jobs,
         progress=not options.quiet,

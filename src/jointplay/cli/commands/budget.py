@@ -22,7 +22,7 @@ import argparse
 
 from jointplay.base.errors import JointplayError
 from jointplay.cli.commands import Outputs
-from jointplay.cli.commands.inputs import load_on_tool, standing, whole_errors
+from jointplay.cli.commands.inputs import load_on_tool, posed_machine, whole_errors
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,12 +32,12 @@ def run(options: argparse.Namespace) -> int:
     if options.causes is not None and options.whole is None:
         words = f"--causes {','.join(options.causes)} selects causes of the whole error"
         raise JointplayError(f"{words}: give --whole CLASS, too")
-    stands = standing(options)
-    mechanism, poses = stands.mechanism, stands.poses
+    posed = posed_machine(options)
+    mechanism, poses = posed.mechanism, posed.poses
     force = load_on_tool(options, mechanism.gravity)
     body = options.relative_to
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
-    at = "\n".join([*stands.notes, f"at: {poses.words}", *seen])
+    at = "\n".join([*posed.notes, f"at: {poses.words}", *seen])
     if options.whole is not None:
         out.names.append("errors.png")
         out.claim()
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
             force=force,
             driven=poses.driven,
             relative_to=body,
-            **whole_errors(options, stands.scenario),
+            **whole_errors(options, posed.scenario),
         )
         print(f"{at}\n{whole.table()}")
         if options.out:

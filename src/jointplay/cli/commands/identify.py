@@ -61,7 +61,7 @@ from typing import Any
 from jointplay.base.errors import JointplayError
 from jointplay.base.pairs import misread, pair
 from jointplay.cli.commands import Outputs, given, numbers_by_name, quantity
-from jointplay.cli.commands.inputs import standing
+from jointplay.cli.commands.inputs import posed_machine
 
 
 def run(options: argparse.Namespace) -> int:
@@ -76,9 +76,9 @@ def run(options: argparse.Namespace) -> int:
     data = options.data if options.plan else _recording(options)
     names = ["identified.csv", "identified.json", "identified.png"]
     out = Outputs(options.out, ["plan.txt"] if options.plan else names)
-    stands = standing(options)
+    posed = posed_machine(options)
     for option in ("verify", "runs"):
-        if getattr(options, option) and stands.simulation is None:
+        if getattr(options, option) and posed.simulation is None:
             raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
     from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
@@ -94,37 +94,37 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.estimate import identify, plan_measurement
 
     if options.plan:
-        friction = None if stands.simulation is None else stands.simulation.joint_friction
+        friction = None if posed.simulation is None else posed.simulation.joint_friction
         plan = plan_measurement(
-            stands.mechanism,
+            posed.mechanism,
             signals=options.signal or ["tool"],
             count=options.count,
             joint_friction=friction,
             **given(options, "push"),
             **shared,
         )
-        print("\n".join([*stands.notes, str(plan)]))
+        print("\n".join([*posed.notes, str(plan)]))
         if options.out:
             out.write({"plan.txt": f"{plan}\n"})
         return 0
-    machine: Any = stands.mechanism
-    if stands.simulation is not None:
-        machine = replace(stands.simulation, mechanism=machine)
+    machine: Any = posed.mechanism
+    if posed.simulation is not None:
+        machine = replace(posed.simulation, mechanism=machine)
     shown = {"jobs": options.jobs, "progress": not options.quiet}
-    about = {"motion": stands.motion, "reference": options.reference, "drift": options.drift}
+    about = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
     fit = identify(machine, data, lag=lag, runs=options.runs or 0, **about, **shown, **shared)
-    notes = list(stands.notes)
-    if options.gear and stands.simulation is None:
+    notes = list(posed.notes)
+    if options.gear and posed.simulation is None:
         notes.append(
             "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
             "it, it is sought from 1e+04 N m/rad on"
         )
     print("\n".join([*notes, str(fit)]))
     found = fit.describe()
-    if options.verify and stands.simulation is not None:
+    if options.verify and posed.simulation is not None:
         from jointplay.estimate.verification import verify
 
-        checked = verify(stands.simulation, fit, runs=options.verify, **shown)
+        checked = verify(posed.simulation, fit, runs=options.verify, **shown)
         print(checked)
         found["verification"] = checked.describe()
     if options.out:

@@ -349,7 +349,7 @@ def _name_all_loose(options: argparse.Namespace) -> list[Setting]:
 
 
 @dataclass(frozen=True)
-class Standing:
+class PosedMachine:
     """What the options say of a machine that stands."""
 
     scenario: Scenario
@@ -362,7 +362,7 @@ class Standing:
     """What was chosen for the user, a line each."""
 
 
-def standing(options: argparse.Namespace) -> Standing:
+def posed_machine(options: argparse.Namespace) -> PosedMachine:
     """The machine that the options describe, and the poses at which it is to be looked at.
 
     Raises:
@@ -387,7 +387,7 @@ def standing(options: argparse.Namespace) -> Standing:
     motion = scenario.motion(case) if simulation is None else simulation.motion
     given = _given_poses(options, mechanism)
     poses = poses_of(simulation or mechanism, given, ways["workspace"], motion)
-    notes = assumptions.standing(
+    notes = assumptions.notes_at_poses(
         scenario,
         case,
         poses,
@@ -395,7 +395,7 @@ def standing(options: argparse.Namespace) -> Standing:
         play=bool(named or for_joints(options)),
         relative_to=_value(options, "relative_to"),
     )
-    return Standing(scenario, simulation, poses.mechanism, motion, poses, notes)
+    return PosedMachine(scenario, simulation, poses.mechanism, motion, poses, notes)
 
 
 def _given_poses(

@@ -41,7 +41,7 @@ from jointplay.base import files
 from jointplay.base.errors import JointplayError, require_non_negative
 from jointplay.bridges.reduced_formats import FORMATS, PARAMETERS, choose
 from jointplay.cli.commands import Outputs, given
-from jointplay.cli.commands.inputs import Standing, chosen_preset, named_joints, standing
+from jointplay.cli.commands.inputs import PosedMachine, chosen_preset, named_joints, posed_machine
 
 
 def run(options: argparse.Namespace) -> int:
@@ -66,11 +66,11 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges.reduction import reduce, reduce_all
 
     options.pose = [options.pose or ""]
-    stands = standing(options)
-    mechanism, pose = stands.mechanism, stands.poses.positions()
-    if not (joint is None or options.joint or stands.simulation or joint in mechanism.gears):
+    posed = posed_machine(options)
+    mechanism, pose = posed.mechanism, posed.poses.positions()
+    if not (joint is None or options.joint or posed.simulation or joint in mechanism.gears):
         raise JointplayError("--clearance or --gear is missing: there is no play to reduce")
-    _require_whole_gears(options, stands)
+    _require_whole_gears(options, posed)
     play = [*mechanism.clearance, *mechanism.gears] if joint is None else [joint]
     refuse_without_play(mechanism, play, formats, options.tilt)
     found = None
@@ -84,13 +84,13 @@ def run(options: argparse.Namespace) -> int:
     else:
         reductions = [reduce(mechanism, joint, pose, **how)]
     more: dict[str, Any] = {} if spread is None else {"spread": spread}
-    more |= {"servos": _servos(options, stands) if "mjcf" in formats else {}}
+    more |= {"servos": _servos(options, posed) if "mjcf" in formats else {}}
     if more["servos"]:
         notes.append(f"servos (MJCF): {', '.join(more['servos'])}")
     more |= given(options, "encoder", "plugin")
     robot = ReducedRobot(mechanism, reductions, pose, formats, options.tilt, **more)
     shown = robot.table() if joint is None else reductions[0]
-    print("\n".join([*stands.notes, str(shown)]))
+    print("\n".join([*posed.notes, str(shown)]))
     contents: dict[str, Any] = {**robot.files(stem)}
     notes += robot.coverage
     if count:
@@ -147,22 +147,22 @@ def _joint(options: argparse.Namespace) -> str:
     return joint
 
 
-def _servos(options: argparse.Namespace, stands: Standing) -> dict[str, Any]:
+def _servos(options: argparse.Namespace, posed: PosedMachine) -> dict[str, Any]:
     from jointplay.simulation.loads.drive import Drive, Servo
 
     drives: dict[str, Drive] = {}
     if (chosen := chosen_preset(options)) is not None:
-        drives = chosen.drives(stands.mechanism.description)
-    if stands.simulation is not None:
-        own = stands.simulation.drive
-        joints = stands.mechanism.joints
+        drives = chosen.drives(posed.mechanism.description)
+    if posed.simulation is not None:
+        own = posed.simulation.drive
+        joints = posed.mechanism.joints
         drives |= dict.fromkeys(joints, own) if isinstance(own, Drive) else own
     return {name: one for name, one in drives.items() if isinstance(one, Servo)}
 
 
-def _require_whole_gears(options: argparse.Namespace, stands: Standing) -> None:
+def _require_whole_gears(options: argparse.Namespace, posed: PosedMachine) -> None:
     """Refuse gears of --gear of which a reduction does not know enough."""
     for option in ("gear_stiffness", "rotor_inertia"):
-        if options.gear and stands.simulation is None and getattr(options, option) is None:
+        if options.gear and posed.simulation is None and getattr(options, option) is None:
             name = option.replace("_", "-")
             raise JointplayError(f"--{name} is missing: a gear with play needs it")

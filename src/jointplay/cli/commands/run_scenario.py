@@ -293,7 +293,7 @@ def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun
         KeyboardInterrupt: told to stop; it is saved as far as it came.
     """
     from jointplay.physics.kernel import Status
-    from jointplay.scenario.overrides import words
+    from jointplay.scenario.overrides import setting_texts
     from jointplay.simulation.checkpoint import check_replaceable, continue_run
     from jointplay.simulation.saving import run_and_save
     from jointplay.study.certification import add_certificate
@@ -302,7 +302,7 @@ def _execute(scenario: Scenario, progress: bool, ready: list[Run], item: CaseRun
     notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
     notes |= {"title": scenario.title, "case": item.case}
     if scenario.settings:
-        notes["settings"] = "\n".join(words(scenario.settings))
+        notes["settings"] = "\n".join(setting_texts(scenario.settings))
     status, result = Status.COMPLETED, None
     if not item.finished:
         run.label = f"case {item.case} "

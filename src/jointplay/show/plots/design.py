@@ -369,7 +369,7 @@ def path(performance: Iso9283) -> Figure:
         (performance.path_accuracy, "AT_p", COLOURS[0]),
         (performance.path_repeatability, "RT_p", COLOURS[1]),
     ):
-        words = f"{name} = {performance.path[name].words(1e3, 'mm')}"
+        words = f"{name} = {performance.path[name].text(1e3, 'mm')}"
         marks.append(Curve(performance.path_times, values, words, colour, **look))
     up = Axis("across the command path", "m", low=0.0)
     panel = Panel(Axis("time in the cycle", "s"), up, marks)

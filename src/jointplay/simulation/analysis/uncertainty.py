@@ -43,7 +43,7 @@ class IntervalEstimate:
             return float("inf") if self.high != self.low or self.value != 0.0 else 0.0
         return 0.5 * (self.high - self.low) / abs(self.value)
 
-    def words(self, scale: float, unit: str) -> str:
+    def text(self, scale: float, unit: str) -> str:
         """The figure with its interval, in the unit that is `scale` times smaller."""
         return f"{scale * self.value:.4g} {unit} [{scale * self.low:.4g}, {scale * self.high:.4g}]"
 

@@ -257,9 +257,9 @@ class Audit(Described):
         )
 
     def __str__(self) -> str:
-        return self.words()
+        return self.text()
 
-    def words(self, certificate: Certificate | None = None) -> str:
+    def text(self, certificate: Certificate | None = None) -> str:
         percent = 100 * self.relative_energy_residual
         lines = [
             f"  energy residual: {_told(self.energy_residual, 'J')}, "

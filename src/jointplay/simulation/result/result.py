@@ -72,7 +72,7 @@ class Result:
     @property
     def judgement(self) -> str:
         certificate = self.certificate
-        return self.audit.words(certificate) + (f"\n{certificate}" if certificate else "")
+        return self.audit.text(certificate) + (f"\n{certificate}" if certificate else "")
 
     @property
     def certificate(self) -> Certificate | None:

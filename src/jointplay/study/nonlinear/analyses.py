@@ -13,7 +13,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, MissingName, require_whole
 from jointplay.scenario import Scenario
-from jointplay.scenario.overrides import words
+from jointplay.scenario.overrides import setting_texts
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, observables, poincare
 from jointplay.study.nonlinear.rows import Key, Observation, Varied, rows
@@ -198,7 +198,7 @@ class Analysis:
         """How points were sampled, for a caption."""
         study = self.study
         base = f" Other keys as in case {study.case}." if study.case else ""
-        changed = ", ".join(words(study.scenario.settings))
+        changed = ", ".join(setting_texts(study.scenario.settings))
         given = f" Changed: {changed}." if changed else ""
         return (
             f"One point a turn (period of the motion), {study.phase:g} of a turn after its start: "
