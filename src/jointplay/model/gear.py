@@ -18,7 +18,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Described, Family, check_fields, one_of, quantity, register
-from jointplay.physics.kernel.words import GEAR_ORDERS
+from jointplay.physics.kernel.constants import GEAR_ORDERS
 
 SOFTEST = 1e-4
 """Least stiffness that a stated lost motion may stand for, relative to the gear's own."""

@@ -1,7 +1,7 @@
 """The compiled part of the time loop.
 
-`words` says what is asked of it. `layout` has the records that hold a run, `access` opens what they
-point to, `frames` and `bodies` have the geometry, `contact`, `film`, `load`, `gear`, `drive`,
+`constants` says what is asked of it. `layout` has the records that hold a run, `access` opens what
+they point to, `frames` and `bodies` have the geometry, `contact`, `film`, `load`, `gear`, `drive`,
 `servo` and `rolling` the forces, `solve` the velocity solve, `record` the records, `multirate`,
 `adaptive` (steps by their error) and `singlerate` the methods, which `integrators` lists, `loops`
 what the first makes of closed loops. All is entered through the compiled functions of

@@ -1,10 +1,10 @@
+from .constants import AZIMUTHS as AZIMUTHS
+from .constants import JOINT_FRICTION_SPEED as JOINT_FRICTION_SPEED
+from .constants import POWERS as POWERS
+from .constants import REACHED as REACHED
+from .constants import WELL_RESOLVED_STEPS as WELL_RESOLVED_STEPS
+from .constants import Command as Command
+from .constants import Status as Status
 from .entry import compiled as compiled
 from .entry import entry_of as entry_of
 from .layout import MIN_APPROACH_SPEED as MIN_APPROACH_SPEED
-from .words import AZIMUTHS as AZIMUTHS
-from .words import JOINT_FRICTION_SPEED as JOINT_FRICTION_SPEED
-from .words import POWERS as POWERS
-from .words import REACHED as REACHED
-from .words import WELL_RESOLVED_STEPS as WELL_RESOLVED_STEPS
-from .words import Command as Command
-from .words import Status as Status

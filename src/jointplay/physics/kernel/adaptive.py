@@ -31,6 +31,7 @@ from jointplay.base.compiler import address_of, internal
 from jointplay.physics.contact.calls import call_normal
 from jointplay.physics.kernel.access import words
 from jointplay.physics.kernel.bodies import place_bodies
+from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.contact import contact_gap
 from jointplay.physics.kernel.frames import cross, get_vector, project_wrench, set_vector
 from jointplay.physics.kernel.layout import SPEED, STORED
@@ -46,7 +47,6 @@ from jointplay.physics.kernel.multirate import (
 from jointplay.physics.kernel.record import fill_row, is_due, write_interpolated
 from jointplay.physics.kernel.rolling import element_frequency
 from jointplay.physics.kernel.solve import find_pose
-from jointplay.physics.kernel.words import POWERS
 
 _NP = len(POWERS)
 

@@ -14,6 +14,7 @@ from jointplay.physics.contact.calls import call_bristle, call_friction, call_no
 from jointplay.physics.geometry import Shape, touch_cylinder
 from jointplay.physics.geometry import touch as touch_shape
 from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.constants import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 from jointplay.physics.kernel.frames import (
     add,
     add_scaled,
@@ -32,7 +33,6 @@ from jointplay.physics.kernel.rolling import (
     element_gap,
     find_elements,
 )
-from jointplay.physics.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 
 _CYLINDER = int(Shape.CYLINDER)
 _BROKE_OUT, _FILM_BROKE = int(Status.BROKE_OUT), int(Status.FILM_BROKE)

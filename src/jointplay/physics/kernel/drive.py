@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from jointplay.base.compiler import internal
+from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
-from jointplay.physics.kernel.words import JOINT_FRICTION_SPEED
 
 
 @internal

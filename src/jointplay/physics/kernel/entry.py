@@ -14,8 +14,8 @@ from jointplay.base.compiler import njit
 from jointplay.physics.kernel import adaptive, multirate, singlerate
 from jointplay.physics.kernel import record as records
 from jointplay.physics.kernel.access import TABLE
+from jointplay.physics.kernel.constants import REACHED, Command
 from jointplay.physics.kernel.sources import stamp
-from jointplay.physics.kernel.words import REACHED, Command
 
 (
     _ADVANCE, _PLAN, _RESTART, _START_HALF_STEP, _SYNCHRONIZE, _RECORD_LAST_STATE, _BEGIN,

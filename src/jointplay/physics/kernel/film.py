@@ -7,9 +7,9 @@ import math
 from jointplay.base.compiler import address_of, internal
 from jointplay.physics.contact.calls import call_film
 from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.frames import add, add_scaled, cross, get_vector, scale
 from jointplay.physics.kernel.layout import FILM
-from jointplay.physics.kernel.words import Status
 
 _BAD_FORCE = int(Status.BAD_FORCE)
 _DIFFERENCE = 1e-4

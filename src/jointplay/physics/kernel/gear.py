@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 
 from jointplay.base.compiler import internal, njit
+from jointplay.physics.kernel.constants import GEAR_BENDS, JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import GEAR, GEAR_TORQUE
-from jointplay.physics.kernel.words import GEAR_BENDS, JOINT_FRICTION_SPEED
 
 LEAST_TURN = 1e-12
 """First twist that is tried beyond the last one in a search for a torque [rad]."""

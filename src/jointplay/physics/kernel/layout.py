@@ -16,7 +16,7 @@ import numpy as np
 
 from jointplay.physics.contact.compiled import MAX_PARAMETERS
 from jointplay.physics.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
-from jointplay.physics.kernel.words import AZIMUTHS, GEAR_BENDS, GEAR_ORDERS, POWERS
+from jointplay.physics.kernel.constants import AZIMUTHS, GEAR_BENDS, GEAR_ORDERS, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""

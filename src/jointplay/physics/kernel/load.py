@@ -23,9 +23,9 @@ from numba import types
 
 from jointplay.base.compiler import NUMBERS, address_of, calling, internal, pointer
 from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
 from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
 from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
-from jointplay.physics.kernel.words import ALWAYS, IF_PRESSED, Status
 
 _BAD_LOAD = int(Status.BAD_LOAD)
 

@@ -19,6 +19,7 @@ import math
 
 from jointplay.base.compiler import internal
 from jointplay.physics.kernel.access import flat, record_failure
+from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.contact import add_dissipation, commit_contacts
 from jointplay.physics.kernel.drive import (
     add_drive_power,
@@ -55,7 +56,6 @@ from jointplay.physics.kernel.solve import (
     find_velocity_forces,
     solve_velocity,
 )
-from jointplay.physics.kernel.words import Status
 
 # Macro steps: how long they are, where they lead, and what Pinocchio says of their middle.
 #

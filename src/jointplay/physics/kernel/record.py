@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from jointplay.base.compiler import internal
+from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.drive import add_prescribed_power
 from jointplay.physics.kernel.frames import dot, get_vector, set_vector
 from jointplay.physics.kernel.gear import record_gears
@@ -25,7 +26,6 @@ from jointplay.physics.kernel.layout import (
     V,
 )
 from jointplay.physics.kernel.load import complete_load_work, record_loads
-from jointplay.physics.kernel.words import POWERS
 
 _NP = len(POWERS)
 

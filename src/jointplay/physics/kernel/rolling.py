@@ -31,10 +31,10 @@ from jointplay.physics.contact.resultant import (
     TANGENT,
 )
 from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED, Status
 from jointplay.physics.kernel.frames import find_twist, set_vector
 from jointplay.physics.kernel.layout import FRICTION as FRICTION_POWER
 from jointplay.physics.kernel.layout import NORMAL
-from jointplay.physics.kernel.words import JOINT_FRICTION_SPEED, Status
 
 _BROKE_OUT, _BAD_FORCE = int(Status.BROKE_OUT), int(Status.BAD_FORCE)
 

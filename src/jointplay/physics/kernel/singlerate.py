@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from jointplay.base.compiler import internal
 from jointplay.physics.kernel.access import record_failure
+from jointplay.physics.kernel.constants import Status
 from jointplay.physics.kernel.contact import (
     add_contact_forces,
     add_dissipation,
@@ -41,7 +42,6 @@ from jointplay.physics.kernel.load import add_stage_work, apply_current_loads
 from jointplay.physics.kernel.record import complete_step, is_due, write_record
 from jointplay.physics.kernel.rolling import advance_cages, advance_cages_by_stage
 from jointplay.physics.kernel.servo import apply_servos
-from jointplay.physics.kernel.words import Status
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.physics.kernel import layout
-from jointplay.physics.kernel.words import NEVER
+from jointplay.physics.kernel.constants import NEVER
 
 Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
 """Two Pinocchio joints, and the placement of a frame in each."""

@@ -11,6 +11,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.physics.contact.resultant import SEAT_ANSWERS
 from jointplay.physics.kernel import Command, Status, compiled, layout
+from jointplay.physics.kernel.constants import AZIMUTHS
 from jointplay.physics.kernel.record import contact_statistics
 from jointplay.physics.kernel.sites import (
     PARTS,
@@ -20,7 +21,6 @@ from jointplay.physics.kernel.sites import (
     JointSite,
     LoadSite,
 )
-from jointplay.physics.kernel.words import AZIMUTHS
 
 FIXED = (
     *("dimensions", "dt", "reference_interval"),

@@ -25,7 +25,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.schema import Described, check_fields, quantity
 from jointplay.physics.contact.compiled import compiled_function
 from jointplay.physics.contact.functions import Absent
-from jointplay.physics.kernel.words import NEVER
+from jointplay.physics.kernel.constants import NEVER
 
 if TYPE_CHECKING:
     from jointplay.model.frames import Frame

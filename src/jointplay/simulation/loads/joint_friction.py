@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.schema import quantity
-from jointplay.physics.kernel.words import ALWAYS
+from jointplay.physics.kernel.constants import ALWAYS
 from jointplay.simulation.loads.base import OnJoint, Site
 
 if TYPE_CHECKING:

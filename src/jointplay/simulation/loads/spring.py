@@ -11,7 +11,7 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError, require_increasing
 from jointplay.base.schema import quantity
-from jointplay.physics.kernel.words import ALWAYS, IF_PRESSED, NEVER
+from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, NEVER
 from jointplay.simulation.loads.base import (
     WORLD,
     OnFrame,
