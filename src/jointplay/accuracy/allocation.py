@@ -508,7 +508,7 @@ class _Search:
             if k is not None:
                 how, cost = held[k], cost + float(paid[k])
                 if key[1] == "play" and is_proportional(self.mechanism, key[0]):
-                    size = self.mechanism.clearance[key[0]].radial_room * x[k]
+                    size = self.mechanism.clearance[key[0]].radial_travel * x[k]
                 if whole:
                     how, part = {"least": "limit", "most": "as is"}.get(how, how), float(x[k])
                     order = bought.index(k) + 1 if k in bought else 0
